@@ -1,0 +1,72 @@
+# How every target of this project is compiled. One function each for a library, a test and a benchmark, so
+# that a folder's CMakeLists.txt says only what is particular to it.
+
+add_library(servodrome_options INTERFACE)
+add_library(servodrome::options ALIAS servodrome_options)
+target_compile_features(servodrome_options INTERFACE cxx_std_20)
+target_compile_options(servodrome_options INTERFACE
+  $<BUILD_INTERFACE:-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast
+  -Wnon-virtual-dtor -Woverloaded-virtual -Wnull-dereference -Wdouble-promotion -Wimplicit-fallthrough -Werror>
+  # Two runs of a drive agree to the last bit: no contraction into fused multiply-add, no unsafe maths.
+  -ffp-contract=off)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  # GCC 12 reports these falsely out of inlined standard-library code.
+  target_compile_options(servodrome_options INTERFACE
+    $<BUILD_INTERFACE:-Wno-null-dereference -fconstexpr-ops-limit=500000000 -fconstexpr-loop-limit=5000000>)
+else()
+  target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fconstexpr-steps=500000000>)
+endif()
+if(SERVODROME_SANITIZE)
+  target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE} -fno-omit-frame-pointer
+    -fno-sanitize-recover=all>)
+  target_link_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE}>)
+endif()
+
+# servodrome_library(NAME [PORTABLE] SOURCES ... [DEPENDS ...])
+# PORTABLE libraries also run on a microcontroller: no exceptions, no run-time type information.
+function(servodrome_library name)
+  cmake_parse_arguments(arg "PORTABLE" "" "SOURCES;DEPENDS" ${ARGN})
+  add_library(servodrome_${name} STATIC ${arg_SOURCES})
+  add_library(servodrome::${name} ALIAS servodrome_${name})
+  set_target_properties(servodrome_${name} PROPERTIES EXPORT_NAME ${name})
+  target_include_directories(servodrome_${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/servodrome>)
+  target_link_libraries(servodrome_${name} PUBLIC servodrome::options ${arg_DEPENDS})
+  if(arg_PORTABLE)
+    target_compile_options(servodrome_${name} PRIVATE -fno-exceptions -fno-rtti -ffunction-sections)
+    set_property(GLOBAL APPEND PROPERTY servodrome_portable_libraries servodrome_${name})
+  endif()
+  set_property(GLOBAL APPEND PROPERTY servodrome_libraries servodrome_${name})
+endfunction()
+
+# servodrome_test(NAME SOURCES ... [DEPENDS ...] [LABELS ...]): one GoogleTest program, one ctest entry.
+function(servodrome_test name)
+  cmake_parse_arguments(arg "" "TIMEOUT" "SOURCES;DEPENDS;LABELS" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  target_link_libraries(${name} PRIVATE servodrome::options ${arg_DEPENDS} GTest::gtest_main GTest::gmock)
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  target_compile_definitions(${name} PRIVATE SERVODROME_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  add_test(NAME ${name} COMMAND ${name})
+  set_property(GLOBAL APPEND PROPERTY servodrome_tests ${name})
+  if(NOT arg_TIMEOUT)
+    set(arg_TIMEOUT 900)
+  endif()
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS "unit;${arg_LABELS}")
+endfunction()
+
+# servodrome_tests_in_folder(DEPENDS ...): every *_test.cpp of the current folder becomes a test program of that name.
+function(servodrome_tests_in_folder)
+  cmake_parse_arguments(arg "" "" "DEPENDS" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS *_test.cpp)
+  foreach(source IN LISTS sources)
+    get_filename_component(name ${source} NAME_WE)
+    servodrome_test(${name} SOURCES ${source} DEPENDS ${arg_DEPENDS})
+  endforeach()
+endfunction()
+
+# servodrome_bench(NAME SOURCES ... [DEPENDS ...]): one program under bench/.
+function(servodrome_bench name)
+  cmake_parse_arguments(arg "" "" "SOURCES;DEPENDS" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  target_link_libraries(${name} PRIVATE servodrome::options ${arg_DEPENDS})
+endfunction()

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace servodrome::canopen {
+
+// A classical CAN frame (ISO 11898-1). CANopen uses base (11-bit) identifiers only; extended frames exist on a bus and
+// are ignored by a node.
+struct Frame {
+  std::uint32_t id = 0;  // 11 or 29 bits, without flags
+  bool extended = false;
+  bool remote = false;      // RTR: no data, `length` is the requested length
+  std::uint8_t length = 0;  // 0..8
+  std::array<std::uint8_t, 8> data{};
+
+  friend bool operator==(const Frame&, const Frame&) = default;
+};
+
+}  // namespace servodrome::canopen

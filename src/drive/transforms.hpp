@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+// Clarke and Park transforms, amplitude-invariant, and the sine they need. Angles are electrical, in turns: 0 is the d
+// axis on phase U, 1 a full electrical turn.
+namespace servodrome::drive {
+
+struct SinCos {
+  float sine;
+  float cosine;
+};
+
+// Sine and cosine of `turns` in [0, 1); absolute error below 1e-6. Folded to an eighth of a turn and evaluated as a
+// polynomial: no table, no branch on the sign, the same bits on every machine with IEEE floats.
+constexpr SinCos sin_cos_turns(float turns) {
+  const auto quadrant = static_cast<std::int32_t>(turns * 4.0F + 0.5F);
+  const float x = (turns - 0.25F * static_cast<float>(quadrant)) * 6.2831853071795864F;  // -pi/4 .. pi/4
+  const float x2 = x * x;
+  const float s = x * (1.0F + x2 * (-1.6666654611e-1F + x2 * (8.3321608736e-3F + x2 * -1.9515295891e-4F)));
+  const float c =
+      1.0F + x2 * (-0.5F + x2 * (4.166664568298827e-2F + x2 * (-1.388731625493765e-3F + x2 * 2.443315711809948e-5F)));
+  const float sine = (quadrant & 1) != 0 ? c : s;
+  const float cosine = (quadrant & 1) != 0 ? s : c;
+  return {(quadrant & 2) != 0 ? -sine : sine, ((quadrant + 1) & 2) != 0 ? -cosine : cosine};
+}
+
+struct DirectQuadrature {
+  float d = 0.0F;
+  float q = 0.0F;
+};
+
+inline constexpr float one_over_sqrt3 = 0.57735026918962576F;
+inline constexpr float sqrt3_over_2 = 0.86602540378443865F;
+
+// Phase values (U, V, W; they need not sum to zero) to the rotor frame.
+constexpr DirectQuadrature to_rotor_frame(const std::array<float, 3>& phase, SinCos angle) {
+  const float alpha = (2.0F * phase[0] - phase[1] - phase[2]) * (1.0F / 3.0F);
+  const float beta = (phase[1] - phase[2]) * one_over_sqrt3;
+  return {alpha * angle.cosine + beta * angle.sine, beta * angle.cosine - alpha * angle.sine};
+}
+
+constexpr std::array<float, 3> to_phases(DirectQuadrature dq, SinCos angle) {
+  const float alpha = dq.d * angle.cosine - dq.q * angle.sine;
+  const float beta = dq.d * angle.sine + dq.q * angle.cosine;
+  return {alpha, -0.5F * alpha + sqrt3_over_2 * beta, -0.5F * alpha - sqrt3_over_2 * beta};
+}
+
+}  // namespace servodrome::drive
