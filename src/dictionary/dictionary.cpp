@@ -1,0 +1,128 @@
+#include "dictionary/dictionary.hpp"
+
+#include <algorithm>
+
+namespace servodrome::dictionary {
+
+std::int64_t decode_number(Type type, std::span<const std::byte> bytes) {
+  std::uint64_t raw = 0;
+  std::memcpy(&raw, bytes.data(), std::min<std::size_t>(bytes.size(), sizeof raw));
+  const unsigned size = size_of(type);
+  if (is_signed(type) && size < 8 && size > 0) {
+    const unsigned shift = 64 - size * 8;
+    return static_cast<std::int64_t>(raw << shift) >> shift;
+  }
+  return static_cast<std::int64_t>(raw);
+}
+
+const Entry* Dictionary::find(std::uint16_t index, std::uint8_t sub, AbortCode& abort) const {
+  const std::uint32_t key = static_cast<std::uint32_t>(index) << 8 | sub;
+  const Entry* first = table_.data();
+  std::size_t length = table_.size();
+  while (length > 1) {
+    const std::size_t half = length / 2;
+    first = first[half].key() <= key ? first + half : first;
+    length -= half;
+  }
+  if (length == 1 && first->key() == key) {
+    abort = AbortCode::none;
+    return first;
+  }
+  // The object's sub-index 0 or any other neighbour tells whether the object itself exists.
+  const bool exists = std::any_of(table_.begin(), table_.end(), [index](const Entry& e) { return e.index == index; });
+  abort = exists ? AbortCode::sub_index_does_not_exist : AbortCode::object_does_not_exist;
+  return nullptr;
+}
+
+AbortCode Dictionary::read(const Entry& entry, ReadValue& value) const {
+  if (!entry.readable()) return AbortCode::write_only;
+  if (Listener* owner = listener(entry)) owner->refresh(entry);
+  if (entry.fixed_size()) {
+    if (entry.offset == Field::no_storage) {
+      value.number = encode_number(entry.default_value);
+    } else {
+      std::memcpy(value.number.data(), objects_.data() + entry.offset, size_of(entry.type));
+    }
+    value.bytes = std::span(value.number).first(size_of(entry.type));
+  } else if (entry.text != nullptr) {
+    value.bytes = std::as_bytes(std::span(entry.text, std::strlen(entry.text)));
+  } else if (entry.offset != Field::no_storage) {
+    std::uint32_t length = 0;
+    std::memcpy(&length, objects_.data() + entry.offset, sizeof length);
+    value.bytes = objects_.subspan(entry.offset + sizeof length, std::min(length, entry.capacity));
+  } else if (Listener* owner = listener(entry)) {
+    value.bytes = owner->domain(entry);
+  }
+  return AbortCode::none;
+}
+
+AbortCode Dictionary::check_range(const Entry& entry, std::span<const std::byte> value) const {
+  if (!entry.has_range) return AbortCode::none;
+  const std::int64_t number = decode_number(entry.type, value);
+  if (number > entry.maximum) return AbortCode::value_too_high;
+  if (number < entry.minimum) return AbortCode::value_too_low;
+  return AbortCode::none;
+}
+
+AbortCode Dictionary::write(const Entry& entry, std::span<const std::byte> value) {
+  if (!entry.writable()) return AbortCode::read_only;
+  return write_any(entry, value);
+}
+
+AbortCode Dictionary::write_any(const Entry& entry, std::span<const std::byte> value) {
+  const std::size_t size = size_of(entry.type);
+  if (value.size() > (size != 0 ? size : entry.capacity)) return length_aborts_.too_long;
+  if (value.size() < size) return length_aborts_.too_short;
+  if (size != 0) {
+    if (const AbortCode abort = check_range(entry, value); abort != AbortCode::none) return abort;
+  }
+  Listener* owner = listener(entry);
+  if (owner != nullptr) {
+    if (const AbortCode abort = owner->check(entry, value); abort != AbortCode::none) return abort;
+  }
+  if (entry.offset != Field::no_storage) {
+    std::byte* place = objects_.data() + entry.offset;
+    if (size == 0) {
+      const auto length = static_cast<std::uint32_t>(value.size());
+      std::memcpy(place, &length, sizeof length);
+      place += sizeof length;
+    }
+    if (!value.empty()) std::memcpy(place, value.data(), value.size());
+  }
+  if (owner != nullptr) owner->written(entry);
+  return AbortCode::none;
+}
+
+std::int64_t Dictionary::number(const Entry& entry) const {
+  ReadValue value;
+  if (read(entry, value) != AbortCode::none) return 0;
+  return decode_number(entry.type, value.bytes);
+}
+
+std::int64_t Dictionary::number(std::uint16_t index, std::uint8_t sub) const {
+  const Entry* entry = find(index, sub);
+  return entry == nullptr ? 0 : number(*entry);
+}
+
+AbortCode Dictionary::set_number(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
+  AbortCode abort{};
+  const Entry* entry = find(index, sub, abort);
+  if (entry == nullptr) return abort;
+  const auto bytes = encode_number(value);
+  return write(*entry, std::span(bytes).first(size_of(entry->type)));
+}
+
+void Dictionary::load_defaults(Area areas, std::uint8_t node_id) {
+  for (const Entry& entry : table_) {
+    if (entry.offset == Field::no_storage || !contains(areas, area_of(entry.index))) continue;
+    if (entry.fixed_size()) {
+      const auto bytes = encode_number(default_number(entry, node_id));
+      std::memcpy(objects_.data() + entry.offset, bytes.data(), size_of(entry.type));
+    } else {
+      const std::uint32_t empty = 0;
+      std::memcpy(objects_.data() + entry.offset, &empty, sizeof empty);
+    }
+  }
+}
+
+}  // namespace servodrome::dictionary

@@ -1,0 +1,108 @@
+#pragma once
+
+#include <bit>
+#include <cstring>
+#include <span>
+
+#include "dictionary/abort_code.hpp"
+#include "dictionary/entry.hpp"
+
+namespace servodrome::dictionary {
+
+static_assert(std::endian::native == std::endian::little,
+              "values are kept as they travel: little endian (CiA 301 7.1.3)");
+
+class Dictionary;
+
+// Told about accesses to the objects it owns (Entry::owner). Objects without an owner are plain memory.
+class Listener {
+ public:
+  // Before a write is committed, after all checks of the table. `value` is the raw value, little endian.
+  virtual AbortCode check(const Entry&, std::span<const std::byte> /*value*/) { return AbortCode::none; }
+  // After a value was committed, whoever wrote it (SDO, PDO, bench).
+  virtual void written(const Entry&) {}
+  // Before a value is read: brings a computed value up to date.
+  virtual void refresh(const Entry&) {}
+  // The content of a readable DOMAIN without storage.
+  virtual std::span<const std::byte> domain(const Entry&) { return {}; }
+
+ protected:
+  ~Listener() = default;
+};
+
+// Lengths that do not fit: products differ in what they answer.
+struct LengthAborts {
+  AbortCode too_long = AbortCode::length_too_high;
+  AbortCode too_short = AbortCode::length_too_low;
+};
+
+// The value of an object at one moment. Numbers are copied, so that a transfer in segments is consistent; strings and
+// domains are referred to.
+struct ReadValue {
+  std::array<std::byte, 8> number{};
+  std::span<const std::byte> bytes;  // of `number`, or of the object itself
+
+  ReadValue() = default;
+  ReadValue(const ReadValue&) = delete;
+  ReadValue& operator=(const ReadValue&) = delete;
+};
+
+// A device's objects: the table that describes them and the struct that holds them. Does not own either.
+class Dictionary {
+ public:
+  Dictionary(std::span<const Entry> table, std::span<std::byte> objects, LengthAborts length_aborts = {})
+      : table_(table), objects_(objects), length_aborts_(length_aborts) {}
+
+  void set_listener(Owner owner, Listener* listener) { listeners_[static_cast<std::size_t>(owner)] = listener; }
+
+  std::span<const Entry> table() const { return table_; }
+
+  // The entry, or nullptr with the reason in `abort` (object or sub-index does not exist).
+  const Entry* find(std::uint16_t index, std::uint8_t sub, AbortCode& abort) const;
+  const Entry* find(std::uint16_t index, std::uint8_t sub) const {
+    AbortCode ignored{};
+    return find(index, sub, ignored);
+  }
+
+  // The value as the service port sees it. Errors: write_only.
+  AbortCode read(const Entry& entry, ReadValue& value) const;
+
+  // Checks in the order a CiA 301 server makes them: access, length, range, then the owner's check; commits; tells the
+  // owner. Nothing changes unless the answer is `none`.
+  AbortCode write(const Entry& entry, std::span<const std::byte> value);
+
+  // The same, without the access check: for a device's own use and for restoring saved values.
+  AbortCode write_any(const Entry& entry, std::span<const std::byte> value);
+
+  // Numbers as int64 (unsigned 64-bit values wrap). A missing object reads as 0.
+  std::int64_t number(const Entry& entry) const;
+  std::int64_t number(std::uint16_t index, std::uint8_t sub = 0) const;
+  AbortCode set_number(std::uint16_t index, std::uint8_t sub, std::int64_t value);
+
+  // Factory values of the areas, owners not told: for use before a device starts.
+  void load_defaults(Area areas, std::uint8_t node_id);
+  static std::int64_t default_number(const Entry& entry, std::uint8_t node_id) {
+    return entry.default_value + (entry.default_adds_node_id ? node_id : 0);
+  }
+
+  // The storage of a fixed-size entry, or nullptr; for PDO copies that were checked when they were mapped.
+  std::byte* storage(const Entry& entry) const {
+    return entry.offset == Field::no_storage ? nullptr : objects_.data() + entry.offset;
+  }
+  Listener* listener(const Entry& entry) const { return listeners_[static_cast<std::size_t>(entry.owner)]; }
+  AbortCode check_range(const Entry& entry, std::span<const std::byte> value) const;
+
+ private:
+  std::span<const Entry> table_;
+  std::span<std::byte> objects_;
+  LengthAborts length_aborts_;
+  std::array<Listener*, owner_count> listeners_{};
+};
+
+// A little-endian number of `type` in `bytes`, sign-extended as the type demands.
+std::int64_t decode_number(Type type, std::span<const std::byte> bytes);
+inline std::array<std::byte, 8> encode_number(std::int64_t value) {
+  return std::bit_cast<std::array<std::byte, 8>>(value);
+}
+
+}  // namespace servodrome::dictionary
