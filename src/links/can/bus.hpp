@@ -1,0 +1,194 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "canopen/frame.hpp"
+#include "links/can/disturbance.hpp"
+#include "links/can/load_window.hpp"
+#include "links/time.hpp"
+
+namespace servodrome::links {
+
+enum class PortId : std::uint16_t {};
+
+// Fault confinement state of a CAN controller (ISO 11898-1, 12.1).
+enum class ErrorState : std::uint8_t { active, passive, bus_off };
+
+// What a controller does on the bus. `off`: not powered or its channel closed; it neither sends, receives nor
+// acknowledges. `listen_only`: receives, never drives the wire (no acknowledge, transmit() refuses).
+enum class Participation : std::uint8_t { off, listen_only, normal };
+
+// A node's view of the bus. Calls come out of CanBus::advance() in order of time; a receiver may call transmit() from
+// them, with the time it was given, but neither advance() nor detach().
+class Receiver {
+ public:
+  virtual ~Receiver() = default;
+  // Another port's frame is complete; `at` is the end of its last bit.
+  virtual void on_frame(const canopen::Frame& frame, Time at) = 0;
+  // This port's own frame has been acknowledged. `tag` as given to transmit().
+  virtual void on_sent(const canopen::Frame& /*frame*/, std::uint32_t /*tag*/, Time /*at*/) {}
+  virtual void on_error_state(ErrorState /*state*/, Time /*at*/) {}
+};
+
+// One thing that happened on the wire, for logs and monitors.
+struct BusEvent {
+  enum class Kind : std::uint8_t {
+    frame,    // complete and acknowledged
+    dropped,  // complete and acknowledged, but withheld from the receivers by a disturbance
+    error,    // broken by an error frame; `frame` is what was being sent
+  };
+  Kind kind = Kind::frame;
+  PortId port{};  // the sender
+  Time start{};   // of its first bit
+  Time end{};     // of its last bit (of the error frame's last bit)
+  canopen::Frame frame;
+};
+
+class BusObserver {
+ public:
+  virtual ~BusObserver() = default;
+  virtual void on_bus_event(const BusEvent& event) = 0;
+};
+
+struct PortCounters {
+  std::uint64_t sent = 0;
+  std::uint64_t received = 0;
+  std::uint64_t refused = 0;          // transmit() returned false
+  std::uint64_t discarded = 0;        // queued, then lost to bus-off, off() or detach
+  std::uint64_t errors = 0;           // error frames while this port was sending
+  std::uint16_t transmit_errors = 0;  // TEC, ISO 11898-1 12.1.4.2
+  std::uint16_t receive_errors = 0;   // REC
+  std::uint32_t bus_off_count = 0;
+};
+
+struct BusCounters {
+  std::uint64_t frames = 0;      // complete frames
+  std::uint64_t bits = 0;        // bits the wire was busy, with interframe spaces and error frames
+  std::uint64_t errors = 0;      // error frames
+  std::uint64_t collisions = 0;  // of these: two ports sent different frames under one identifier
+  std::uint64_t dropped = 0;     // by a disturbance
+  std::uint64_t delayed = 0;
+  std::uint64_t corrupted = 0;
+};
+
+struct BusConfig {
+  std::uint32_t bit_rate = 1'000'000;  // 10'000 .. 1'000'000 bit/s
+  // Frames take no time, need no acknowledge and never collide: for tests of protocol alone. Two receivers that answer
+  // each other without end then never let advance() return.
+  bool ideal = false;
+};
+
+// The simulated bus: one wire, one thread, no clock of its own. Time is what transmit() and advance() are told and
+// never goes back; the same calls give the same frames at the same nanoseconds.
+//
+// Each port has a FIFO transmit queue, as a CANopen stack's single transmit mailbox behind a software queue: only its
+// oldest frame takes part in arbitration. Two ports that win with the same arbitration field send one frame together if
+// their frames are equal and break each other with an error frame if not, as on a wire.
+//
+// A sender needs another port to acknowledge. One that has none (alone, cut off, or set to another bit rate) tries in
+// private: its error counter climbs to error passive (ISO 11898-1, 12.1.4.2 exception 1: not further), its frame stays
+// queued, and the shared wire does not see it. Simplification: a port of a wrong bit rate does not disturb the others.
+//
+// Receivers count an error frame as 1, the sender as 8; an error frame is 20 bits (flag, echo, delimiter).
+// Nothing is allocated after attach().
+class CanBus {
+ public:
+  static constexpr std::size_t default_queue_depth = 64;
+
+  explicit CanBus(const BusConfig& config = {});
+  ~CanBus();
+  CanBus(const CanBus&) = delete;
+  CanBus& operator=(const CanBus&) = delete;
+
+  // The receiver must outlive the bus or be detached. `queue_depth` bounds the frames waiting to be sent.
+  PortId attach(Receiver& receiver, std::size_t queue_depth = default_queue_depth);
+  void detach(PortId port);
+
+  // Queues a frame to be sent from `now` on. False, and counted as refused, if the queue is full, the port is off,
+  // listen-only or bus-off, or the frame is not one (length above 8, identifier too wide).
+  bool transmit(PortId port, const canopen::Frame& frame, Time now, std::uint32_t tag = 0);
+  std::size_t pending(PortId port) const;      // frames queued or being sent
+  std::size_t queue_space(PortId port) const;  // frames transmit() would still take
+
+  // The earliest time at which advance() has something to do; `never` if nothing is under way.
+  Time next_event() const;
+  // Lets the wire run up to and including `now`, calling receivers and observers in order of time.
+  void advance(Time now);
+  Time now() const { return now_; }
+
+  // A frame under way ends at the rate it began with. Throws std::invalid_argument outside 10 kbit/s .. 1 Mbit/s.
+  void set_bit_rate(std::uint32_t bit_rate);
+  std::uint32_t bit_rate() const { return config_.bit_rate; }
+  // The rate a port's controller is set to; 0 (default): whatever the bus has.
+  void set_port_bit_rate(PortId port, std::uint32_t bit_rate);
+
+  // `off` empties the queue and resets the error counters, as a controller's reset does.
+  void set_participation(PortId port, Participation participation);
+  Participation participation(PortId port) const;
+
+  // Bus-off: on its own after 128 x 11 bit times (default), or only when recover() is called. Frames queued at bus-off
+  // are lost (`discarded`).
+  void set_automatic_recovery(PortId port, bool automatic);
+  void recover(PortId port, Time now);
+  ErrorState error_state(PortId port) const;
+
+  void disturb(const Disturbance& disturbance);  // replaces the one before
+  void clear_disturbance();
+  const std::optional<Disturbance>& disturbance() const { return disturbance_; }
+  void cut(PortId port, bool is_cut);  // the port's stub is unplugged
+  void cut_bus(bool is_cut);           // every port is alone
+  bool is_cut(PortId port) const;
+  bool is_bus_cut() const { return bus_cut_; }
+
+  const BusCounters& counters() const { return counters_; }
+  const PortCounters& counters(PortId port) const;
+  // Share of the second before `now` in which the wire was busy, 0..100, in steps of a 10 ms window.
+  double load_percent(Time now) const;
+
+  void add_observer(BusObserver& observer);
+  void remove_observer(BusObserver& observer);
+
+ private:
+  struct Port;
+  struct Transmission;
+
+  Port& at(PortId port) const;
+  bool on_wire(const Port& port) const;
+  bool has_acknowledger(const Port& sender) const;
+  Time duration(std::uint64_t bits, std::uint32_t bit_rate) const;
+  Time next_start() const;
+  void start_transmission(Time start);
+  void end_transmission();
+  void deliver(Time at);
+  void break_transmission(Time at);
+  void run_private_attempts(Time now);
+  void schedule_private_attempt(Port& port, Time from);
+  void count_transmit_error(Port& port, bool acknowledge_error, Time at);
+  void count_receive_error(Port& port, Time at);
+  void update_error_state(Port& port, Time at);
+  void reset_controller(Port& port);
+  bool disturbed(const Port& sender, const canopen::Frame& frame, double probability, DisturbanceGenerator& generator);
+  void notify(const BusEvent& event);
+
+  BusConfig config_;
+  Time now_{};
+  Time idle_at_{};  // from when on the wire is free for the next start of frame
+  std::vector<std::unique_ptr<Port>> ports_;
+  std::vector<BusObserver*> observers_;
+  std::unique_ptr<Transmission> transmission_;
+  std::optional<Disturbance> disturbance_;
+  std::uint32_t disturbed_frames_ = 0;
+  DisturbanceGenerator drop_draws_{0};
+  DisturbanceGenerator delay_draws_{0};
+  DisturbanceGenerator corrupt_draws_{0};
+  bool bus_cut_ = false;
+  bool advancing_ = false;
+  BusCounters counters_;
+  LoadWindow load_;
+};
+
+}  // namespace servodrome::links
