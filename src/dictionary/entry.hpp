@@ -228,3 +228,8 @@ constexpr Field field_at(std::size_t offset) {
 #define SERVODROME_FIELD(STRUCT, MEMBER)                                                             \
   ::servodrome::dictionary::field_at<std::remove_cvref_t<decltype(std::declval<STRUCT&>().MEMBER)>>( \
       offsetof(STRUCT, MEMBER))
+
+// The same for element I of a member that is a std::array.
+#define SERVODROME_ELEMENT(STRUCT, MEMBER, I)                                                       \
+  ::servodrome::dictionary::field_at<typename decltype(std::declval<STRUCT>().MEMBER)::value_type>( \
+      offsetof(STRUCT, MEMBER) + (I) * sizeof(typename decltype(std::declval<STRUCT>().MEMBER)::value_type))
