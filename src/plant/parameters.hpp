@@ -1,0 +1,124 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+// What a plant is made of. The defaults are a 400 W servo motor of 60 mm flange on a rectified 220 V supply. The range
+// in brackets is what `validate` accepts; within it the plant is stable and finite, whatever the combination.
+//
+// Signs: positive is the direction in which the encoder counts up, for positions, speeds and torques alike. Gravity and
+// load torque are given as what the motor has to hold: a positive value pulls towards smaller counts.
+namespace servodrome::plant {
+
+// Permanent-magnet synchronous motor. Phase values are line to neutral (half the line-to-line figure of a data sheet).
+struct Motor {
+  double rated_torque_nm = 1.27;                    // (0, 1e5]: for the per-unit figures of users; not used by the step
+  double rated_current_a = 2.7;                     // (0, 1e4] A rms: likewise
+  double rated_speed_rpm = 3000.0;                  // (0, 1e5]: likewise
+  int pole_pairs = 5;                               // [1, 100]
+  double resistance_ohm = 1.1;                      // [1e-3, 1e3] at 25 degC
+  double direct_inductance_h = 4.5e-3;              // [1e-6, 1]
+  double quadrature_inductance_h = 4.5e-3;          // [1e-6, 1], ratio to the direct one within [0.1, 10]
+  double torque_constant_nm_per_a = 0.47;           // [1e-4, 1e3] per A rms; also the back-EMF: see flux_linkage_vs
+  double rotor_inertia_kgm2 = 0.28e-4;              // [1e-8, 10]
+  double viscous_friction_nms = 0.0;                // [0, 1e3] Nm per rad/s, bearings
+  double coulomb_friction_nm = 0.0;                 // [0, 1e5] bearings
+  double cogging_torque_nm = 0.0;                   // [0, 1e3] amplitude
+  int cogging_periods_per_revolution = 30;          // [1, 1000]; with the amplitude: see validate
+  double copper_temperature_coefficient = 3.93e-3;  // [0, 0.01] per K
+  double brake_torque_nm = 0.0;                     // [0, 1e5] static holding torque; 0: no brake fitted
+  double brake_release_ms = 30.0;                   // [0, 1e4] from command to no torque
+  double brake_engage_ms = 20.0;                    // [0, 1e4] from command to full torque
+};
+
+// Amplitude of the flux linkage per phase: torque = 3/2 * pole pairs * flux * q current (amplitude).
+double flux_linkage_vs(const Motor& motor);
+
+inline constexpr std::int64_t no_low_limit = std::numeric_limits<std::int64_t>::min();
+inline constexpr std::int64_t no_high_limit = std::numeric_limits<std::int64_t>::max();
+inline constexpr std::int64_t largest_position_counts = std::int64_t{1} << 61;  // of anything given as a position
+
+// The load as the motor shaft sees it.
+struct Load {
+  double inertia_kgm2 = 0.28e-4;         // [0, 1e3]; elastic: [1e-8, 1e3]
+  double viscous_friction_nms = 1.0e-5;  // [0, 1e3] Nm per rad/s
+  double coulomb_friction_nm = 0.01;     // [0, 1e5] while sliding
+  double static_friction_nm = 0.015;     // [coulomb, 1e5] breakaway
+  double gravity_torque_nm = 0.0;        // [-1e5, 1e5] constant, as of a hanging load
+  double external_torque_nm = 0.0;       // [-1e5, 1e5] what the bench changes while running
+
+  bool elastic = false;                 // false: the load is rigid with the rotor
+  double stiffness_nm_per_rad = 500.0;  // [1e-3, 1e8] of the coupling
+  double damping_nms = 0.01;            // [0, 1e4] of the coupling
+  double backlash_rad = 0.0;            // [0, 6.3] total play of the coupling
+
+  std::int64_t low_stop_counts = no_low_limit;    // hard stops; no_low_limit, no_high_limit: none
+  std::int64_t high_stop_counts = no_high_limit;  // at least two counts above the low stop
+  double stop_stiffness_nm_per_rad = 1.0e5;       // [1e-3, 1e9]
+  double stop_damping_nms = 1.0;                  // [0, 1e5]
+};
+
+// Supply, DC link and what protects the power stage.
+struct Supply {
+  double volts = 310.0;                     // [0, 2000] rectified, no load
+  double source_resistance_ohm = 0.3;       // [1e-4, 1e3]
+  double capacitance_f = 680.0e-6;          // [1e-6, 10]
+  double precharge_time_constant_s = 0.03;  // [0, 10]: the link charges so after the relay closed; then directly
+  double bleeder_resistance_ohm = 50.0e3;   // [1, 1e9]: discharges the link
+  double chopper_resistance_ohm = 40.0;     // [0.1, 1e6] brake resistor
+  bool charged_at_start = false;            // the link starts at `volts` (and closed), not empty
+  double overcurrent_a = 20.0;              // [0.01, 1e5] phase amplitude at which the comparators speak
+  double bus_overcurrent_a = 40.0;          // [0.01, 1e5] DC current likewise
+};
+
+struct Encoder {
+  std::int32_t counts_per_revolution = 131072;  // [1, 2^24]
+  std::int64_t start_position_counts = 0;       // multi-turn position at power on
+  int direction = 1;                            // +1 or -1: counts while the phases turn U, V, W
+  double commutation_offset_turns = 0.0;        // [0, 1) electrical angle of the d axis at single-turn count 0
+  std::int32_t index_position_counts = 0;       // [0, counts per revolution)
+  std::int32_t index_width_counts = 1;          // [0, counts per revolution); 0: no index
+};
+
+// A switch on an input wire, actuated while the encoder position lies within [from, to].
+struct Switch {
+  std::uint8_t wire = 0;                    // 0..31, one switch per wire
+  std::int64_t from_counts = no_low_limit;  // open-ended: no_low_limit
+  std::int64_t to_counts = no_high_limit;   // open-ended: no_high_limit
+  std::int64_t hysteresis_counts = 0;       // [0, 2^31]: releases only this far outside of the region
+  bool normally_closed = false;             // the wire is high while not actuated
+};
+
+inline constexpr std::size_t most_switches = 8;
+
+// Winding to case to ambient for the motor, power stage to ambient for the drive. The encoder is as warm as the case.
+struct Thermal {
+  double ambient_c = 25.0;                      // [-60, 150]
+  double winding_heat_capacity_j_per_k = 60.0;  // [0.01, 1e7]
+  double winding_to_case_k_per_w = 1.0;         // [1e-4, 1e4]
+  double case_heat_capacity_j_per_k = 400.0;    // [0.01, 1e7]
+  double case_to_ambient_k_per_w = 1.8;         // [1e-4, 1e4]
+  double stage_heat_capacity_j_per_k = 200.0;   // [0.01, 1e7]
+  double stage_to_ambient_k_per_w = 1.5;        // [1e-4, 1e4]
+  double stage_standby_w = 5.0;                 // [0, 1e5] while the PWM runs
+  double stage_resistance_ohm = 0.1;            // [0, 100] per phase, of the switches: heats, does not drop voltage
+};
+
+struct Parameters {
+  Motor motor;
+  Load load;
+  Supply supply;
+  Encoder encoder;
+  std::array<Switch, most_switches> switches{};
+  std::size_t switch_count = 0;  // the first `switch_count` are fitted
+  Thermal thermal;
+};
+
+// What is wrong with `parameters`, one message each, beginning with the name of the parameter ("motor.pole_pairs:
+// ..."). Empty: all is well. A Plant may only be made of parameters without a message.
+std::vector<std::string> validate(const Parameters& parameters);
+
+}  // namespace servodrome::plant
