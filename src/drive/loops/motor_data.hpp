@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+
+namespace servodrome::drive {
+
+// What a drive knows of its motor: the nameplate and the identified electrical data. Phase values are line to neutral,
+// currents are peak values of the phase current.
+struct MotorData {
+  std::uint32_t counts_per_revolution = 131072;
+  std::uint16_t pole_pairs = 5;
+  float rated_current_a = 3.8F;
+  float peak_current_a = 11.5F;
+  float rated_torque_nm = 1.27F;
+  float rated_speed_rpm = 3000.0F;
+  float max_speed_rpm = 6000.0F;
+  float torque_constant_nm_per_a = 0.334F;
+  float resistance_ohm = 0.55F;
+  float inductance_d_h = 2.25e-3F;
+  float inductance_q_h = 2.25e-3F;
+  float inertia_kgm2 = 0.28e-4F;          // rotor and load together, as the drive was told
+  float commutation_offset_turns = 0.0F;  // electrical angle at encoder single-turn position 0
+};
+
+}  // namespace servodrome::drive
