@@ -1,0 +1,81 @@
+#pragma once
+
+#include "canopen/time.hpp"
+#include "dictionary/entry.hpp"
+
+// What a product's CANopen interface offers and where it departs from CiA 301. Which objects exist is not said here:
+// a service whose object is missing from the product's dictionary is not there.
+namespace servodrome::canopen {
+
+// Transmission types of PDOs (CiA 301 tables 67 and 72). 241..251 are reserved and always refused.
+struct TransmissionTypes {
+  bool acyclic_synchronous = true;        // 0
+  bool cyclic_synchronous = true;         // 1..240
+  bool synchronous_remote = true;         // 252, TPDO only
+  bool asynchronous_remote = true;        // 253, TPDO only
+  bool manufacturer_event_driven = true;  // 254
+  bool profile_event_driven = true;       // 255
+
+  constexpr bool contains(std::uint8_t type) const {
+    if (type == 0) return acyclic_synchronous;
+    if (type <= 240) return cyclic_synchronous;
+    switch (type) {
+      case 252: return synchronous_remote;
+      case 253: return asynchronous_remote;
+      case 254: return manufacturer_event_driven;
+      case 255: return profile_event_driven;
+      default: return false;
+    }
+  }
+};
+
+// Node guarding beside the heartbeat (CiA 301 7.2.8.2.2.1: a node uses one of the two).
+enum class NodeGuarding : std::uint8_t {
+  absent,          // remote frames on 700h + node id stay unanswered
+  heartbeat_wins,  // guarding only while object 1017h is 0, as the standard has it
+  simultaneous,    // both at once
+};
+
+// Values of object 1029h: what a communication error does to the NMT state.
+enum class ErrorBehaviour : std::uint8_t { pre_operational = 0, no_change = 1, stopped = 2 };
+
+struct Profile {
+  // PDO
+  TransmissionTypes rpdo_types{.synchronous_remote = false, .asynchronous_remote = false};
+  TransmissionTypes tpdo_types{};
+  bool remote_frames = true;                     // TPDOs answer RTR
+  bool valid_pdo_may_be_remapped = false;        // else 0601 0000h while bit 31 of the COB-ID is 0
+  bool valid_pdo_parameters_may_change = false;  // inhibit time, SYNC start value; else 0609 0030h
+  bool valid_pdo_cob_id_may_change = false;      // CAN-ID without bit 31 first; else 0609 0030h
+  bool mapped_length_may_exceed_object = false;  // a longer length pads with zeros; else 0604 0041h
+  bool type_254_sends_on_change = true;          // else by event timer and trigger_tpdo() only
+  bool type_255_sends_on_change = true;
+  Time inhibit_time_unit = std::chrono::microseconds(100);  // of sub-index 3 of 1800h..; object 1015h is always 100 us
+
+  // SDO
+  bool sdo_segmented = true;                       // else 0504 0001h
+  bool sdo_block = true;                           // else 0504 0001h
+  Time sdo_timeout = std::chrono::seconds(1);      // between frames of one transfer, then 0504 0000h; 0: waits forever
+  bool sdo_download_response_echoes_data = false;  // bytes 4..7 repeat the request instead of being 0
+  bool sdo_expedited_upload_sign_extends = false;  // unused bytes carry the sign instead of being 0
+
+  // SYNC, TIME, EMCY
+  bool sync_producer = true;                           // else bit 30 of 1005h is refused with 0609 0030h
+  bool sync_cob_id_fixed = false;                      // CAN-ID of 1005h cannot be changed
+  bool time_consumer = true;                           // consumed on 100h even without object 1012h
+  bool emergency_on_error_reset = true;                // code 0000h (or 00xxh) when errors go
+  bool errors_clear_on_restored_communication = true;  // heartbeat is back: its error goes; else only on NMT reset
+
+  // Error control and NMT
+  NodeGuarding node_guarding = NodeGuarding::heartbeat_wins;
+  ErrorBehaviour error_behaviour = ErrorBehaviour::pre_operational;  // where object 1029h does not say
+  bool starts_operational = false;                                   // enters operational after boot-up by itself
+  // What is brought back to its saved value. CiA 301 7.3.2.2.1: reset node all, reset communication 1000h..1FFFh.
+  dictionary::Area reset_node_restores = dictionary::Area::all;
+  dictionary::Area reset_communication_restores = dictionary::Area::communication;
+
+  // LSS (CiA 305)
+  bool lss = true;
+};
+
+}  // namespace servodrome::canopen
