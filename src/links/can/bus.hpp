@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -23,7 +22,7 @@ enum class ErrorState : std::uint8_t { active, passive, bus_off };
 enum class Participation : std::uint8_t { off, listen_only, normal };
 
 // A node's view of the bus. Calls come out of CanBus::advance() in order of time; a receiver may call transmit() from
-// them, with the time it was given, but neither advance() nor detach().
+// them, with the time it was given, but not advance(), attach() or detach().
 class Receiver {
  public:
   virtual ~Receiver() = default;
@@ -77,7 +76,8 @@ struct BusCounters {
 
 struct BusConfig {
   std::uint32_t bit_rate = 1'000'000;  // 10'000 .. 1'000'000 bit/s
-  // Frames take no time, need no acknowledge and never collide: for tests of protocol alone. Two receivers that answer
+  // Frames take no time, need no acknowledge, never collide and are never corrupted: for tests of protocol alone. Two
+  // receivers that answer
   // each other without end then never let advance() return.
   bool ideal = false;
 };
@@ -154,32 +154,48 @@ class CanBus {
 
  private:
   struct Port;
-  struct Transmission;
+
+  struct Transmission {
+    enum class Outcome : std::uint8_t { complete, withheld, broken };
+    Outcome outcome = Outcome::complete;
+    canopen::Frame frame;
+    PortId sender{};  // the first of them
+    Time start{};
+    Time end{};
+    unsigned bits = 0;
+  };
 
   Port& at(PortId port) const;
+  Time duration(std::uint64_t bits) const;
+  bool rate_matches(const Port& port) const;
   bool on_wire(const Port& port) const;
-  bool has_acknowledger(const Port& sender) const;
-  Time duration(std::uint64_t bits, std::uint32_t bit_rate) const;
+  bool acknowledged() const;
+  bool may_send(const Port& port) const;
+  Time earliest_start(const Port& port) const;
   Time next_start() const;
-  void start_transmission(Time start);
+  void start_transmission();
   void end_transmission();
-  void deliver(Time at);
-  void break_transmission(Time at);
-  void run_private_attempts(Time now);
-  void schedule_private_attempt(Port& port, Time from);
-  void count_transmit_error(Port& port, bool acknowledge_error, Time at);
-  void count_receive_error(Port& port, Time at);
-  void update_error_state(Port& port, Time at);
-  void reset_controller(Port& port);
-  bool disturbed(const Port& sender, const canopen::Frame& frame, double probability, DisturbanceGenerator& generator);
-  void notify(const BusEvent& event);
+  void deliver(const Transmission& done);
+  void break_off(const Transmission& done);
+  unsigned draw_corruption(const Port& sender, const canopen::Frame& frame, unsigned bits);
+  bool matches(const Port& sender, const canopen::Frame& frame) const;
+
+  // Fault confinement (bus_errors.cpp)
+  void count_transmit_error(Port& port, Time when);
+  void count_receive_error(Port& port, Time when);
+  void count_success(Port& port, bool sent, Time when);
+  void update_error_state(Port& port, Time when);
+  void recover_ports(Time when);
+  void run_private_attempts(Time when);
+  void review_private_attempts();
+  void discard_queue(Port& port);
 
   BusConfig config_;
   Time now_{};
   Time idle_at_{};  // from when on the wire is free for the next start of frame
   std::vector<std::unique_ptr<Port>> ports_;
   std::vector<BusObserver*> observers_;
-  std::unique_ptr<Transmission> transmission_;
+  std::optional<Transmission> transmission_;
   std::optional<Disturbance> disturbance_;
   std::uint32_t disturbed_frames_ = 0;
   DisturbanceGenerator drop_draws_{0};

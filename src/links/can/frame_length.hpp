@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "canopen/frame.hpp"
@@ -9,9 +10,19 @@ namespace servodrome::links {
 // Bits between the end of one frame and the earliest start of the next (ISO 11898-1, 10.4.6: intermission).
 inline constexpr unsigned interframe_space_bits = 3;
 
-// Length of a frame on the wire in bits, from start of frame to the last bit of end of frame, with the stuff bits its
-// content really needs; without the interframe space. 44 + 8n (base) or 64 + 8n (extended) plus at most
-// (34 + 8n - 1) / 4 or (54 + 8n - 1) / 4 stuff bits (ISO 11898-1, 10.4 and 10.5). A length above 8 counts as 8.
+// A frame as the levels of the wire, one element per bit (0 dominant, 1 recessive), from start of frame to the last bit
+// of end of frame, stuff bits included and the acknowledge slot dominant; without the interframe space.
+struct WireBits {
+  static constexpr unsigned maximum = 157;  // extended, 8 bytes: 54 + 64 stuffed to 147, and 10 more
+  std::array<std::uint8_t, maximum> levels{};
+  unsigned count = 0;
+};
+
+// A length above 8 counts as 8.
+WireBits encode_frame(const canopen::Frame& frame);
+
+// Bits of encode_frame(): 44 + 8n (base) or 64 + 8n (extended) plus the stuff bits the content needs, at most
+// (34 + 8n - 1) / 4 or (54 + 8n - 1) / 4 (ISO 11898-1, 10.4 and 10.5).
 unsigned frame_length_bits(const canopen::Frame& frame);
 
 // The 15-bit CRC over start of frame, arbitration, control and data field, without stuff bits (ISO 11898-1, 10.4.2.6,

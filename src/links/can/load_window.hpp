@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -9,23 +8,25 @@
 
 namespace servodrome::links {
 
-// How much of the last second a wire was busy, kept as 100 slices of 10 ms.
+// How much of the last second a wire was busy, kept in slices of 10 ms.
 class LoadWindow {
  public:
+  // `from` and `to` must not lie more than 200 ms ahead of the times percent() is asked for.
   void add_busy(Time from, Time to);
-  // Percent of the 100 slices that end with the one before `now`'s.
+  // Percent busy in the 100 full slices before the one that holds `now`.
   double percent(Time now) const;
 
  private:
-  static constexpr Time slice = std::chrono::milliseconds(10);
-  static constexpr std::size_t slices = 100;
+  static constexpr Time slice_length = std::chrono::milliseconds(10);
+  static constexpr std::int64_t window_slices = 100;
+  // The window, the slice being filled, and room for a frame that reaches beyond it.
+  static constexpr std::size_t ring_slices = 128;
 
   struct Slice {
     std::int64_t number = -1;
     Time busy{};
   };
-  // One slice more than the window: the one being filled.
-  std::array<Slice, slices + 28> ring_{};
+  std::array<Slice, ring_slices> ring_{};
 };
 
 }  // namespace servodrome::links

@@ -1,0 +1,113 @@
+// Fault confinement (ISO 11898-1, clause 12): error counters, error passive, bus-off, and senders nobody hears.
+
+#include <algorithm>
+
+#include "links/can/bus_port.hpp"
+
+namespace servodrome::links {
+namespace {
+
+constexpr std::uint16_t error_passive_above = 127;
+constexpr std::uint16_t bus_off_above = 255;
+// 128 occurrences of 11 recessive bits; on a busy bus they take longer in life, here always this.
+constexpr unsigned recovery_bits = 128 * 11;
+// What a sender without acknowledge has sent less than a whole frame when it notices (acknowledge slot, its delimiter
+// and end of frame), the error frame it then sends (flag 6, delimiter 8), and the interframe space.
+constexpr unsigned bits_after_acknowledge_slot = 8;
+constexpr unsigned lone_error_frame_bits = 14;
+
+}  // namespace
+
+void CanBus::count_transmit_error(Port& port, Time when) {
+  port.counters.transmit_errors = static_cast<std::uint16_t>(port.counters.transmit_errors + 8);
+  update_error_state(port, when);
+}
+
+void CanBus::count_receive_error(Port& port, Time when) {
+  port.counters.receive_errors =
+      std::min<std::uint16_t>(static_cast<std::uint16_t>(port.counters.receive_errors + 1), error_passive_above + 1);
+  update_error_state(port, when);
+}
+
+// Rules g and h of 12.1.4.2.
+void CanBus::count_success(Port& port, bool sent, Time when) {
+  std::uint16_t& counter = sent ? port.counters.transmit_errors : port.counters.receive_errors;
+  if (sent) ++port.counters.sent;
+  if (counter > 0) --counter;
+  if (!sent) counter = std::min(counter, error_passive_above);
+  update_error_state(port, when);
+}
+
+void CanBus::update_error_state(Port& port, Time when) {
+  ErrorState state = ErrorState::active;
+  if (std::max(port.counters.transmit_errors, port.counters.receive_errors) > error_passive_above) {
+    state = ErrorState::passive;
+  }
+  if (port.counters.transmit_errors > bus_off_above) state = ErrorState::bus_off;
+  if (state == port.error_state) return;
+  port.error_state = state;
+  if (state == ErrorState::bus_off) {
+    ++port.counters.bus_off_count;
+    discard_queue(port);
+    if (port.automatic_recovery) port.recovers_at = when + duration(recovery_bits);
+  }
+  port.receiver->on_error_state(state, when);
+}
+
+void CanBus::set_automatic_recovery(PortId port, bool automatic) { at(port).automatic_recovery = automatic; }
+
+void CanBus::recover(PortId port, Time now) {
+  Port& node = at(port);
+  if (node.error_state != ErrorState::bus_off || node.recovers_at != never) return;
+  node.recovers_at = std::max(now, now_) + duration(recovery_bits);
+}
+
+void CanBus::recover_ports(Time when) {
+  for (const auto& port : ports_) {
+    if (port->recovers_at > when) continue;
+    port->recovers_at = never;
+    port->counters.transmit_errors = 0;
+    port->counters.receive_errors = 0;
+    port->suspended_until = Time{};
+    update_error_state(*port, when);
+  }
+}
+
+void CanBus::discard_queue(Port& port) {
+  port.counters.discarded += port.count;
+  port.count = 0;
+  port.sending = false;
+}
+
+void CanBus::run_private_attempts(Time when) {
+  bool any = false;
+  for (const auto& port : ports_) {
+    if (port->private_attempt_at > when) continue;
+    port->private_attempt_at = never;
+    ++port->counters.errors;
+    count_transmit_error(*port, when);
+    any = true;
+  }
+  if (any) review_private_attempts();
+}
+
+// A sender without anybody to acknowledge repeats its frame until it is error passive; from then on a missing
+// acknowledge no longer counts (12.1.4.2 c, exception 1), so that nothing changes any more and nothing is computed.
+void CanBus::review_private_attempts() {
+  if (config_.ideal) return;
+  const bool wire_acknowledges = acknowledged();
+  for (const auto& port : ports_) {
+    const bool alone = port->attached() && port->count > 0 && port->participation == Participation::normal &&
+                       port->error_state != ErrorState::bus_off && !port->sending &&
+                       port->counters.transmit_errors <= error_passive_above && !(on_wire(*port) && wire_acknowledges);
+    if (!alone) {
+      port->private_attempt_at = never;
+    } else if (port->private_attempt_at == never) {
+      const unsigned bits =
+          port->head().bits - bits_after_acknowledge_slot + lone_error_frame_bits + interframe_space_bits;
+      port->private_attempt_at = std::max(port->head().ready, now_) + duration(bits);
+    }
+  }
+}
+
+}  // namespace servodrome::links
