@@ -1,0 +1,107 @@
+#pragma once
+
+#include <cstdint>
+
+// Faults as data: a cause is what the drive or its surroundings did; a product's row says how it is called, reported,
+// reacted to and reset. A cause without a row is not monitored.
+namespace servodrome::drive {
+
+enum class Cause : std::uint8_t {
+  none,
+  // Power stage and supply
+  bus_overcurrent,
+  overcurrent_u,
+  overcurrent_v,
+  overcurrent_w,
+  short_circuit,
+  phase_loss,
+  over_voltage,
+  under_voltage,
+  gate_supply,
+  internal_hardware,
+  // Temperature
+  ambient_hot,
+  ambient_cold,
+  power_stage_hot,
+  motor_hot,      // measured in the winding
+  motor_contact,  // the temperature contact on an input
+  encoder_hot,
+  // Encoder
+  encoder_connection,
+  encoder_crc,
+  encoder_delimiter,
+  encoder_multi_turn,
+  encoder_count,
+  encoder_count_overflow,
+  hall_wiring,
+  hall_state,
+  index_deviation,  // successive index pulses are not one revolution apart
+  // Motion planning
+  profile_duration,
+  profile_end_velocity_above_start,
+  profile_multi_point,
+  profile_value_zero,
+  end_velocity_above_profile,
+  end_velocity_unreachable,
+  software_limits_wrong,
+  range_limits_wrong,
+  velocity_ramp_type,
+  motion_profile_type,
+  torque_profile_type,
+  jerk_limited_while_moving,
+  position_deceleration_zero,
+  profile_velocity_zero,
+  profile_acceleration_zero,
+  interpolation_period_zero,
+  velocity_deceleration_zero,
+  // Homing
+  homing_state,
+  homing_wrong_limit,
+  homing_method,
+  homing_timeout,
+  // Monitors
+  over_speed,
+  velocity_error,
+  following_error,
+  position_limit,
+  i2t,
+  external,  // an outside device, on an input
+  brake,
+  // Commissioning
+  calibration,
+  not_calibrated,
+  angle_jitter,
+  angle_no_motion,
+  angle_excess,
+  angle_timeout,
+  phase_sequence,
+  // Communication
+  communication_lost,
+  sync_lost,
+  count_of_causes,
+  // Products may number causes of their own from here.
+  first_product_cause = 128
+};
+
+enum class Reaction : std::uint8_t {
+  option_code,  // fault reaction option code 605Eh
+  power_off,    // the motor cannot be controlled any more: power stage off at once
+  none          // a warning: shown in statusword bit 7, motion goes on
+};
+
+enum class ResetRule : std::uint8_t {
+  when_cause_gone,                   // controlword bit 7, once the cause has gone
+  power_cycle,                       // restart of the drive
+  clear_multi_turn_and_power_cycle,  // the encoder's turns must be cleared before the restart
+};
+
+struct FaultRow {
+  Cause cause;
+  std::uint16_t code;           // 603Fh and EMCY error code
+  std::uint8_t error_register;  // bits set in 1001h while the fault is present
+  Reaction reaction;
+  ResetRule reset;
+  const char* name;
+};
+
+}  // namespace servodrome::drive

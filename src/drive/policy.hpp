@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "drive/faults.hpp"
+#include "drive/homing/methods.hpp"
+#include "drive/io/signals.hpp"
+#include "drive/loops/motor_data.hpp"
+#include "drive/objects.hpp"
+#include "drive/touch_probe.hpp"
+#include "drive/units.hpp"
+
+// Where products differ, as data. A drive is constructed with one Policy and never asks which product it is.
+namespace servodrome::drive {
+
+enum class Mode : std::int8_t {
+  none = 0,
+  profile_position = 1,
+  velocity = 2,
+  profile_velocity = 3,
+  profile_torque = 4,
+  homing = 6,
+  interpolated_position = 7,
+  cyclic_sync_position = 8,
+  cyclic_sync_velocity = 9,
+  cyclic_sync_torque = 10,
+};
+
+// Bit of 6502h for a mode.
+constexpr std::uint32_t mode_bit(Mode mode) {
+  return mode == Mode::none ? 0 : 1u << (static_cast<unsigned>(static_cast<std::int8_t>(mode)) - 1);
+}
+
+// Values an option code object accepts: bit n for value n.
+struct OptionCodes {
+  std::uint32_t quick_stop = 0b1'1111'1111;
+  std::uint32_t shutdown = 0b11;
+  std::uint32_t disable_operation = 0b11;
+  std::uint32_t halt = 0b1'1110;
+  std::uint32_t fault_reaction = 0b1'1111;
+};
+
+enum class DcLink : std::uint8_t {
+  always,            // the supply is wired to the DC link
+  from_switched_on,  // the drive's relay connects it in Switched on and above
+};
+
+enum class OutOfLimits : std::uint8_t {
+  clip,   // the target is moved to the limit, statusword bit 11 is set (CiA 402-2 607Dh)
+  fault,  // Cause::position_limit
+};
+
+// One bit of 60FDh.
+struct DigitalInputBit {
+  enum class Source : std::uint8_t { wire, signal };
+  std::uint8_t bit;
+  Source source;
+  std::uint8_t number;  // of the wire, or the Signal
+};
+
+struct Policy {
+  // Device control
+  std::uint32_t supported_modes = 0;
+  OptionCodes option_codes{};
+  bool transition_16 = true;  // Quick stop active -> Operation enabled
+  bool direct_enable = true;  // 0Fh in Ready to switch on runs through transitions 3 and 4
+  bool energised_in_switched_on = false;
+  bool remote_bit = true;  // statusword bit 9 is set
+  DcLink dc_link = DcLink::always;
+  std::span<const FaultRow> faults;
+
+  // Profile position
+  std::uint8_t set_point_queue = 1;       // set-points that wait behind the running one
+  bool halt_discards_set_points = false;  // the job must be triggered again after halt
+  bool jerk_limited_only_from_standstill = false;
+  bool zero_values_are_faults = false;  // zero profile values raise the planning causes
+  OutOfLimits out_of_limits = OutOfLimits::clip;
+  bool software_limits_need_homing = false;
+  bool software_limits_switch_range_off = false;  // 607Bh is off while 607Dh is valid
+  bool slippage_supported = true;                 // statusword bit 13 in profile velocity
+
+  // Homing
+  std::span<const Method> homing_methods;
+  std::int8_t home_offset_sign = -1;  // position at home = sign * 607Ch
+  bool homing_errors_are_faults = false;
+
+  // Terminals
+  TouchProbeCapability touch_probe{};
+  std::span<const DigitalInputBit> digital_inputs;
+  std::uint8_t first_output_bit = 16;  // of 60FEh
+  std::uint8_t output_count = 4;
+
+  // Rates
+  std::uint8_t velocity_loop_ticks = 2;  // 8 kHz
+  std::uint8_t position_loop_ticks = 8;  // 2 kHz
+
+  // Units from the objects and the motor. Answers false (and leaves `units`) when the objects make no valid ratio.
+  bool (*units)(const Objects&, const MotorData&, Units& units) = nullptr;
+};
+
+}  // namespace servodrome::drive
