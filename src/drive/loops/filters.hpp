@@ -1,0 +1,48 @@
+#pragma once
+
+namespace servodrome::drive {
+
+// First-order low pass, exact for a held input: y += gain (x - y).
+struct LowPass {
+  float gain = 1.0F;  // 1: passes everything
+  float value = 0.0F;
+
+  float apply(float input) {
+    value += gain * (input - value);
+    return value;
+  }
+};
+
+// Gain of a LowPass of `corner_hz` applied every `period_s`; 1 (no filter) for a corner of 0 or less.
+float low_pass_gain(float corner_hz, float period_s);
+
+// Second-order section, transposed direct form II: b0 + b1/z + b2/z^2 over 1 + a1/z + a2/z^2.
+struct Biquad {
+  float b0 = 1.0F;
+  float b1 = 0.0F;
+  float b2 = 0.0F;
+  float a1 = 0.0F;
+  float a2 = 0.0F;
+  float state1 = 0.0F;
+  float state2 = 0.0F;
+
+  float apply(float input) {
+    const float output = b0 * input + state1;
+    state1 = b1 * input - a1 * output + state2;
+    state2 = b2 * input - a2 * output;
+    return output;
+  }
+  // The state that a long constant `input` would have left.
+  void settle(float input) {
+    const float output = input * ((b0 + b1 + b2) / (1.0F + a1 + a2));
+    state2 = b2 * input - a2 * output;
+    state1 = b1 * input - a1 * output + state2;
+  }
+};
+
+// Coefficients by the bilinear transform, matched at the given frequency. Frequencies in Hz, below half of 1 /
+// period_s; the state is that of `previous`, so that a filter may be retuned while it runs.
+Biquad make_notch(float frequency_hz, float width_hz, float depth, float period_s, const Biquad& previous = {});
+Biquad make_low_pass(float corner_hz, float damping, float period_s, const Biquad& previous = {});
+
+}  // namespace servodrome::drive

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "drive/loops/motor_data.hpp"
+
+// What is tuned in a servo drive, in physical units, so that a product's own units are one conversion away.
+namespace servodrome::drive {
+
+// How often the outer loops run, in base ticks of 62.5 us. Powers of two; the position loop is no faster than the
+// velocity loop.
+struct Rates {
+  std::uint8_t velocity_loop_ticks = 2;  // 2: 8 kHz, 4: 4 kHz
+  std::uint8_t position_loop_ticks = 8;  // 8: 2 kHz, 16: 1 kHz
+};
+
+// A notch in the torque reference, against a mechanical resonance: (s^2 + depth B s + w^2) / (s^2 + B s + w^2).
+struct Notch {
+  float frequency_hz = 0.0F;  // centre, below 7/16 of the velocity loop's rate; 0: off
+  float width_hz = 0.0F;      // B / 2 pi: with depth 0, the distance of the two -3 dB points
+  float depth = 0.0F;         // gain at the centre, 0 (nothing passes) .. 1 (no notch)
+};
+
+struct Gains {
+  float current_bandwidth_hz = 1000.0F;    // of the closed current loop, whose PI follows from the motor data
+  float velocity_kp = 0.0F;                // A (amplitude of the q current) per rad/s of the shaft
+  float velocity_ki = 0.0F;                // A per rad
+  float velocity_setpoint_weight = 1.0F;   // share of the reference in the P part: 1 PI .. 0 I-P (pseudo-differential)
+  float position_kp = 0.0F;                // 1/s
+  float velocity_feed_forward = 1.0F;      // share of LoopDemand::velocity in the position loop
+  float acceleration_feed_forward = 1.0F;  // share of inertia times LoopDemand::acceleration
+  float velocity_filter_hz = 0.0F;         // corner of the low pass on the measured velocity; 0: off
+  float torque_filter_hz = 0.0F;           // corner of the low pass on the torque reference; 0: off
+  float rest_window_counts = 1.0F;         // see Cascade: position errors up to it are left alone at rest
+  std::array<Notch, 2> notches{};
+};
+
+// What default_gains is asked for.
+struct Bandwidths {
+  float current_hz = 1000.0F;  // closed loop, -3 dB
+  float velocity_hz = 100.0F;  // crossover of the open velocity loop
+  float position_kp = 100.0F;  // 1/s
+};
+
+// Gains for the inertia in `motor`. Current: PI that cancels the winding's pole. Velocity: PI and filters placed around
+// the crossover so that all delays together leave a phase margin of 55 degrees. The crossover is lowered where the
+// delays do not allow it, or where one count of a coarse encoder would make more than a tenth of the rated torque;
+// position_kp is held at or below a fifth of it.
+Gains default_gains(const MotorData& motor, Rates rates, const Bandwidths& bandwidths);
+
+}  // namespace servodrome::drive
