@@ -1,0 +1,120 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "drive/homing/methods.hpp"
+#include "drive/io/signals.hpp"
+#include "drive/units.hpp"
+
+// The executor of homing methods. It decides where to go and when home is found; the motion itself is the caller's:
+// ramps with the homing acceleration, and a profiled move for `position`.
+//
+// Positions, speeds and the two limit signals are those of the encoder: the negative limit switch is the one at the end
+// of small counts. Edges carry the position of the boundary they were met at: the first count beyond it, seen in
+// positive direction. So the same edge of a switch has the same position whichever way it is crossed.
+namespace servodrome::drive {
+
+enum class HomingError : std::uint8_t {
+  none,
+  unsupported_method,
+  wrong_limit,     // a limit switch ahead that the method does not turn round at
+  home_not_found,  // the other limit switch, after the method had turned round at the first
+  timed_out,
+  internal,  // the method is not well formed
+};
+
+struct HomingConfig {
+  double fast = 0.0;                 // counts/s, > 0 (6099h sub 1)
+  double slow = 0.0;                 // counts/s, > 0 (6099h sub 2)
+  double acceleration = 0.0;         // counts/s^2, > 0 (609Ah): for the caller's ramps, not used here
+  float stall_torque = 1.0F;         // fraction of rated torque, in the direction of travel, that is a hard stop ...
+  std::uint32_t stall_cycles = 1;    // ... when it lasts so many cycles
+  Counts retraction = 0;             // >= 0, distance from a hard stop to home
+  std::uint32_t timeout_cycles = 0;  // until the latch; 0: none
+  Counts index_width = 1;            // from the rising to the falling edge of the index in positive direction
+  bool reversed = false;             // 607Eh bit 7: a method's positive direction is that of falling counts
+};
+
+struct HomingInputs {
+  std::uint32_t signals = 0;          // levels, bit(Signal)
+  std::span<const SignalEdge> edges;  // since the last cycle, in the order they happened
+  bool standing =
+      true;  // the demand stands: false from the cycle after a command that moves it until it has come to rest
+  float torque = 0.0F;  // fraction of rated torque, positive towards larger counts
+  Counts position = 0;  // actual position
+};
+
+struct HomingCommand {
+  enum class Kind : std::uint8_t {
+    keep,      // nothing new
+    velocity,  // ramp to `velocity` and stay there
+    position,  // profiled move to `position` at the speed |velocity|, ending at rest
+    stop,      // ramp to zero
+    hold,      // `position` is the demand from now on, at zero speed, without a ramp
+  };
+  Kind kind = Kind::keep;
+  double velocity = 0.0;  // counts/s, signed
+  Counts position = 0;
+};
+
+class Homing {
+ public:
+  // Begins; the first command comes from the next step. What ran before is forgotten.
+  void start(const Method& method, const HomingConfig& config, const HomingInputs& inputs);
+
+  // The same by number; error() is unsupported_method if the table has none.
+  void start(std::span<const Method> methods, std::int8_t number, const HomingConfig& config,
+             const HomingInputs& inputs);
+
+  // Once per position-loop cycle. Answers `keep` while not active.
+  HomingCommand step(const HomingInputs& inputs);
+
+  // Forgets everything; stopping the axis is the caller's.
+  void abort() { *this = Homing{}; }
+
+  bool active() const { return phase_ != Phase::idle; }  // from start until finished or failed
+  bool latched() const { return latched_; }              // home is known (statusword bit 12); the axis may still move
+  Counts latch() const { return latch_; }                // where home is, if latched()
+  bool finished() const { return finished_; }            // latched and at rest (bit 10)
+  HomingError error() const { return error_; }           // after `stop` was commanded
+
+  // The present leg runs against a hard stop: the following error is no error, and the caller limits the torque.
+  bool pressing() const;
+
+ private:
+  enum class Phase : std::uint8_t {
+    idle,
+    begin,     // the leg has to be commanded
+    run,       // the leg runs
+    halt,      // ramp to zero before leg `leg_`
+    settle,    // latched, ramp to zero
+    going_to,  // latched, on the way back to the latch
+  };
+
+  const Leg& leg() const { return method_.legs[leg_]; }
+  Direction travel() const;
+  bool limit_ahead_active(const HomingInputs& inputs) const;
+  bool meets(const SignalEdge& edge) const;
+  bool stalls(const HomingInputs& inputs);
+  HomingCommand begin_leg(const HomingInputs& inputs);
+  HomingCommand run_leg(const HomingInputs& inputs);
+  HomingCommand end_leg(Counts position, const HomingInputs& inputs);
+  HomingCommand meet_limit(const HomingInputs& inputs);
+  HomingCommand take_latch(Counts position);
+  HomingCommand fail(HomingError error);
+
+  Method method_{};
+  HomingConfig config_{};
+  Phase phase_ = Phase::idle;
+  HomingError error_ = HomingError::none;
+  std::uint8_t leg_ = 0;
+  bool limit_seen_ = false;
+  bool latched_ = false;
+  bool finished_ = false;
+  std::uint32_t cycles_ = 0;
+  std::uint32_t stall_count_ = 0;
+  Counts latch_ = 0;
+};
+
+}  // namespace servodrome::drive

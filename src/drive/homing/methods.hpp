@@ -1,0 +1,149 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+// What a homing method is: a short list of legs. A leg runs in one direction at one speed until something happens.
+// Directions are those of the user (607Eh may turn them round, see HomingConfig::reversed); "ahead" is the limit switch
+// in the direction of travel, "behind" the other one, so that a method and its mirror image differ in direction only.
+namespace servodrome::drive {
+
+enum class Direction : std::int8_t { negative = -1, positive = 1 };
+
+constexpr Direction opposite(Direction direction) {
+  return direction == Direction::negative ? Direction::positive : Direction::negative;
+}
+
+enum class HomingSpeed : std::uint8_t { fast, slow };  // 6099h sub 1, sub 2
+
+enum class Until : std::uint8_t {
+  home_rising,     // the home switch becomes active, by its edge
+  home_falling,    // ... inactive
+  limit_reached,   // the limit switch ahead is active, by level: also when it already was at the start of the leg
+  limit_released,  // the limit switch behind becomes inactive, by its edge
+  index,           // the encoder's index, by its edge
+  stalled,         // torque in the direction of travel over the threshold for the set time
+  retracted,       // the retraction distance is travelled
+};
+
+enum class Then : std::uint8_t {
+  stop,   // ramp to zero, then the next leg
+  keep,   // the next leg at once; if it is slower the axis slows down without stopping
+  hold,   // the position reached is the new demand, without a ramp (the axis is pressed against a stop); next leg
+  latch,  // this is home: the method is done, the axis ramps to zero
+};
+
+inline constexpr std::uint8_t no_leg = 0xFF;
+
+struct Leg {
+  Direction direction = Direction::positive;
+  HomingSpeed speed = HomingSpeed::slow;
+  Until until = Until::index;
+  Then then = Then::latch;
+  std::uint8_t next = no_leg;      // after this leg; not used with Then::latch
+  std::uint8_t on_limit = no_leg;  // limit switch ahead: stop, then this leg. no_leg: an error, unless awaited
+};
+
+inline constexpr std::size_t max_legs = 6;
+
+struct Method {
+  std::int8_t number = 0;         // 6098h
+  std::uint8_t leg_count = 0;     // 0: no motion, the present position is home
+  std::uint8_t start_active = 0;  // first leg if the home switch is active at the start; otherwise it is leg 0
+  bool returns_to_latch = false;  // after the ramp to zero the axis moves back to the latched position
+  std::array<Leg, max_legs> legs{};
+};
+
+// Every leg leads onwards only and each path ends with a latch, so no method runs in circles.
+constexpr bool is_well_formed(const Method& method) {
+  if (method.leg_count > max_legs) return false;
+  if (method.leg_count == 0) return method.start_active == 0 && !method.returns_to_latch;
+  if (method.start_active >= method.leg_count) return false;
+  for (std::size_t i = 0; i < method.leg_count; ++i) {
+    const Leg& leg = method.legs[i];
+    const auto leads_on = [&](std::uint8_t to) { return to > i && to < method.leg_count; };
+    if (leg.then == Then::latch ? leg.next != no_leg : !leads_on(leg.next)) return false;
+    if (leg.on_limit != no_leg && (leg.until == Until::limit_reached || !leads_on(leg.on_limit))) return false;
+    if ((leg.until == Until::stalled) != (leg.then == Then::hold)) return false;
+    if (leg.until == Until::retracted && leg.then != Then::latch) return false;
+    // A latch is taken at an edge; a level has no position.
+    if (leg.until == Until::limit_reached && leg.then == Then::latch) return false;
+    // `keep` goes on without stopping: in the same direction.
+    if (leg.then == Then::keep && method.legs[leg.next].direction != leg.direction) return false;
+  }
+  return true;
+}
+
+// All well formed, each number once.
+constexpr bool are_well_formed(std::span<const Method> methods) {
+  for (std::size_t i = 0; i < methods.size(); ++i) {
+    if (!is_well_formed(methods[i])) return false;
+    for (std::size_t j = i + 1; j < methods.size(); ++j) {
+      if (methods[i].number == methods[j].number) return false;
+    }
+  }
+  return true;
+}
+
+// The method of that number, or nullptr: not supported.
+constexpr const Method* find_method(std::span<const Method> methods, std::int8_t number) {
+  for (const Method& method : methods) {
+    if (method.number == number) return &method;
+  }
+  return nullptr;
+}
+
+// --- How tables are written
+
+// A leg that leads to the following one; `make_method` fills in which that is.
+constexpr Leg leg(Direction direction, HomingSpeed speed, Until until, Then then, std::uint8_t next = no_leg,
+                  std::uint8_t on_limit = no_leg) {
+  return {direction, speed, until, then, next, on_limit};
+}
+
+constexpr Leg with_limit_branch(Leg leg, std::uint8_t on_limit) {
+  leg.on_limit = on_limit;
+  return leg;
+}
+
+template <std::size_t count>
+constexpr Method make_method(std::int8_t number, const Leg (&legs)[count], std::uint8_t start_active = 0,
+                             bool returns_to_latch = false) {
+  static_assert(count <= max_legs);
+  Method method{number, static_cast<std::uint8_t>(count), start_active, returns_to_latch, {}};
+  for (std::size_t i = 0; i < count; ++i) {
+    method.legs[i] = legs[i];
+    if (legs[i].then != Then::latch && legs[i].next == no_leg) {
+      method.legs[i].next = static_cast<std::uint8_t>(i + 1);
+    }
+  }
+  return method;
+}
+
+// A method without motion: the present position is home.
+constexpr Method present_position(std::int8_t number) { return Method{.number = number}; }
+
+// The same method for the other end of the axis.
+constexpr Method mirrored(std::int8_t number, Method method) {
+  method.number = number;
+  for (Leg& leg : method.legs) leg.direction = opposite(leg.direction);
+  return method;
+}
+
+// The same method without its last leg, the one to the index: the edge before it is home.
+constexpr Method without_index(std::int8_t number, Method method) {
+  method.number = number;
+  --method.leg_count;
+  const std::uint8_t removed = method.leg_count;
+  method.legs[removed] = Leg{};
+  for (std::size_t i = 0; i < removed; ++i) {
+    if (method.legs[i].next != removed) continue;
+    method.legs[i].next = no_leg;
+    method.legs[i].then = Then::latch;
+  }
+  return method;
+}
+
+}  // namespace servodrome::drive

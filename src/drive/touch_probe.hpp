@@ -1,0 +1,81 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "drive/io/signals.hpp"
+#include "drive/units.hpp"
+
+// The touch probe function of CiA 402-2 (objects 60B8h to 60BDh, 60D0h, 60D5h to 60D8h): positions captured at edges of
+// the probe inputs or of the encoder's index. Positions are encoder counts; the drive converts them.
+namespace servodrome::drive {
+
+// What a product's probes can do. Bits of 60B8h for something a product does not have are accepted and never latch.
+struct TouchProbeCapability {
+  enum class IndexValue : std::uint8_t {
+    position,   // where the index was
+    deviation,  // successive indexes: their distance less the nearest whole number of revolutions
+  };
+  std::uint8_t probes = 0;     // 0, 1 or 2
+  bool input_rising = false;   // edges of the probe inputs that latch
+  bool input_falling = false;  //
+  bool index_rising = false;   // edges of the index that latch
+  bool index_falling = false;  //
+  bool source_object = false;  // trigger source 10b of 60B8h: 60D0h decides
+  bool source_status = false;  // status bit 6 (14) mirrors the source: 1 = index
+  bool toggle_status = false;  // status bit 6 (14), 7 (15) change with every rising, falling edge in continuous mode
+  IndexValue index_value = IndexValue::position;
+};
+
+// Both probes, all edges and sources.
+inline constexpr TouchProbeCapability full_touch_probe{.probes = 2,
+                                                       .input_rising = true,
+                                                       .input_falling = true,
+                                                       .index_rising = true,
+                                                       .index_falling = true,
+                                                       .source_object = true,
+                                                       .toggle_status = true};
+
+class TouchProbe {
+ public:
+  static constexpr std::size_t slots = 4;  // in the order of 60BAh to 60BDh: probe 1 rising, falling, probe 2 ...
+
+  explicit TouchProbe(const TouchProbeCapability& capability) : capability_(capability) {}
+
+  // 60B8h. Switching a probe on (bit 0, 8) arms both its edges; an edge is armed anew when its enable bit changes to 1.
+  // A change of mode or source of a probe that is on arms it anew, as if switched off and on.
+  void write_function(std::uint16_t function);
+
+  // 60D0h sub `probe` + 1: 1, 2 = probe input 1, 2; 5, 6 = index. Others never latch.
+  void write_source(std::size_t probe, std::int16_t source);
+
+  // Data for IndexValue::deviation. Threshold 0: not supervised.
+  void set_deviation_supervision(Counts counts_per_revolution, Counts threshold);
+
+  // Every captured edge, in the order they happened.
+  void on_edge(const SignalEdge& edge);
+
+  std::uint16_t function() const { return function_; }
+  std::uint16_t status() const { return status_; }                                // 60B9h
+  Counts position(std::size_t slot) const { return positions_[slot]; }            // 60BAh + slot
+  std::uint16_t edge_counter(std::size_t slot) const { return counters_[slot]; }  // 60D5h + slot, since switched on
+
+  // A deviation went beyond the threshold since the probe was switched on.
+  bool deviation_exceeded() const { return deviation_exceeded_; }
+
+ private:
+  TouchProbeCapability capability_;
+  std::uint16_t function_ = 0;
+  std::uint16_t status_ = 0;
+  std::array<Counts, slots> positions_{};
+  std::array<std::uint16_t, slots> counters_{};
+  std::array<std::int16_t, 2> sources_{1, 2};
+  std::array<Counts, 2> last_index_{};
+  std::array<bool, 2> index_known_{};
+  Counts counts_per_revolution_ = 0;
+  Counts threshold_ = 0;
+  bool deviation_exceeded_ = false;
+};
+
+}  // namespace servodrome::drive
