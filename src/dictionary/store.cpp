@@ -1,0 +1,296 @@
+#include "dictionary/store.hpp"
+
+#include <optional>
+
+namespace servodrome::dictionary {
+namespace {
+
+constexpr std::size_t chunk_size = 64;  // bytes moved at a time; on the stack
+using Chunk = std::array<std::byte, chunk_size>;
+
+constexpr auto crc_of_nibble = [] {
+  std::array<std::uint32_t, 16> table{};
+  for (std::uint32_t nibble = 0; nibble < 16; ++nibble) {
+    std::uint32_t crc = nibble;
+    for (int bit = 0; bit < 4; ++bit) crc = (crc & 1) != 0 ? crc >> 1 ^ 0xEDB88320 : crc >> 1;
+    table[nibble] = crc;
+  }
+  return table;
+}();
+
+template <typename T>
+std::span<const std::byte> bytes_of(const T& value) {
+  return std::as_bytes(std::span(&value, 1));
+}
+
+std::uint32_t crc_of_header(const StoreHeader& header) {
+  return crc32(bytes_of(header).first(offsetof(StoreHeader, crc)));
+}
+
+// A valid bank: where it lies and what its header says.
+struct Image {
+  std::uint32_t bank;  // address
+  StoreHeader header;
+};
+
+// What a bank holds. A medium that does not answer is told from one that holds nothing: a bank that cannot be read now
+// may hold the newest values and must not be written over.
+struct Inspection {
+  bool readable = false;
+  std::optional<Image> image;
+};
+
+Inspection inspect(Medium& medium, std::uint32_t bank, std::uint32_t capacity) {
+  StoreHeader header;
+  if (!medium.read(bank, std::as_writable_bytes(std::span(&header, 1)))) return {};
+  const std::uint32_t room = capacity - static_cast<std::uint32_t>(sizeof header);
+  if (header.mark != StoreHeader::valid_mark || header.version != StoreHeader::current_version ||
+      header.payload_length > room) {
+    return {.readable = true, .image = {}};
+  }
+  std::uint32_t crc = crc_of_header(header);
+  Chunk chunk;
+  for (std::uint32_t done = 0; done < header.payload_length;) {
+    const auto part = std::span(chunk).first(std::min<std::size_t>(chunk_size, header.payload_length - done));
+    if (!medium.read(bank + static_cast<std::uint32_t>(sizeof header) + done, part)) return {};
+    crc = crc32(part, crc);
+    done += static_cast<std::uint32_t>(part.size());
+  }
+  if (crc != header.crc) return {.readable = true, .image = {}};
+  return {.readable = true, .image = Image{bank, header}};
+}
+
+struct Banks {
+  std::uint32_t capacity;
+  bool readable;  // both
+  std::optional<Image> newest;
+};
+
+// Serial number arithmetic, so that the order survives the wrap of the sequence number.
+bool is_newer(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_t>(a - b) > 0; }
+
+Banks inspect(Medium& medium) {
+  const std::uint32_t capacity = medium.size() / 2;
+  if (capacity < sizeof(StoreHeader)) return {capacity, false, {}};
+  const Inspection first = inspect(medium, 0, capacity);
+  const Inspection second = inspect(medium, capacity, capacity);
+  const bool second_is_newer =
+      second.image && (!first.image || is_newer(second.image->header.sequence, first.image->header.sequence));
+  return {capacity, first.readable && second.readable, second_is_newer ? second.image : first.image};
+}
+
+struct Record {
+  std::uint16_t index;
+  std::uint8_t sub;
+  std::uint16_t size;
+  std::uint32_t address;  // of the value in the medium
+};
+
+// Walks the records of an image.
+class RecordReader {
+ public:
+  RecordReader(Medium& medium, const Image& image)
+      : medium_(medium),
+        position_(image.bank + static_cast<std::uint32_t>(sizeof(StoreHeader))),
+        end_(position_ + image.header.payload_length) {}
+
+  bool next(Record& record) {
+    std::array<std::byte, Store::record_overhead> head;
+    if (end_ - position_ < head.size()) return false;
+    if (!medium_.read(position_, head)) {
+      failed_ = true;
+      return false;
+    }
+    std::memcpy(&record.index, head.data(), 2);
+    std::memcpy(&record.sub, head.data() + 2, 1);
+    std::memcpy(&record.size, head.data() + 3, 2);
+    record.address = position_ + static_cast<std::uint32_t>(head.size());
+    if (end_ - record.address < record.size) return false;
+    position_ = record.address + record.size;
+    return true;
+  }
+
+  bool failed() const { return failed_; }
+
+ private:
+  Medium& medium_;
+  std::uint32_t position_;
+  std::uint32_t end_;
+  bool failed_ = false;
+};
+
+// Collects records in chunks. Without a medium it only counts.
+class RecordWriter {
+ public:
+  RecordWriter(Medium* medium, std::uint32_t address, std::uint32_t room, std::uint32_t crc)
+      : medium_(medium), address_(address), room_(room), crc_(crc) {}
+
+  void begin(std::uint16_t index, std::uint8_t sub, std::uint16_t size) {
+    put(bytes_of(index));
+    put(bytes_of(sub));
+    put(bytes_of(size));
+  }
+
+  void put(std::span<const std::byte> bytes) {
+    if (bytes.size() > room_ - length_) failed_ = true;
+    if (failed_) return;
+    length_ += static_cast<std::uint32_t>(bytes.size());
+    if (medium_ == nullptr) return;
+    crc_ = crc32(bytes, crc_);
+    while (!bytes.empty()) {
+      const std::size_t part = std::min(bytes.size(), chunk_size - filled_);
+      std::copy_n(bytes.begin(), part, chunk_.begin() + static_cast<std::ptrdiff_t>(filled_));
+      filled_ += part;
+      bytes = bytes.subspan(part);
+      if (filled_ == chunk_size) drain();
+    }
+  }
+
+  void fail() { failed_ = true; }
+
+  // True when everything was accepted.
+  bool finish() {
+    if (filled_ > 0) drain();
+    return !failed_;
+  }
+
+  std::uint32_t length() const { return length_; }
+  std::uint32_t crc() const { return crc_; }
+
+ private:
+  void drain() {
+    if (!medium_->write(address_, std::span(chunk_).first(filled_))) failed_ = true;
+    address_ += static_cast<std::uint32_t>(filled_);
+    filled_ = 0;
+  }
+
+  Medium* medium_;
+  std::uint32_t address_;
+  std::uint32_t room_;
+  std::uint32_t crc_;
+  std::uint32_t length_ = 0;
+  Chunk chunk_{};
+  std::size_t filled_ = 0;
+  bool failed_ = false;
+};
+
+void copy_area(RecordWriter& writer, Medium& medium, const Image& image, Area area) {
+  RecordReader reader(medium, image);
+  for (Record record; reader.next(record);) {
+    if (area_of(record.index) != area) continue;
+    writer.begin(record.index, record.sub, record.size);
+    Chunk chunk;
+    for (std::uint32_t done = 0; done < record.size;) {
+      const auto part = std::span(chunk).first(std::min<std::size_t>(chunk_size, record.size - done));
+      if (!medium.read(record.address + done, part)) return writer.fail();
+      writer.put(part);
+      done += static_cast<std::uint32_t>(part.size());
+    }
+  }
+  if (reader.failed()) writer.fail();
+}
+
+// The present bytes of an entry with storage.
+std::span<const std::byte> present_value(const Dictionary& dictionary, const Entry& entry) {
+  if (Listener* owner = dictionary.listener(entry)) owner->refresh(entry);
+  const std::byte* place = dictionary.storage(entry);
+  if (entry.fixed_size()) return {place, size_of(entry.type)};
+  std::uint32_t length = 0;
+  std::memcpy(&length, place, sizeof length);
+  return {place + sizeof length, std::min(length, entry.capacity)};
+}
+
+void put_area(RecordWriter& writer, const Dictionary& dictionary, Area area) {
+  for (const Entry& entry : dictionary.table()) {
+    if (!entry.saved || entry.offset == Field::no_storage || area_of(entry.index) != area) continue;
+    const auto value = present_value(dictionary, entry);
+    if (value.size() > Store::largest_value) return writer.fail();
+    writer.begin(entry.index, entry.sub, static_cast<std::uint16_t>(value.size()));
+    writer.put(value);
+  }
+}
+
+// All records of the new image: the areas follow each other as their indices do, so the order of the keys comes by
+// itself.
+void put_records(RecordWriter& writer, Medium& medium, const Dictionary* source, Area areas,
+                 const std::optional<Image>& old) {
+  for (const Area area : {Area::communication, Area::manufacturer, Area::profile}) {
+    if (!contains(areas, area)) {
+      if (old) copy_area(writer, medium, *old, area);
+    } else if (source != nullptr) {
+      put_area(writer, *source, area);
+    }
+  }
+}
+
+// Puts a saved value where it belongs, if it still fits.
+bool load_record(Medium& medium, const Dictionary& dictionary, const Record& record) {
+  const Entry* entry = dictionary.find(record.index, record.sub);
+  if (entry == nullptr || !entry->saved || entry->offset == Field::no_storage) return true;
+  std::byte* place = dictionary.storage(*entry);
+  if (entry->fixed_size()) {
+    if (record.size != size_of(entry->type)) return true;
+    std::array<std::byte, 8> number;
+    const auto value = std::span(number).first(record.size);
+    if (!medium.read(record.address, value)) return false;
+    if (dictionary.check_range(*entry, value) == AbortCode::none) std::copy(value.begin(), value.end(), place);
+    return true;
+  }
+  if (record.size > entry->capacity) return true;
+  const std::uint32_t length = record.size;
+  std::memcpy(place, &length, sizeof length);
+  return medium.read(record.address, {place + sizeof length, record.size});
+}
+
+}  // namespace
+
+std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t crc) {
+  crc = ~crc;
+  for (const std::byte byte : bytes) {
+    crc ^= static_cast<std::uint32_t>(byte);
+    crc = crc >> 4 ^ crc_of_nibble[crc & 15];
+    crc = crc >> 4 ^ crc_of_nibble[crc & 15];
+  }
+  return ~crc;
+}
+
+AbortCode Store::rewrite(const Dictionary* source, Area areas) {
+  const Banks banks = inspect(medium_);
+  if (!banks.readable) return AbortCode::hardware_error;
+  if (source == nullptr && !banks.newest) return AbortCode::none;  // nothing saved, nothing to forget
+
+  const std::uint32_t room = banks.capacity - static_cast<std::uint32_t>(sizeof(StoreHeader));
+  RecordWriter counter(nullptr, 0, room, 0);
+  put_records(counter, medium_, source, areas, banks.newest);
+  if (!counter.finish()) return AbortCode::hardware_error;
+
+  const std::uint32_t bank = banks.newest && banks.newest->bank == 0 ? banks.capacity : 0;
+  StoreHeader header{};
+  if (!medium_.write(bank, bytes_of(header)) || !medium_.flush()) return AbortCode::hardware_error;
+
+  header.version = StoreHeader::current_version;
+  header.sequence = banks.newest ? banks.newest->header.sequence + 1 : 1;
+  header.payload_length = counter.length();
+  RecordWriter writer(&medium_, bank + static_cast<std::uint32_t>(sizeof header), room, crc_of_header(header));
+  put_records(writer, medium_, source, areas, banks.newest);
+  if (!writer.finish() || writer.length() != header.payload_length || !medium_.flush()) {
+    return AbortCode::hardware_error;
+  }
+
+  header.crc = writer.crc();
+  header.mark = StoreHeader::valid_mark;
+  if (!medium_.write(bank, bytes_of(header)) || !medium_.flush()) return AbortCode::hardware_error;
+  return inspect(medium_, bank, banks.capacity).image ? AbortCode::none : AbortCode::hardware_error;
+}
+
+bool Store::load(Dictionary& dictionary, Area areas) const {
+  const Banks banks = inspect(medium_);
+  if (!banks.newest) return false;
+  RecordReader reader(medium_, *banks.newest);
+  for (Record record; reader.next(record);) {
+    if (contains(areas, area_of(record.index)) && !load_record(medium_, dictionary, record)) return false;
+  }
+  return !reader.failed();
+}
+
+}  // namespace servodrome::dictionary
