@@ -1,0 +1,88 @@
+#include "links/file_medium.hpp"
+
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <filesystem>
+#include <fmt/format.h>
+#include <stdexcept>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <utility>
+
+namespace servodrome::links {
+namespace {
+
+[[noreturn]] void fail(const std::string& path, const std::string& why) {
+  throw std::runtime_error(fmt::format("parameter file {}: {}", path, why));
+}
+
+std::string last_error() { return std::strerror(errno); }
+
+// Closes what the constructor opened unless it got to its end.
+struct OpenFile {
+  int number;
+  ~OpenFile() {
+    if (number >= 0) ::close(number);
+  }
+  int release() { return std::exchange(number, -1); }
+};
+
+// Makes the name of a new file as durable as its content.
+void sync_folder(const std::string& path) {
+  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+  const OpenFile file{::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+  if (file.number < 0 || ::fsync(file.number) != 0) fail(path, "cannot sync its folder: " + last_error());
+}
+
+}  // namespace
+
+FileMedium::FileMedium(const std::string& path, std::uint32_t size) : file_(-1), size_(size) {
+  OpenFile file{::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, S_IRUSR | S_IWUSR)};
+  if (file.number < 0) fail(path, "cannot open: " + last_error());
+  struct stat status {};
+  if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_error());
+  if (!S_ISREG(status.st_mode)) fail(path, "is not a regular file");
+  if (::flock(file.number, LOCK_EX | LOCK_NB) != 0) {
+    fail(path, errno == EWOULDBLOCK ? "is in use by another drive or process" : "cannot lock: " + last_error());
+  }
+  if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_error());
+  if (status.st_size == 0) {
+    if (::ftruncate(file.number, static_cast<off_t>(size)) != 0) fail(path, "cannot grow: " + last_error());
+    if (::fsync(file.number) != 0) fail(path, "cannot sync: " + last_error());
+    sync_folder(path);
+  } else if (status.st_size != static_cast<off_t>(size)) {
+    fail(path, fmt::format("has {} bytes where this device's memory has {}; move it away to start with factory values",
+                           status.st_size, size));
+  }
+  file_ = file.release();
+}
+
+FileMedium::~FileMedium() { ::close(file_); }
+
+bool FileMedium::read(std::uint32_t address, std::span<std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count = ::pread(file_, bytes.data(), bytes.size(), static_cast<off_t>(address));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return false;  // 0: somebody shortened the file
+    address += static_cast<std::uint32_t>(count);
+    bytes = bytes.subspan(static_cast<std::size_t>(count));
+  }
+  return true;
+}
+
+bool FileMedium::write(std::uint32_t address, std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count = ::pwrite(file_, bytes.data(), bytes.size(), static_cast<off_t>(address));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return false;
+    address += static_cast<std::uint32_t>(count);
+    bytes = bytes.subspan(static_cast<std::size_t>(count));
+  }
+  return true;
+}
+
+bool FileMedium::flush() { return ::fdatasync(file_) == 0; }
+
+}  // namespace servodrome::links
