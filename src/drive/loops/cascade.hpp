@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cstddef>
+#include <array>
 #include <cstdint>
 
 #include "drive/hardware.hpp"
@@ -51,13 +51,13 @@ struct CascadeState {
 // axis standing on an edge does not seem to move.
 class Cascade {
  public:
-  // Takes the data over and keeps the loops' state: gains may change while the axis moves. A change of `rates`
-  // restarts the cycle. `motor` and `gains` must be positive where they divide (resistance, inductances, torque
-  // constant, rated torque, counts per revolution 1 .. 2^24).
+  // Takes the data over and keeps the loops' state: gains may change while the axis moves. `motor` and `gains` must be
+  // positive where they divide (resistance, inductances, torque constant, rated torque, current bandwidth, counts per
+  // revolution 1 .. 2^24).
   void configure(const MotorData& motor, const Gains& gains, Rates rates);
 
-  // Clears all controllers; the measured velocity carries on if tick() was called before, so that a turning axis may be
-  // enabled. The cycle restarts: the next tick runs all three loops.
+  // Clears the controllers and the demand (Loop::off until set_demand). The measured velocity and the cycle carry on if
+  // tick() was called before, so that a turning axis may be enabled.
   void enable(const Feedback& feedback);
   void disable();
   bool enabled() const { return enabled_; }
@@ -73,6 +73,68 @@ class Cascade {
   void tick(const Feedback& feedback, Actuation& actuation);
 
   const CascadeState& state() const { return state_; }
+
+ private:
+  void clear_controllers();
+  void measure_velocity(Counts position);
+  void run_position_loop(Counts position);
+  void run_velocity_loop();
+  float velocity_controller();
+  float torque_controller();
+  void run_current_loop(const Feedback& feedback, SinCos angle, Actuation& actuation);
+
+  // One axis of the current loop: a discrete PI whose zero lies on the winding's pole.
+  struct CurrentController {
+    float kp = 0.0F;                // V/A
+    float ki = 0.0F;                // V/A per tick
+    float back_calculation = 0.0F;  // ki / kp
+    float inductance_h = 0.0F;
+    float integral_v = 0.0F;
+  };
+
+  // Running state
+  std::uint32_t tick_ = 0;
+  bool enabled_ = false;
+  bool measuring_ = false;  // edge_position_ is valid
+  bool notches_on_ = false;
+  Counts edge_position_ = 0;  // the edge of a count last crossed
+  LowPass velocity_filter_;
+  LowPass torque_filter_;
+  float position_velocity_ = 0.0F;  // counts/s: velocity reference out of the position loop
+  float integral_ = 0.0F;           // of the velocity loop, fraction of rated torque
+  float feed_forward_ = 0.0F;       // torque, fraction of rated
+  float current_reference_a_ = 0.0F;
+  float electrical_rad_per_s_ = 0.0F;
+  SinCos half_tick_{0.0F, 1.0F};  // what the rotor turns by in half a tick
+  CurrentController direct_;
+  CurrentController quadrature_;
+  CascadeState state_;
+  LoopDemand demand_;
+  Counts last_demand_position_ = 0;
+  float last_demand_fraction_ = 0.0F;
+
+  // Derived from motor data, gains and rates
+  std::uint32_t velocity_mask_ = 1;
+  std::uint32_t position_mask_ = 7;
+  std::uint64_t phase_scale_ = 0;        // electrical turns per count, in 2^-48
+  std::uint32_t commutation_phase_ = 0;  // 2^-32 turns
+  float flux_linkage_vs_ = 0.0F;
+  float torque_per_ampere_ = 0.0F;  // fraction of rated per A
+  float ampere_per_torque_ = 0.0F;
+  float peak_torque_ = 0.0F;                // fraction of rated at the peak current
+  float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
+  float electrical_rad_per_count_ = 0.0F;
+  float half_tick_turns_ = 0.0F;  // electrical turns in half a tick per counts/s
+  float velocity_kp_ = 0.0F;      // fraction of rated torque per counts/s
+  float velocity_ki_ = 0.0F;      // likewise, per velocity period
+  float setpoint_weight_ = 1.0F;
+  float inertia_torque_ = 0.0F;  // fraction of rated torque per counts/s^2, times its share
+  float limiter_decay_ = 0.0F;   // of the speed limiter's integral, per velocity period
+  float position_kp_ = 0.0F;
+  float velocity_feed_forward_ = 1.0F;
+  float rest_window_counts_ = 1.0F;
+
+  std::array<Biquad, 2> notches_{};  // applied only with notches_on_
 };
 
 }  // namespace servodrome::drive

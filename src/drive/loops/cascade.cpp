@@ -1,0 +1,282 @@
+#include "drive/loops/cascade.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace servodrome::drive {
+namespace {
+
+constexpr float pi = 3.14159265358979F;
+constexpr float tick_s = static_cast<float>(tick_seconds);
+
+// Below this share of one count per period the filtered velocity of a standing encoder is called 0.
+constexpr float standstill_share = 1.0e-3F;
+
+// As far as the position loop looks; beyond, it saturates.
+constexpr Counts largest_position_error = Counts{1} << 30;
+
+float clip(float value, float low, float high) { return std::min(std::max(value, low), high); }
+
+}  // namespace
+
+void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates) {
+  const auto counts = static_cast<float>(motor.counts_per_revolution);
+  const auto pole_pairs = static_cast<float>(motor.pole_pairs);
+  const float velocity_period_s = static_cast<float>(rates.velocity_loop_ticks) * tick_s;
+  velocity_mask_ = rates.velocity_loop_ticks - 1U;
+  position_mask_ = rates.position_loop_ticks - 1U;
+  velocity_periods_per_s_ = 1.0F / velocity_period_s;
+
+  phase_scale_ = (std::uint64_t{motor.pole_pairs} << 48) / motor.counts_per_revolution;
+  const float offset = motor.commutation_offset_turns - std::floor(motor.commutation_offset_turns);
+  commutation_phase_ = static_cast<std::uint32_t>(static_cast<std::int64_t>(offset * 4294967296.0F));
+  flux_linkage_vs_ = motor.torque_constant_nm_per_a / (1.5F * pole_pairs);
+  electrical_rad_per_count_ = 2.0F * pi * pole_pairs / counts;
+  half_tick_turns_ = 0.5F * tick_s * pole_pairs / counts;
+
+  // The winding, v held for a tick: i' = a i + (1 - a) v / R, a = exp(-R T / L). With the zero of the PI on a, the
+  // closed loop is i' = p i + (1 - p) reference, p = exp(-bandwidth T): a first order without overshoot.
+  const float pole = std::exp(-2.0F * pi * gains.current_bandwidth_hz * tick_s);
+  const auto place = [&](CurrentController& controller, float inductance_h) {
+    controller.back_calculation = -std::expm1(-motor.resistance_ohm * tick_s / inductance_h);
+    controller.kp = (1.0F - pole) * motor.resistance_ohm / controller.back_calculation;
+    controller.ki = controller.kp * controller.back_calculation;
+    controller.inductance_h = inductance_h;
+  };
+  place(direct_, motor.inductance_d_h);
+  place(quadrature_, motor.inductance_q_h);
+
+  torque_per_ampere_ = motor.torque_constant_nm_per_a / motor.rated_torque_nm;
+  ampere_per_torque_ = 1.0F / torque_per_ampere_;
+  peak_torque_ = motor.peak_current_a * torque_per_ampere_;
+  const float rad_per_count = 2.0F * pi / counts;
+  velocity_kp_ = gains.velocity_kp * torque_per_ampere_ * rad_per_count;
+  velocity_ki_ = gains.velocity_ki * torque_per_ampere_ * rad_per_count * velocity_period_s;
+  setpoint_weight_ = gains.velocity_setpoint_weight;
+  inertia_torque_ = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * gains.acceleration_feed_forward;
+  limiter_decay_ =
+      gains.velocity_kp > 0.0F ? std::min(gains.velocity_ki / gains.velocity_kp * velocity_period_s, 1.0F) : 1.0F;
+  position_kp_ = gains.position_kp;
+  velocity_feed_forward_ = gains.velocity_feed_forward;
+  rest_window_counts_ = gains.rest_window_counts;
+  velocity_filter_.gain = low_pass_gain(gains.velocity_filter_hz, velocity_period_s);
+  torque_filter_.gain = low_pass_gain(gains.torque_filter_hz, velocity_period_s);
+
+  notches_on_ = false;
+  for (std::size_t i = 0; i < notches_.size(); ++i) {
+    const Notch& notch = gains.notches[i];
+    if (notch.frequency_hz > 0.0F) {
+      notches_[i] = make_notch(notch.frequency_hz, notch.width_hz, notch.depth, velocity_period_s, notches_[i]);
+      notches_on_ = true;
+    } else {
+      notches_[i] = {};
+    }
+  }
+}
+
+void Cascade::enable(const Feedback& feedback) {
+  clear_controllers();
+  demand_ = {};
+  if (!measuring_) {
+    edge_position_ = feedback.position_counts;
+    measuring_ = true;
+  }
+  enabled_ = true;
+}
+
+void Cascade::disable() {
+  clear_controllers();
+  demand_ = {};
+  enabled_ = false;
+}
+
+void Cascade::clear_controllers() {
+  position_velocity_ = 0.0F;
+  integral_ = 0.0F;
+  feed_forward_ = 0.0F;
+  current_reference_a_ = 0.0F;
+  direct_.integral_v = 0.0F;
+  quadrature_.integral_v = 0.0F;
+  torque_filter_.value = 0.0F;
+  for (Biquad& notch : notches_) notch.settle(0.0F);
+  state_.velocity_reference_counts_per_s = 0.0F;
+  state_.torque_reference = 0.0F;
+  state_.following_error_counts = 0;
+  state_.torque_limited = false;
+  state_.velocity_limited = false;
+  state_.voltage_limited = false;
+}
+
+void Cascade::set_demand(const LoopDemand& demand) {
+  const Loop previous = demand_.loop;
+  demand_ = demand;
+  demand_.torque_limit_positive = std::min(demand.torque_limit_positive, peak_torque_);
+  demand_.torque_limit_negative = std::min(demand.torque_limit_negative, peak_torque_);
+  const float feed_forward = demand.torque + demand.acceleration * inertia_torque_;
+  feed_forward_ = feed_forward;
+  if (demand.loop == previous) return;
+  // The torque goes on where it is: the velocity controller's integral takes over what the torque loop gave, while the
+  // torque loop's speed limiter starts from nothing.
+  if (demand.loop == Loop::off || previous == Loop::off) clear_controllers();
+  feed_forward_ = feed_forward;
+  if (demand.loop == Loop::torque) {
+    integral_ = 0.0F;
+  } else if (previous == Loop::torque) {
+    integral_ = state_.torque_reference - feed_forward;
+  }
+  if (demand.loop != Loop::position) state_.following_error_counts = 0;
+  last_demand_position_ = demand.position;
+  last_demand_fraction_ = demand.position_fraction;
+}
+
+void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
+  const std::uint32_t tick = tick_++;
+  const bool active = enabled_ && demand_.loop != Loop::off;
+  if ((tick & velocity_mask_) == 0) {
+    measure_velocity(feedback.position_counts);
+    if (active) {
+      if (demand_.loop == Loop::position && (tick & position_mask_) == 0) run_position_loop(feedback.position_counts);
+      run_velocity_loop();
+    }
+  }
+
+  const auto phase =
+      static_cast<std::uint32_t>((feedback.single_turn_counts * phase_scale_) >> 16) + commutation_phase_;
+  const SinCos angle = sin_cos_turns(static_cast<float>(phase >> 8) * (1.0F / 16777216.0F));
+  const DirectQuadrature current = to_rotor_frame(feedback.phase_current_a, angle);
+  state_.current_d_a = current.d;
+  state_.current_q_a = current.q;
+  state_.torque = current.q * torque_per_ampere_;
+  if (active) {
+    run_current_loop(feedback, angle, actuation);
+  } else {
+    actuation.phase_voltage_v = {};
+  }
+}
+
+// The encoder tells the shaft's place within one count. The edge crossed last is where it was exactly, so differences
+// of edges give the velocity without the count of play that a change of direction, or standing on an edge, would add.
+void Cascade::measure_velocity(Counts position) {
+  if (!measuring_) {
+    edge_position_ = position;
+    measuring_ = true;
+  }
+  const Counts edge = std::clamp(edge_position_, position, position + 1);
+  const auto moved = static_cast<std::int32_t>(edge - edge_position_);
+  edge_position_ = edge;
+  float velocity = velocity_filter_.apply(static_cast<float>(moved) * velocity_periods_per_s_);
+  if (moved == 0 && std::fabs(velocity) < standstill_share * velocity_periods_per_s_) {
+    velocity = 0.0F;
+    velocity_filter_.value = 0.0F;
+  }
+  state_.velocity_counts_per_s = velocity;
+  electrical_rad_per_s_ = velocity * electrical_rad_per_count_;
+  const float turns = clip(velocity * half_tick_turns_, -0.25F, 0.25F);
+  half_tick_ = sin_cos_turns(turns < 0.0F ? turns + 1.0F : turns);
+}
+
+void Cascade::run_position_loop(Counts position) {
+  const Counts error_counts = demand_.position - position;
+  state_.following_error_counts = error_counts;
+  float error = static_cast<float>(static_cast<std::int32_t>(
+                    std::clamp(error_counts, -largest_position_error, largest_position_error))) +
+                demand_.position_fraction;
+  const bool standing = demand_.velocity == 0.0F && demand_.position == last_demand_position_ &&
+                        demand_.position_fraction == last_demand_fraction_;
+  last_demand_position_ = demand_.position;
+  last_demand_fraction_ = demand_.position_fraction;
+  if (standing && std::fabs(error) <= rest_window_counts_) error = 0.0F;
+  position_velocity_ = position_kp_ * error + velocity_feed_forward_ * demand_.velocity;
+}
+
+void Cascade::run_velocity_loop() {
+  float torque = demand_.loop == Loop::torque ? torque_controller() : velocity_controller();
+  if (notches_on_) {
+    for (Biquad& notch : notches_) torque = notch.apply(torque);
+    torque = clip(torque, -demand_.torque_limit_negative, demand_.torque_limit_positive);
+  }
+  torque = torque_filter_.apply(torque);
+  state_.torque_reference = torque;
+  current_reference_a_ = torque * ampere_per_torque_;
+}
+
+// PI. The integral waits while the error would only drive the torque further into its limit, or the current into a
+// voltage that is not there.
+float Cascade::velocity_controller() {
+  const float wanted = demand_.loop == Loop::position ? position_velocity_ : demand_.velocity;
+  const float reference = clip(wanted, -demand_.velocity_limit_negative, demand_.velocity_limit_positive);
+  state_.velocity_reference_counts_per_s = reference;
+  state_.velocity_limited = reference != wanted;
+
+  const float low = -demand_.torque_limit_negative;
+  const float high = demand_.torque_limit_positive;
+  const float measured = state_.velocity_counts_per_s;
+  const float error = reference - measured;
+  const float sum = velocity_kp_ * (setpoint_weight_ * reference - measured) + integral_ + feed_forward_;
+  const float torque = clip(sum, low, high);
+  state_.torque_limited = torque != sum;
+  const bool winding_up = state_.torque_limited ? (sum > torque) == (error > 0.0F)
+                                                : state_.voltage_limited && (error > 0.0F) == (torque > 0.0F);
+  if (!winding_up) integral_ += velocity_ki_ * error;
+  // A limit that is lowered takes the integral along, but leaves it room to make up for a wrong feed-forward.
+  integral_ = clip(integral_, low - std::max(feed_forward_, 0.0F), high + std::max(-feed_forward_, 0.0F));
+  return torque;
+}
+
+// The demanded torque, between two velocity controllers that hold the axis at its speed limits: each takes torque back
+// in proportion as its limit comes near. They share one integral, which finds the load at the limit and fades
+// otherwise.
+float Cascade::torque_controller() {
+  const float low = -demand_.torque_limit_negative;
+  const float high = demand_.torque_limit_positive;
+  const float wanted = clip(demand_.torque, low, high);
+  state_.torque_limited = wanted != demand_.torque;
+
+  const float room_above = demand_.velocity_limit_positive - state_.velocity_counts_per_s;
+  const float room_below = -demand_.velocity_limit_negative - state_.velocity_counts_per_s;
+  const float most = velocity_kp_ * room_above + integral_;
+  const float least = velocity_kp_ * room_below + integral_;
+  const float torque = clip(clip(wanted, least, most), low, high);
+  state_.velocity_limited = wanted < least || wanted > most;
+  if (wanted > most) {
+    state_.velocity_reference_counts_per_s = demand_.velocity_limit_positive;
+    integral_ += velocity_ki_ * room_above;
+  } else if (wanted < least) {
+    state_.velocity_reference_counts_per_s = -demand_.velocity_limit_negative;
+    integral_ += velocity_ki_ * room_below;
+  } else {
+    state_.velocity_reference_counts_per_s = state_.velocity_counts_per_s;
+    integral_ -= limiter_decay_ * integral_;
+  }
+  integral_ = clip(integral_, low, high);
+  return torque;
+}
+
+void Cascade::run_current_loop(const Feedback& feedback, SinCos angle, Actuation& actuation) {
+  const DirectQuadrature current{state_.current_d_a, state_.current_q_a};
+  const float error_d = -current.d;
+  const float error_q = current_reference_a_ - current.q;
+  const float speed = electrical_rad_per_s_;
+  const float wanted_d = direct_.kp * error_d + direct_.integral_v - speed * quadrature_.inductance_h * current.q;
+  const float wanted_q =
+      quadrature_.kp * error_q + quadrature_.integral_v + speed * (direct_.inductance_h * current.d + flux_linkage_vs_);
+
+  // A sinusoidal phase voltage of up to 1/sqrt(3) of the DC link; d first, which keeps the field where it belongs.
+  const float available = feedback.dc_link_v * one_over_sqrt3;
+  DirectQuadrature voltage{wanted_d, wanted_q};
+  state_.voltage_limited = wanted_d * wanted_d + wanted_q * wanted_q > available * available;
+  if (state_.voltage_limited) {
+    voltage.d = clip(wanted_d, -available, available);
+    const float rest = std::sqrt(available * available - voltage.d * voltage.d);
+    voltage.q = clip(wanted_q, -rest, rest);
+  }
+  direct_.integral_v += direct_.ki * error_d + direct_.back_calculation * (voltage.d - wanted_d);
+  quadrature_.integral_v += quadrature_.ki * error_q + quadrature_.back_calculation * (voltage.q - wanted_q);
+
+  // The voltage acts until the next sample: turn it to where the rotor is half-way there.
+  const SinCos ahead{angle.sine * half_tick_.cosine + angle.cosine * half_tick_.sine,
+                     angle.cosine * half_tick_.cosine - angle.sine * half_tick_.sine};
+  actuation.phase_voltage_v = to_phases(voltage, ahead);
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,57 @@
+#include "drive/loops/gains.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drive/hardware.hpp"
+
+namespace servodrome::drive {
+namespace {
+
+constexpr float pi = 3.14159265358979F;
+constexpr float degree = pi / 180.0F;
+constexpr float tick_s = static_cast<float>(tick_seconds);
+
+// Corners of the filters, in multiples of the crossover: far enough to cost little phase.
+constexpr float velocity_filter_ratio = 12.0F;
+constexpr float torque_filter_ratio = 16.0F;
+// Of the 90 degrees that a double integrator with a velocity loop leaves.
+constexpr float phase_margin = 55.0F * degree;
+constexpr float least_integral_lag = 10.0F * degree;
+constexpr float most_integral_lag = 14.0F * degree;
+// What one count may make of torque through velocity_kp, as a fraction of rated.
+constexpr float torque_per_count = 0.1F;
+
+}  // namespace
+
+Gains default_gains(const MotorData& motor, Rates rates, const Bandwidths& bandwidths) {
+  const float velocity_period_s = static_cast<float>(rates.velocity_loop_ticks) * tick_s;
+  const float count_rad = 2.0F * pi / static_cast<float>(motor.counts_per_revolution);
+
+  // Half a velocity period each for the difference and the hold; the current loop's first order as its delay.
+  const float current_pole = std::exp(-2.0F * pi * bandwidths.current_hz * tick_s);
+  const float delay_s = velocity_period_s + tick_s * (1.0F / (1.0F - current_pole) - 0.5F);
+  const float filter_lag = std::atan(1.0F / velocity_filter_ratio) + std::atan(1.0F / torque_filter_ratio);
+  const float lag_available = pi / 2.0F - phase_margin - filter_lag;
+
+  const float by_delay = (lag_available - least_integral_lag) / delay_s;
+  const float by_encoder =
+      std::sqrt(torque_per_count * motor.rated_torque_nm / (velocity_filter_ratio * motor.inertia_kgm2 * count_rad));
+  const float crossover = std::min({2.0F * pi * bandwidths.velocity_hz, by_delay, by_encoder});
+  const float integral_ratio = std::tan(std::min(lag_available - crossover * delay_s, most_integral_lag));
+
+  // The magnitude at the crossover is that of the integrator 1 / (J s) times PI and filters.
+  const auto square = [](float x) { return x * x; };
+  const float filters = std::sqrt((1.0F + square(1.0F / velocity_filter_ratio)) *
+                                  (1.0F + square(1.0F / torque_filter_ratio)) / (1.0F + square(integral_ratio)));
+  Gains gains;
+  gains.current_bandwidth_hz = bandwidths.current_hz;
+  gains.velocity_kp = crossover * motor.inertia_kgm2 / motor.torque_constant_nm_per_a * filters;
+  gains.velocity_ki = gains.velocity_kp * crossover * integral_ratio;
+  gains.position_kp = std::min(bandwidths.position_kp, crossover / 5.0F);
+  gains.velocity_filter_hz = velocity_filter_ratio * crossover / (2.0F * pi);
+  gains.torque_filter_hz = torque_filter_ratio * crossover / (2.0F * pi);
+  return gains;
+}
+
+}  // namespace servodrome::drive
