@@ -50,29 +50,41 @@ class TouchProbe {
   // 60D0h sub `probe` + 1: 1, 2 = probe input 1, 2; 5, 6 = index. Others never latch.
   void write_source(std::size_t probe, std::int16_t source);
 
-  // Data for IndexValue::deviation. Threshold 0: not supervised.
+  // Data for IndexValue::deviation, in counts, both >= 0. Without a revolution nothing latches; threshold 0: not
+  // supervised.
   void set_deviation_supervision(Counts counts_per_revolution, Counts threshold);
 
   // Every captured edge, in the order they happened.
   void on_edge(const SignalEdge& edge);
 
   std::uint16_t function() const { return function_; }
-  std::uint16_t status() const { return status_; }                                // 60B9h
-  Counts position(std::size_t slot) const { return positions_[slot]; }            // 60BAh + slot
-  std::uint16_t edge_counter(std::size_t slot) const { return counters_[slot]; }  // 60D5h + slot, since switched on
+  std::uint16_t status() const;                                                              // 60B9h
+  Counts position(std::size_t slot) const { return probes_[slot / 2].positions[slot % 2]; }  // 60BAh + slot
+  std::uint16_t edge_counter(std::size_t slot) const {
+    return probes_[slot / 2].counters[slot % 2];
+  }  // 60D5h + slot, since switched on
 
   // A deviation went beyond the threshold since the probe was switched on.
   bool deviation_exceeded() const { return deviation_exceeded_; }
 
  private:
+  struct Probe {
+    std::uint8_t function = 0;  // its byte of 60B8h
+    std::uint8_t status = 0;    // its byte of 60B9h, without the mirrored source
+    std::int16_t source = 0;    // 60D0h
+    std::array<Counts, 2> positions{};
+    std::array<std::uint16_t, 2> counters{};
+    bool index_known = false;
+    Counts last_index = 0;
+  };
+
+  Signal source_of(std::size_t probe) const;
+  void arm(Probe& probe);
+  void capture(Probe& probe, const SignalEdge& edge);
+
   TouchProbeCapability capability_;
   std::uint16_t function_ = 0;
-  std::uint16_t status_ = 0;
-  std::array<Counts, slots> positions_{};
-  std::array<std::uint16_t, slots> counters_{};
-  std::array<std::int16_t, 2> sources_{1, 2};
-  std::array<Counts, 2> last_index_{};
-  std::array<bool, 2> index_known_{};
+  std::array<Probe, 2> probes_{{{.source = 1}, {.source = 2}}};
   Counts counts_per_revolution_ = 0;
   Counts threshold_ = 0;
   bool deviation_exceeded_ = false;

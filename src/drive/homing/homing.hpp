@@ -11,8 +11,10 @@
 // ramps with the homing acceleration, and a profiled move for `position`.
 //
 // Positions, speeds and the two limit signals are those of the encoder: the negative limit switch is the one at the end
-// of small counts. Edges carry the position of the boundary they were met at: the first count beyond it, seen in
-// positive direction. So the same edge of a switch has the same position whichever way it is crossed.
+// of small counts. An edge carries the first count, in the direction of motion, at which the new level holds. Home is
+// the boundary itself: the first count on its positive side, so that the same edge of a switch is the same home
+// whichever way it is crossed. For the index it is the boundary on its negative side, in both directions (methods 33
+// and 34 agree).
 namespace servodrome::drive {
 
 enum class HomingError : std::uint8_t {
@@ -79,28 +81,30 @@ class Homing {
   bool finished() const { return finished_; }            // latched and at rest (bit 10)
   HomingError error() const { return error_; }           // after `stop` was commanded
 
-  // The present leg runs against a hard stop: the following error is no error, and the caller limits the torque.
+  // The present leg looks for a hard stop: the following error is no fault, and the caller limits the torque.
   bool pressing() const;
 
  private:
   enum class Phase : std::uint8_t {
     idle,
-    begin,     // the leg has to be commanded
-    run,       // the leg runs
-    halt,      // ramp to zero before leg `leg_`
-    settle,    // latched, ramp to zero
-    going_to,  // latched, on the way back to the latch
+    begin,      // homing has been started
+    wait,       // ramp to zero before the leg
+    run,        // the leg runs
+    settle,     // latched, ramp to zero
+    return_to,  // latched, on the way back to the latch
   };
 
   const Leg& leg() const { return method_.legs[leg_]; }
   Direction travel() const;
-  bool limit_ahead_active(const HomingInputs& inputs) const;
+  Signal limit_ahead() const;
+  bool is_active(Signal signal, const HomingInputs& inputs) const { return (inputs.signals & bit(signal)) != 0; }
   bool meets(const SignalEdge& edge) const;
-  bool stalls(const HomingInputs& inputs);
+  Counts boundary(const SignalEdge& edge) const;
+  bool stalls(float torque);
   HomingCommand begin_leg(const HomingInputs& inputs);
   HomingCommand run_leg(const HomingInputs& inputs);
-  HomingCommand end_leg(Counts position, const HomingInputs& inputs);
-  HomingCommand meet_limit(const HomingInputs& inputs);
+  HomingCommand meet_limit();
+  HomingCommand stop_before(std::uint8_t leg);
   HomingCommand take_latch(Counts position);
   HomingCommand fail(HomingError error);
 

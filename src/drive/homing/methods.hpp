@@ -103,11 +103,6 @@ constexpr Leg leg(Direction direction, HomingSpeed speed, Until until, Then then
   return {direction, speed, until, then, next, on_limit};
 }
 
-constexpr Leg with_limit_branch(Leg leg, std::uint8_t on_limit) {
-  leg.on_limit = on_limit;
-  return leg;
-}
-
 template <std::size_t count>
 constexpr Method make_method(std::int8_t number, const Leg (&legs)[count], std::uint8_t start_active = 0,
                              bool returns_to_latch = false) {

@@ -1,0 +1,161 @@
+#include "drive/homing/homing.hpp"
+
+namespace servodrome::drive {
+
+namespace {
+
+using Kind = HomingCommand::Kind;
+
+constexpr double sign(Direction direction) { return direction == Direction::positive ? 1.0 : -1.0; }
+
+}  // namespace
+
+void Homing::start(const Method& method, const HomingConfig& config, const HomingInputs& inputs) {
+  *this = Homing{};
+  method_ = method;
+  config_ = config;
+  if (!is_well_formed(method)) {
+    error_ = HomingError::internal;
+  } else if (method.leg_count == 0) {
+    take_latch(inputs.position);
+  } else {
+    leg_ = is_active(Signal::home, inputs) ? method.start_active : std::uint8_t{0};
+    phase_ = Phase::begin;
+  }
+}
+
+void Homing::start(std::span<const Method> methods, std::int8_t number, const HomingConfig& config,
+                   const HomingInputs& inputs) {
+  if (const Method* method = find_method(methods, number)) {
+    start(*method, config, inputs);
+  } else {
+    *this = Homing{};
+    error_ = HomingError::unsupported_method;
+  }
+}
+
+HomingCommand Homing::step(const HomingInputs& inputs) {
+  if (!active()) return {};
+  if (!latched_ && config_.timeout_cycles != 0 && ++cycles_ > config_.timeout_cycles) {
+    return fail(HomingError::timed_out);
+  }
+  switch (phase_) {
+    case Phase::idle: break;
+    case Phase::begin:
+      // Edges met while a ramp still carries the axis the other way would be taken for those of this leg.
+      if (inputs.standing) return begin_leg(inputs);
+      return stop_before(leg_);
+    case Phase::wait:
+      if (inputs.standing) return begin_leg(inputs);
+      break;
+    case Phase::run: return run_leg(inputs);
+    case Phase::settle:
+      if (!inputs.standing) break;
+      if (method_.returns_to_latch) {
+        phase_ = Phase::return_to;
+        return {.kind = Kind::position, .velocity = config_.slow, .position = latch_};
+      }
+      [[fallthrough]];
+    case Phase::return_to:
+      if (!inputs.standing) break;
+      finished_ = true;
+      phase_ = Phase::idle;
+      break;
+  }
+  return {};
+}
+
+bool Homing::pressing() const { return phase_ == Phase::run && leg().until == Until::stalled; }
+
+Direction Homing::travel() const { return config_.reversed ? opposite(leg().direction) : leg().direction; }
+
+Signal Homing::limit_ahead() const {
+  return travel() == Direction::negative ? Signal::negative_limit : Signal::positive_limit;
+}
+
+bool Homing::meets(const SignalEdge& edge) const {
+  switch (leg().until) {
+    case Until::home_rising: return edge.signal == Signal::home && edge.rising;
+    case Until::home_falling: return edge.signal == Signal::home && !edge.rising;
+    case Until::limit_released:
+      return edge.signal == (travel() == Direction::positive ? Signal::negative_limit : Signal::positive_limit) &&
+             !edge.rising;
+    case Until::index: return edge.signal == Signal::index && edge.rising;
+    case Until::limit_reached:
+    case Until::stalled:
+    case Until::retracted: return false;  // not by an edge
+  }
+  return false;
+}
+
+Counts Homing::boundary(const SignalEdge& edge) const {
+  if (travel() == Direction::positive) return edge.position;
+  return edge.signal == Signal::index ? edge.position + 1 - config_.index_width : edge.position + 1;
+}
+
+bool Homing::stalls(float torque) {
+  const float along = travel() == Direction::positive ? torque : -torque;
+  stall_count_ = along >= config_.stall_torque ? stall_count_ + 1 : 0;
+  return stall_count_ >= config_.stall_cycles;
+}
+
+HomingCommand Homing::begin_leg(const HomingInputs& inputs) {
+  phase_ = Phase::run;
+  stall_count_ = 0;
+  if (is_active(limit_ahead(), inputs)) return meet_limit();
+  const double velocity = leg().speed == HomingSpeed::fast ? config_.fast : config_.slow;
+  if (leg().until == Until::retracted) {
+    if (config_.retraction == 0) return take_latch(inputs.position);
+    const Counts distance = travel() == Direction::positive ? config_.retraction : -config_.retraction;
+    return {.kind = Kind::position, .velocity = velocity, .position = inputs.position + distance};
+  }
+  return {.kind = Kind::velocity, .velocity = sign(travel()) * velocity};
+}
+
+HomingCommand Homing::run_leg(const HomingInputs& inputs) {
+  bool next_leg = false;
+  for (const SignalEdge& edge : inputs.edges) {
+    if (edge.signal == limit_ahead() && edge.rising) return meet_limit();
+    if (!meets(edge)) continue;
+    if (leg().then == Then::latch) return take_latch(boundary(edge));
+    if (leg().then == Then::stop) return stop_before(leg().next);
+    leg_ = leg().next;  // the edges that follow in this cycle are already the next leg's
+    next_leg = true;
+  }
+  if (next_leg) return begin_leg(inputs);
+  if (is_active(limit_ahead(), inputs)) return meet_limit();
+  if (leg().until == Until::stalled && stalls(inputs.torque)) {
+    stop_before(leg().next);
+    return {.kind = Kind::hold, .position = inputs.position};
+  }
+  if (leg().until == Until::retracted && inputs.standing) return take_latch(inputs.position);
+  return {};
+}
+
+HomingCommand Homing::meet_limit() {
+  const std::uint8_t next = leg().until == Until::limit_reached ? leg().next : leg().on_limit;
+  if (next == no_leg) return fail(limit_seen_ ? HomingError::home_not_found : HomingError::wrong_limit);
+  limit_seen_ = true;
+  return stop_before(next);
+}
+
+HomingCommand Homing::stop_before(std::uint8_t leg) {
+  leg_ = leg;
+  phase_ = Phase::wait;
+  return {.kind = Kind::stop};
+}
+
+HomingCommand Homing::take_latch(Counts position) {
+  latched_ = true;
+  latch_ = position;
+  phase_ = Phase::settle;
+  return {.kind = Kind::stop};
+}
+
+HomingCommand Homing::fail(HomingError error) {
+  error_ = error;
+  phase_ = Phase::idle;
+  return {.kind = Kind::stop};
+}
+
+}  // namespace servodrome::drive
