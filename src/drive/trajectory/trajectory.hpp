@@ -37,6 +37,13 @@ struct TrajectorySegment {
   double jerk;
 };
 
+/// The pieces of a trajectory in order of time, each beginning where the one before it ends.
+struct SegmentList {
+  static constexpr std::size_t capacity = 16;  ///< The longest plan has 12 pieces.
+  std::array<TrajectorySegment, capacity> segments{};
+  std::size_t count = 0;
+};
+
 /// A planned motion: a value without heap, a function of the time since it was planned.
 ///
 /// Planning takes bounded time: everything is in closed form but one root of a convex function of the jerk-limited
@@ -75,15 +82,11 @@ class Trajectory {
   /// Time until the end state is reached, in seconds.
   double duration_s() const { return duration_s_; }
 
-  /// The pieces, for display and test; they follow each other without a gap.
-  std::size_t segment_count() const { return count_; }
-  const TrajectorySegment& segment(std::size_t index) const { return segments_[index]; }
-
-  static constexpr std::size_t max_segments = 16;
+  /// The pieces, for display and test.
+  const SegmentList& segments() const { return list_; }
 
  private:
-  std::array<TrajectorySegment, max_segments> segments_{};
-  std::size_t count_ = 0;
+  SegmentList list_{};
   RampShape shape_ = RampShape::linear;
   double duration_s_ = 0.0;
   double base_ = 0.0;  ///< Position of the start, added last so that short moves far from zero keep their digits.
