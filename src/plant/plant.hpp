@@ -1,8 +1,16 @@
 #pragma once
 
+#include <cstdint>
+
 #include "drive/hardware.hpp"
+#include "drive/transforms.hpp"
+#include "plant/dc_link.hpp"
+#include "plant/heat.hpp"
 #include "plant/injection.hpp"
 #include "plant/parameters.hpp"
+#include "plant/shaft.hpp"
+#include "plant/travel.hpp"
+#include "plant/windings.hpp"
 
 namespace servodrome::plant {
 
@@ -67,6 +75,85 @@ class Plant {
   bool brake_engaged() const;
   bool rotor_locked() const;
   Energy energy() const;
+
+ private:
+  enum class Bridge : std::uint8_t { driven, freewheeling, open_phase };
+
+  static constexpr unsigned open_shift = 0;   // faulty_phases_: one bit for each open phase U, V, W,
+  static constexpr unsigned short_shift = 3;  // and one for each shorted
+
+  // What the inverter does in this tick, in the rotor frame at mid-tick.
+  struct Excitation {
+    Bridge bridge = Bridge::driven;
+    double direct_v = 0.0;
+    double quadrature_v = 0.0;
+    Axis axis{};  // open_phase: of the current
+    double along_v = 0.0;
+    bool blocked = false;  // open_phase: freewheeling, or no path for a current at all
+  };
+
+  WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const;
+  Excitation unusual_excitation(const drive::Actuation& actuation, double sine, double cosine) const;
+  ShaftTick solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const;
+  void apply_load();
+  void queue_edge(int wire);
+  StopDistance stop_distance() const;
+  double cogging_torque_nm() const;
+  void operate_brake(bool released);
+  void update_brake();
+  void update_heat(bool pwm);
+  void update_resistance();
+  void update_readings();
+  void update_angle();
+  void wrap_single_turn();
+  std::uint32_t overcurrent_bits(const drive::Feedback& feedback) const;
+  void fill(drive::Feedback& feedback) const;
+
+  // Every tick, in the order of use.
+  Windings windings_;
+  double torque_nm_ = 0.0;
+  double sine_ = 0.0;  // of the electrical angle at the end of the last tick
+  double cosine_ = 1.0;
+  double half_angle_per_speed_;  // electrical rad in half a tick per rad/s
+  std::int64_t position_ = 0;    // counts; true position = position_ + fraction_
+  double fraction_ = 0.0;
+  std::int64_t single_turn_ = 0;
+  double counts_per_speed_;  // counts in a tick per rad/s
+  double turns_per_count_;   // electrical
+  double commutation_offset_turns_;
+  double overcurrent_squared_;
+  double bus_overcurrent_a_;
+  double current_squared_sum_ = 0.0;  // since the last heat step
+  double to_motor_j_ = 0.0;
+  double shaft_j_ = 0.0;
+  int heat_countdown_ = Heat::ticks_per_step;
+  bool cogging_;
+  bool brake_engaged_ = true;
+  bool brake_command_released_ = false;
+  std::int32_t brake_countdown_ = 0;  // ticks until the command takes effect; 0: settled
+  bool encoder_frozen_ = false;
+  std::uint8_t faulty_phases_ = 0;  // open or shorted
+  std::uint32_t encoder_faults_ = 0;
+  std::uint32_t hardware_faults_ = 0;
+  std::int32_t counts_per_revolution_;
+  float winding_reading_c_ = 25.0F;
+  float stage_reading_c_ = 25.0F;
+  float encoder_reading_c_ = 25.0F;
+  float ambient_reading_c_ = 25.0F;
+  Travel travel_;
+  DcLink dc_link_;
+  Shaft shaft_;
+
+  // Now and then.
+  Heat heat_;
+  double copper_j_ = 0.0;
+  double resistance_at_c_ = 25.0;  // winding temperature the resistance in use belongs to
+  std::int64_t frozen_position_ = 0;
+  std::uint32_t injections_ = 0;
+  bool locked_ = false;
+  std::uint8_t pending_edge_count_ = 0;  // of forced inputs, for the next tick
+  std::array<drive::Edge, 4> pending_edges_{};
+  Parameters parameters_;
 };
 
 }  // namespace servodrome::plant

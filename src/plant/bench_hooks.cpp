@@ -1,0 +1,203 @@
+// The hooks of the bench and the true state: the parts of Plant that no tick runs through.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "plant/plant.hpp"
+
+namespace servodrome::plant {
+
+namespace {
+
+constexpr std::uint32_t bit(Injection injection) { return 1u << static_cast<unsigned>(injection); }
+constexpr std::uint32_t bit(drive::EncoderFault fault) { return static_cast<std::uint32_t>(fault); }
+constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
+
+static_assert([] {
+  for (std::size_t i = 0; i < injection_names.size(); ++i) {
+    if (static_cast<std::size_t>(injection_names[i].injection) != i) return false;
+  }
+  return injection_names.size() <= 32;
+}());
+
+constexpr std::array encoder_bits{
+    std::pair{Injection::encoder_loss, drive::EncoderFault::connection_lost},
+    std::pair{Injection::encoder_crc, drive::EncoderFault::crc},
+    std::pair{Injection::encoder_delimiter, drive::EncoderFault::delimiter},
+    std::pair{Injection::encoder_multi_turn, drive::EncoderFault::multi_turn},
+    std::pair{Injection::encoder_count, drive::EncoderFault::count},
+    std::pair{Injection::encoder_overflow, drive::EncoderFault::count_overflow},
+    std::pair{Injection::hall_wiring, drive::EncoderFault::hall_wiring},
+    std::pair{Injection::hall_state, drive::EncoderFault::hall_state},
+};
+constexpr std::array hardware_bits{
+    std::pair{Injection::bus_overcurrent, drive::HardwareFault::bus_overcurrent},
+    std::pair{Injection::short_circuit, drive::HardwareFault::short_circuit},
+    std::pair{Injection::gate_supply_low, drive::HardwareFault::gate_supply_low},
+    std::pair{Injection::internal, drive::HardwareFault::internal},
+};
+constexpr std::uint32_t freezes_encoder =
+    bit(Injection::encoder_loss) | bit(Injection::encoder_crc) | bit(Injection::encoder_delimiter);
+
+constexpr double rpm_per_rad_s = 30.0 / std::numbers::pi;
+
+void accept(const Parameters& parameters) {
+  const auto messages = validate(parameters);
+  if (!messages.empty()) throw std::invalid_argument(messages.front());
+}
+
+void accept_wire(int wire) {
+  if (wire < 0 || wire > 31)
+    throw std::invalid_argument("input wire: " + std::to_string(wire) + " is not within 0 .. 31");
+}
+
+}  // namespace
+
+void Plant::apply_load() { shaft_.set_load(parameters_.load); }
+
+void Plant::set_external_torque_nm(double torque_nm) {
+  Parameters changed = parameters_;
+  changed.load.external_torque_nm = torque_nm;
+  accept(changed);
+  parameters_ = changed;
+  apply_load();
+}
+
+void Plant::set_load_inertia_kgm2(double inertia_kgm2) {
+  Parameters changed = parameters_;
+  changed.load.inertia_kgm2 = inertia_kgm2;
+  accept(changed);
+  parameters_ = changed;
+  apply_load();
+}
+
+void Plant::set_coulomb_friction_nm(double torque_nm) {
+  Parameters changed = parameters_;
+  changed.load.static_friction_nm += torque_nm - changed.load.coulomb_friction_nm;
+  changed.load.coulomb_friction_nm = torque_nm;
+  // The difference of the two may have lost its last bit in the sum.
+  changed.load.static_friction_nm = std::max(changed.load.static_friction_nm, torque_nm);
+  accept(changed);
+  parameters_ = changed;
+  apply_load();
+}
+
+void Plant::set_supply_v(double volts) {
+  Parameters changed = parameters_;
+  changed.supply.volts = volts;
+  accept(changed);
+  parameters_ = changed;
+  dc_link_.set_supply_v(volts);
+}
+
+void Plant::set_ambient_c(double temperature_c) {
+  Parameters changed = parameters_;
+  changed.thermal.ambient_c = temperature_c;
+  accept(changed);
+  parameters_ = changed;
+  heat_.set_ambient_c(temperature_c);
+  update_readings();
+}
+
+void Plant::set_position_counts(std::int64_t position_counts) {
+  Parameters changed = parameters_;
+  changed.encoder.start_position_counts = position_counts;
+  accept(changed);  // the range and the hard stops
+  position_ = position_counts;
+  fraction_ = 0.0;
+  shaft_.stop();
+  travel_.place(position_);
+  wrap_single_turn();
+  update_angle();
+}
+
+void Plant::lock_rotor(bool locked) {
+  locked_ = locked;
+  shaft_.set_locked(locked);
+}
+
+void Plant::queue_edge(int wire) {
+  if (pending_edge_count_ >= pending_edges_.size()) return;
+  pending_edges_[pending_edge_count_++] = {static_cast<std::uint8_t>(wire), travel_.level(wire), position_};
+}
+
+void Plant::force_input(int wire, bool level) {
+  accept_wire(wire);
+  if (travel_.force(wire, level)) queue_edge(wire);
+}
+
+void Plant::release_input(int wire) {
+  accept_wire(wire);
+  if (travel_.release(wire)) queue_edge(wire);
+}
+
+void Plant::inject(Injection injection, bool on) {
+  injections_ = on ? injections_ | bit(injection) : injections_ & ~bit(injection);
+  encoder_faults_ = 0;
+  for (const auto& [cause, fault] : encoder_bits) {
+    if (injected(cause)) encoder_faults_ |= bit(fault);
+  }
+  hardware_faults_ = 0;
+  for (const auto& [cause, fault] : hardware_bits) {
+    if (injected(cause)) hardware_faults_ |= bit(fault);
+  }
+  const bool frozen = (injections_ & freezes_encoder) != 0;
+  if (frozen && !encoder_frozen_) frozen_position_ = position_;
+  encoder_frozen_ = frozen;
+  faulty_phases_ = 0;
+  for (unsigned phase = 0; phase < 3; ++phase) {
+    const auto open = static_cast<unsigned>(Injection::open_phase_u) + phase;
+    const auto shorted = static_cast<unsigned>(Injection::short_phase_u) + phase;
+    faulty_phases_ |= static_cast<std::uint8_t>((injections_ >> open & 1u) << (open_shift + phase));
+    faulty_phases_ |= static_cast<std::uint8_t>((injections_ >> shorted & 1u) << (short_shift + phase));
+  }
+  if (injection == Injection::brake_stuck && brake_countdown_ == 0) brake_countdown_ = 1;  // ask the brake again
+  update_readings();
+}
+
+bool Plant::injected(Injection injection) const { return (injections_ & bit(injection)) != 0; }
+
+void Plant::discharge_dc_link() { dc_link_.discharge(); }
+
+const Parameters& Plant::parameters() const { return parameters_; }
+std::int64_t Plant::position_counts() const { return position_; }
+double Plant::position_fraction() const { return fraction_; }
+double Plant::velocity_rpm() const { return shaft_.speed_rad_s() * rpm_per_rad_s; }
+double Plant::load_velocity_rpm() const { return shaft_.load_speed_rad_s() * rpm_per_rad_s; }
+double Plant::coupling_twist_rad() const { return shaft_.twist_rad(); }
+double Plant::load_position_counts() const {
+  return static_cast<double>(position_) + fraction_ -
+         shaft_.twist_rad() * counts_per_revolution_ / (2.0 * std::numbers::pi);
+}
+double Plant::torque_nm() const { return torque_nm_; }
+// With an encoder that counts the other way a positive q current gives a torque towards smaller counts.
+double Plant::current_a() const { return windings_.quadrature_a * parameters_.encoder.direction; }
+double Plant::direct_current_a() const { return windings_.direct_a; }
+double Plant::electrical_angle_turns() const {
+  const double turns = (static_cast<double>(single_turn_) + fraction_) * turns_per_count_ + commutation_offset_turns_;
+  return turns - std::floor(turns);
+}
+double Plant::dc_link_v() const { return dc_link_.volts(); }
+double Plant::winding_temperature_c() const { return heat_.winding_c; }
+double Plant::case_temperature_c() const { return heat_.case_c; }
+double Plant::power_stage_temperature_c() const { return heat_.stage_c; }
+bool Plant::brake_engaged() const { return parameters_.motor.brake_torque_nm > 0.0 && brake_engaged_; }
+bool Plant::rotor_locked() const { return locked_; }
+
+Energy Plant::energy() const {
+  return {.supplied_j = dc_link_.supplied_j(),
+          .chopped_j = dc_link_.chopped_j(),
+          .to_motor_j = to_motor_j_,
+          .copper_j = copper_j_ + 1.5 * drive::tick_seconds * windings_.resistance_ohm() * current_squared_sum_,
+          .shaft_j = shaft_j_,
+          .link_stored_j = dc_link_.stored_j(),
+          .magnetic_j = windings_.magnetic_j(),
+          .kinetic_j = shaft_.kinetic_j(),
+          .elastic_j = shaft_.elastic_j(stop_distance())};
+}
+
+}  // namespace servodrome::plant

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "plant/parameters.hpp"
+
+// The DC link: a source behind a rectifier and a resistance, the drive's relay with its precharge, a capacitor, brake
+// and bleeder resistor. Energy is what is kept: the capacitor loses exactly what the motor takes and gains exactly what
+// it gives back.
+namespace servodrome::plant {
+
+class DcLink {
+ public:
+  explicit DcLink(const Supply& supply);
+
+  // One tick: `power_w` goes to the motor (negative: comes back), the brake resistor conducts or not, the relay is
+  // closed or not.
+  void step(double power_w, bool chopper_on, bool connected) {
+    if (connected != connected_) [[unlikely]]
+      set_connected(connected);
+    const double start_v = volts_;
+    const double keep = chopper_on ? chopper_keep_ : bleeder_keep_;
+    const double kept_v = start_v * keep;
+    chopped_j_ += half_capacitance_ * (start_v - kept_v) * (start_v + kept_v);
+    const double used = power_w * tick_over_capacitance_ / (kept_v * kept_v);  // half the share of energy taken
+    double free_v;
+    if (std::abs(used) < 0.01) [[likely]] {
+      free_v = kept_v * (1.0 - used - 0.5 * used * used);  // sqrt(1 - 2 used) to 5e-7
+    } else {
+      free_v = std::sqrt(std::max(0.0, kept_v * kept_v - 2.0 * power_w * tick_over_capacitance_));
+    }
+    // With the source connected the link relaxes exponentially to source - resistance * current; the rectifier lets
+    // nothing back. A source of 0 V stands for the open relay.
+    const double drop_v = power_w * drop_factor_ / std::max(kept_v, 1.0e-3);
+    const double target_v = source_v_ - drop_v;
+    const double fed_v = std::min(target_v + (kept_v - target_v) * source_keep_, source_v_);
+    volts_ = std::max(free_v, fed_v);
+    supplied_j_ += half_capacitance_ * (volts_ - free_v) * (volts_ + free_v);
+    if (precharging_) [[unlikely]]
+      end_precharge();
+  }
+
+  void set_supply_v(double volts);
+  void discharge();  // at once, relay open
+
+  double volts() const { return volts_; }
+  double supplied_j() const { return supplied_j_; }
+  double chopped_j() const { return chopped_j_; }
+  double stored_j() const { return half_capacitance_ * volts_ * volts_; }
+
+ private:
+  void set_connected(bool connected);
+  void end_precharge();
+  void set_source_resistance(double resistance_ohm);
+
+  double volts_ = 0.0;
+  double source_v_ = 0.0;     // 0 while the relay is open
+  double source_keep_ = 0.0;  // exp(-h / (resistance * C)) of the source resistance or of the precharge
+  double drop_factor_ = 0.0;  // its resistance
+  double bleeder_keep_;
+  double chopper_keep_;
+  double tick_over_capacitance_;
+  double half_capacitance_;
+  double supplied_j_ = 0.0;
+  double chopped_j_ = 0.0;
+  bool connected_ = false;
+  bool precharging_ = false;
+
+  double supply_v_;
+  double source_resistance_;
+  double precharge_resistance_;
+};
+
+}  // namespace servodrome::plant

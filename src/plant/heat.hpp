@@ -1,0 +1,35 @@
+#pragma once
+
+#include "plant/parameters.hpp"
+
+// Winding, motor case and power stage against ambient. Slow, so it is stepped every `ticks_per_step` ticks.
+namespace servodrome::plant {
+
+class Heat {
+ public:
+  static constexpr int ticks_per_step = 64;  // 4 ms
+
+  explicit Heat(const Thermal& thermal);
+
+  // Mean losses in W since the last step.
+  void step(double copper_w, double stage_w);
+  void set_ambient_c(double temperature_c) { ambient_c = temperature_c; }
+
+  double winding_c;
+  double case_c;
+  double stage_c;
+  double ambient_c;
+
+ private:
+  // Backward Euler of the two coupled nodes, solved once at construction: new = m * (old + gains).
+  double winding_rate_;   // conductance winding to case * step / heat capacity of the winding
+  double case_rate_;      // the same conductance by the heat capacity of the case
+  double loss_rate_;      // conductance case to ambient * step / heat capacity of the case
+  double inverse_;        // 1 / determinant
+  double winding_per_w_;  // K per W in a step
+  double stage_per_w_;
+  double stage_loss_rate_;
+  double stage_inverse_;
+};
+
+}  // namespace servodrome::plant

@@ -1,0 +1,161 @@
+#include "plant/parameters.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <string_view>
+
+#include "drive/hardware.hpp"
+
+namespace servodrome::plant {
+
+namespace {
+
+struct Check {
+  std::string_view name;
+  double value;
+  double least;
+  double most;
+};
+
+std::string number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.9g", value);
+  return text.data();
+}
+
+void check(std::vector<std::string>& messages, std::string_view name, double value, double least, double most) {
+  if (value >= least && value <= most) return;  // a NaN is in no range
+  messages.push_back(std::string(name) + ": " + number(value) + " is not within " + number(least) + " .. " +
+                     number(most));
+}
+
+bool is_position(std::int64_t counts) {
+  return counts >= -largest_position_counts && counts <= largest_position_counts;
+}
+
+void check_load(std::vector<std::string>& messages, const Parameters& p) {
+  const Load& load = p.load;
+  if (load.elastic) check(messages, "load.inertia_kgm2", load.inertia_kgm2, 1.0e-8, 1.0e3);
+  const bool low = load.low_stop_counts != no_low_limit;
+  const bool high = load.high_stop_counts != no_high_limit;
+  const std::int64_t start = p.encoder.start_position_counts;
+  if (low && !is_position(load.low_stop_counts)) messages.emplace_back("load.low_stop_counts: beyond 2^61");
+  if (high && !is_position(load.high_stop_counts)) messages.emplace_back("load.high_stop_counts: beyond 2^61");
+  if (low && high && load.high_stop_counts < load.low_stop_counts + 2) {
+    messages.emplace_back("load.high_stop_counts: must be at least two counts above load.low_stop_counts");
+  }
+  if ((low && start < load.low_stop_counts) || (high && start > load.high_stop_counts)) {
+    messages.emplace_back("encoder.start_position_counts: is beyond a hard stop");
+  }
+}
+
+void check_motor(std::vector<std::string>& messages, const Parameters& p) {
+  const Motor& motor = p.motor;
+  check(messages, "motor.quadrature_inductance_h / motor.direct_inductance_h",
+        motor.quadrature_inductance_h / motor.direct_inductance_h, 0.1, 10.0);
+  // Cogging is evaluated at mid-tick, which needs its own oscillation to be slow against the tick.
+  const double rate = drive::tick_seconds * std::sqrt(motor.cogging_torque_nm * motor.cogging_periods_per_revolution /
+                                                      motor.rotor_inertia_kgm2);
+  if (!(rate <= 1.0)) {
+    messages.emplace_back("motor.cogging_torque_nm: the rotor would oscillate in it faster than the base tick shows");
+  }
+}
+
+void check_switches(std::vector<std::string>& messages, const Parameters& p) {
+  if (p.switch_count > most_switches) {
+    messages.emplace_back("switch_count: at most " + std::to_string(most_switches));
+    return;
+  }
+  std::uint32_t wires = 0;
+  for (std::size_t i = 0; i < p.switch_count; ++i) {
+    const Switch& fitted = p.switches[i];
+    const std::string name = "switches[" + std::to_string(i) + "].";
+    if (fitted.wire > 31) {
+      messages.push_back(name + "wire: " + std::to_string(fitted.wire) + " is not within 0 .. 31");
+    } else if (((wires >> fitted.wire) & 1u) != 0) {
+      messages.push_back(name + "wire: " + std::to_string(fitted.wire) + " carries another switch already");
+    } else {
+      wires |= 1u << fitted.wire;
+    }
+    if (fitted.from_counts != no_low_limit && !is_position(fitted.from_counts)) {
+      messages.push_back(name + "from_counts: beyond 2^61");
+    }
+    if (fitted.to_counts != no_high_limit && !is_position(fitted.to_counts)) {
+      messages.push_back(name + "to_counts: beyond 2^61");
+    }
+    if (fitted.to_counts < fitted.from_counts) messages.push_back(name + "to_counts: is below from_counts");
+    check(messages, name + "hysteresis_counts", static_cast<double>(fitted.hysteresis_counts), 0.0, 2147483648.0);
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> validate(const Parameters& p) {
+  std::vector<std::string> messages;
+  const Motor& m = p.motor;
+  const Load& l = p.load;
+  const Supply& s = p.supply;
+  const Encoder& e = p.encoder;
+  const Thermal& t = p.thermal;
+  const double last_count = e.counts_per_revolution - 1.0;
+  const std::array checks{
+      Check{"motor.rated_torque_nm", m.rated_torque_nm, 1.0e-6, 1.0e5},
+      Check{"motor.rated_current_a", m.rated_current_a, 1.0e-6, 1.0e4},
+      Check{"motor.rated_speed_rpm", m.rated_speed_rpm, 1.0e-3, 1.0e5},
+      Check{"motor.pole_pairs", static_cast<double>(m.pole_pairs), 1.0, 100.0},
+      Check{"motor.resistance_ohm", m.resistance_ohm, 1.0e-3, 1.0e3},
+      Check{"motor.direct_inductance_h", m.direct_inductance_h, 1.0e-6, 1.0},
+      Check{"motor.quadrature_inductance_h", m.quadrature_inductance_h, 1.0e-6, 1.0},
+      Check{"motor.torque_constant_nm_per_a", m.torque_constant_nm_per_a, 1.0e-4, 1.0e3},
+      Check{"motor.rotor_inertia_kgm2", m.rotor_inertia_kgm2, 1.0e-8, 10.0},
+      Check{"motor.viscous_friction_nms", m.viscous_friction_nms, 0.0, 1.0e3},
+      Check{"motor.coulomb_friction_nm", m.coulomb_friction_nm, 0.0, 1.0e5},
+      Check{"motor.cogging_torque_nm", m.cogging_torque_nm, 0.0, 1.0e3},
+      Check{"motor.cogging_periods_per_revolution", static_cast<double>(m.cogging_periods_per_revolution), 1.0, 1000.0},
+      Check{"motor.copper_temperature_coefficient", m.copper_temperature_coefficient, 0.0, 0.01},
+      Check{"motor.brake_torque_nm", m.brake_torque_nm, 0.0, 1.0e5},
+      Check{"motor.brake_release_ms", m.brake_release_ms, 0.0, 1.0e4},
+      Check{"motor.brake_engage_ms", m.brake_engage_ms, 0.0, 1.0e4},
+      Check{"load.inertia_kgm2", l.inertia_kgm2, 0.0, 1.0e3},
+      Check{"load.viscous_friction_nms", l.viscous_friction_nms, 0.0, 1.0e3},
+      Check{"load.coulomb_friction_nm", l.coulomb_friction_nm, 0.0, 1.0e5},
+      Check{"load.static_friction_nm", l.static_friction_nm, l.coulomb_friction_nm, 1.0e5},
+      Check{"load.gravity_torque_nm", l.gravity_torque_nm, -1.0e5, 1.0e5},
+      Check{"load.external_torque_nm", l.external_torque_nm, -1.0e5, 1.0e5},
+      Check{"load.stiffness_nm_per_rad", l.stiffness_nm_per_rad, 1.0e-3, 1.0e8},
+      Check{"load.damping_nms", l.damping_nms, 0.0, 1.0e4},
+      Check{"load.backlash_rad", l.backlash_rad, 0.0, 6.3},
+      Check{"load.stop_stiffness_nm_per_rad", l.stop_stiffness_nm_per_rad, 1.0e-3, 1.0e9},
+      Check{"load.stop_damping_nms", l.stop_damping_nms, 0.0, 1.0e5},
+      Check{"supply.volts", s.volts, 0.0, 2000.0},
+      Check{"supply.source_resistance_ohm", s.source_resistance_ohm, 1.0e-4, 1.0e3},
+      Check{"supply.capacitance_f", s.capacitance_f, 1.0e-6, 10.0},
+      Check{"supply.precharge_time_constant_s", s.precharge_time_constant_s, 0.0, 10.0},
+      Check{"supply.bleeder_resistance_ohm", s.bleeder_resistance_ohm, 1.0, 1.0e9},
+      Check{"supply.chopper_resistance_ohm", s.chopper_resistance_ohm, 0.1, 1.0e6},
+      Check{"supply.overcurrent_a", s.overcurrent_a, 0.01, 1.0e5},
+      Check{"supply.bus_overcurrent_a", s.bus_overcurrent_a, 0.01, 1.0e5},
+      Check{"encoder.counts_per_revolution", static_cast<double>(e.counts_per_revolution), 1.0, 16777216.0},
+      Check{"encoder.commutation_offset_turns", e.commutation_offset_turns, 0.0, std::nextafter(1.0, 0.0)},
+      Check{"encoder.index_position_counts", static_cast<double>(e.index_position_counts), 0.0, last_count},
+      Check{"encoder.index_width_counts", static_cast<double>(e.index_width_counts), 0.0, last_count},
+      Check{"thermal.ambient_c", t.ambient_c, -60.0, 150.0},
+      Check{"thermal.winding_heat_capacity_j_per_k", t.winding_heat_capacity_j_per_k, 0.01, 1.0e7},
+      Check{"thermal.winding_to_case_k_per_w", t.winding_to_case_k_per_w, 1.0e-4, 1.0e4},
+      Check{"thermal.case_heat_capacity_j_per_k", t.case_heat_capacity_j_per_k, 0.01, 1.0e7},
+      Check{"thermal.case_to_ambient_k_per_w", t.case_to_ambient_k_per_w, 1.0e-4, 1.0e4},
+      Check{"thermal.stage_heat_capacity_j_per_k", t.stage_heat_capacity_j_per_k, 0.01, 1.0e7},
+      Check{"thermal.stage_to_ambient_k_per_w", t.stage_to_ambient_k_per_w, 1.0e-4, 1.0e4},
+      Check{"thermal.stage_standby_w", t.stage_standby_w, 0.0, 1.0e5},
+      Check{"thermal.stage_resistance_ohm", t.stage_resistance_ohm, 0.0, 100.0},
+  };
+  for (const Check& one : checks) check(messages, one.name, one.value, one.least, one.most);
+  if (e.direction != 1 && e.direction != -1) messages.emplace_back("encoder.direction: must be 1 or -1");
+  if (!is_position(e.start_position_counts)) messages.emplace_back("encoder.start_position_counts: beyond 2^61");
+  check_motor(messages, p);
+  check_load(messages, p);
+  check_switches(messages, p);
+  return messages;
+}
+
+}  // namespace servodrome::plant

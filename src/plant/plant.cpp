@@ -1,0 +1,344 @@
+#include "plant/plant.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+namespace servodrome::plant {
+
+namespace {
+
+constexpr double h = drive::tick_seconds;
+constexpr double two_pi = 2.0 * std::numbers::pi;
+
+constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
+
+// Largest integer not above a value of moderate size; without SSE 4.1 std::floor is a call.
+std::int64_t floor_of(double value) {
+  const auto truncated = static_cast<std::int64_t>(value);
+  return truncated - (static_cast<double>(truncated) > value ? 1 : 0);
+}
+
+const Parameters& valid(const Parameters& parameters) {
+  const auto messages = validate(parameters);
+  if (!messages.empty()) throw std::invalid_argument(messages.front());
+  return parameters;
+}
+
+}  // namespace
+
+Plant::Plant(const Parameters& parameters)
+    : windings_(valid(parameters).motor, parameters.encoder.direction),
+      half_angle_per_speed_(0.5 * h * windings_.pole_pairs()),
+      position_(parameters.encoder.start_position_counts),
+      counts_per_speed_(h * parameters.encoder.counts_per_revolution / two_pi),
+      turns_per_count_(windings_.pole_pairs() / parameters.encoder.counts_per_revolution),
+      commutation_offset_turns_(parameters.encoder.commutation_offset_turns),
+      overcurrent_squared_(parameters.supply.overcurrent_a * parameters.supply.overcurrent_a),
+      bus_overcurrent_a_(parameters.supply.bus_overcurrent_a),
+      cogging_(parameters.motor.cogging_torque_nm > 0.0),
+      counts_per_revolution_(parameters.encoder.counts_per_revolution),
+      travel_(parameters.encoder, parameters.switches, parameters.switch_count),
+      dc_link_(parameters.supply),
+      shaft_(parameters.motor, parameters.load),
+      heat_(parameters.thermal),
+      parameters_(parameters) {
+  travel_.set_stops(parameters.load.low_stop_counts, parameters.load.high_stop_counts);
+  travel_.place(position_);
+  wrap_single_turn();
+  update_angle();
+  update_brake();
+  update_resistance();
+  update_readings();
+}
+
+void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
+  feedback.edge_count = 0;
+  if (pending_edge_count_ != 0) [[unlikely]] {
+    feedback.edges = pending_edges_;
+    feedback.edge_count = pending_edge_count_;
+    pending_edge_count_ = 0;
+  }
+  if (actuation.brake_released != brake_command_released_ || brake_countdown_ != 0) [[unlikely]] {
+    operate_brake(actuation.brake_released);
+  }
+
+  const double rotor_torque = cogging_ ? cogging_torque_nm() : 0.0;
+  const double other_torque = rotor_torque + shaft_.load_torque_nm();
+  const ShaftResponse response = shaft_.response(other_torque);
+
+  // The rotor frame at mid-tick, from the angle at the start and the speed expected. Over the tick the rotor turns
+  // under the constant voltage, which shortens its mean: sin(x) / x of half the angle.
+  const double half_angle = half_angle_per_speed_ * (response.offset_rad_s + response.slope * torque_nm_);
+  const double x2 = half_angle * half_angle;
+  double turn_sine;
+  double turn_cosine;
+  double mean_factor;
+  if (x2 < 0.25) [[likely]] {
+    mean_factor = 1.0 - x2 * (1.0 / 6.0) * (1.0 - x2 * (1.0 / 20.0));
+    turn_sine = half_angle * mean_factor;
+    turn_cosine = 1.0 - x2 * 0.5 * (1.0 - x2 * (1.0 / 12.0) * (1.0 - x2 * (1.0 / 30.0)));
+  } else {
+    turn_sine = std::sin(half_angle);
+    turn_cosine = std::cos(half_angle);
+    mean_factor = turn_sine / half_angle;
+  }
+  const double sine = sine_ * turn_cosine + cosine_ * turn_sine;
+  const double cosine = cosine_ * turn_cosine - sine_ * turn_sine;
+
+  Excitation excitation;
+  const double link_v = dc_link_.volts();
+  if (actuation.pwm_enabled && !actuation.short_circuit && faulty_phases_ == 0) [[likely]] {
+    const double u = static_cast<double>(actuation.phase_voltage_v[0]);
+    const double v = static_cast<double>(actuation.phase_voltage_v[1]);
+    const double w = static_cast<double>(actuation.phase_voltage_v[2]);
+    const double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
+    double scale = mean_factor;
+    if (!(range <= link_v)) [[unlikely]]
+      scale *= range > link_v ? link_v / range : 0.0;  // the hexagon; not a number
+    const double alpha = (2.0 * u - v - w) * (scale * (1.0 / 3.0));
+    const double beta = (v - w) * (scale * 0.57735026918962576);
+    excitation.direct_v = alpha * cosine + beta * sine;
+    excitation.quadrature_v = beta * cosine - alpha * sine;
+  } else {
+    excitation = unusual_excitation(actuation, sine, cosine);
+  }
+
+  WindingTick windings = solve_windings(excitation, response);
+  ShaftTick shaft;
+  if (shaft_.elastic()) {
+    shaft = solve_general(excitation, rotor_torque, windings);
+  } else if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]] {
+    windings = solve_windings(excitation, shaft_.response_as(shaft.direction, other_torque));
+    shaft_.slide(windings.torque_nm + other_torque, shaft);
+  }
+  double moved = fraction_ + shaft.mean * counts_per_speed_;
+  std::int64_t whole = floor_of(moved);
+  std::int64_t position = position_ + whole;
+  if (!travel_.quiet(position)) [[unlikely]] {
+    if (!shaft_.elastic() && travel_.beyond_stop(position)) {
+      shaft = solve_general(excitation, rotor_torque, windings);
+      moved = fraction_ + shaft.mean * counts_per_speed_;
+      whole = floor_of(moved);
+      position = position_ + whole;
+    }
+    travel_.move(position_, position, feedback);
+  }
+  windings_.commit(windings);
+  torque_nm_ = windings.torque_nm;
+  shaft_.elastic() ? shaft_.commit_general(shaft) : shaft_.commit(shaft);
+  position_ = position;
+  fraction_ = moved - static_cast<double>(whole);
+  single_turn_ += whole;
+  if (static_cast<std::uint64_t>(single_turn_) >= static_cast<std::uint64_t>(counts_per_revolution_))
+    wrap_single_turn();
+  update_angle();
+
+  dc_link_.step(windings.power_w, actuation.chopper_on && !injected(Injection::chopper_broken),
+                actuation.dc_link_connected && !injected(Injection::supply_loss));
+  current_squared_sum_ +=
+      windings.mean_direct_a * windings.mean_direct_a + windings.mean_quadrature_a * windings.mean_quadrature_a;
+  to_motor_j_ += windings.power_w * h;
+  shaft_j_ += windings.torque_nm * shaft.mean * h;
+  if (--heat_countdown_ == 0) [[unlikely]]
+    update_heat(actuation.pwm_enabled);
+
+  fill(feedback);
+  if (std::abs(windings.power_w) > bus_overcurrent_a_ * link_v) [[unlikely]] {
+    if (link_v > 0.0) feedback.hardware_faults |= bit(drive::HardwareFault::bus_overcurrent);
+  }
+}
+
+void Plant::sample(drive::Feedback& feedback) const {
+  feedback.edge_count = 0;
+  fill(feedback);
+}
+
+void Plant::fill(drive::Feedback& feedback) const {
+  feedback.position_counts = position_;
+  feedback.single_turn_counts = static_cast<std::uint32_t>(single_turn_);
+  if (encoder_frozen_) [[unlikely]] {
+    feedback.position_counts = frozen_position_;
+    const std::int64_t remainder = frozen_position_ % counts_per_revolution_;
+    feedback.single_turn_counts =
+        static_cast<std::uint32_t>(remainder < 0 ? remainder + counts_per_revolution_ : remainder);
+  }
+  const auto direct = windings_.direct_a;
+  const auto quadrature = windings_.quadrature_a;
+  const double alpha = direct * cosine_ - quadrature * sine_;
+  const double beta = direct * sine_ + quadrature * cosine_;
+  const double across = 0.86602540378443865 * beta;
+  feedback.phase_current_a[0] = static_cast<float>(alpha);
+  feedback.phase_current_a[1] = static_cast<float>(across - 0.5 * alpha);
+  feedback.phase_current_a[2] = static_cast<float>(-0.5 * alpha - across);
+  if ((faulty_phases_ >> open_shift & 7u) != 0) [[unlikely]] {
+    for (unsigned phase = 0; phase < 3; ++phase) {
+      if ((faulty_phases_ >> (open_shift + phase) & 1u) != 0) feedback.phase_current_a[phase] = 0.0F;
+    }
+  }
+  feedback.dc_link_v = static_cast<float>(dc_link_.volts());
+  feedback.inputs = travel_.inputs();
+  feedback.index_level = travel_.index();
+  feedback.encoder_faults = encoder_faults_;
+  feedback.hardware_faults = hardware_faults_;
+  if (alpha * alpha + beta * beta > overcurrent_squared_) [[unlikely]] {
+    feedback.hardware_faults |= overcurrent_bits(feedback);
+  }
+  feedback.winding_temperature_c = winding_reading_c_;
+  feedback.power_stage_temperature_c = stage_reading_c_;
+  feedback.encoder_temperature_c = encoder_reading_c_;
+  feedback.ambient_temperature_c = ambient_reading_c_;
+}
+
+std::uint32_t Plant::overcurrent_bits(const drive::Feedback& feedback) const {
+  std::uint32_t bits = 0;
+  for (unsigned phase = 0; phase < 3; ++phase) {
+    const double current = static_cast<double>(feedback.phase_current_a[phase]);
+    if (current * current > overcurrent_squared_) bits |= bit(drive::HardwareFault::overcurrent_u) << phase;
+  }
+  return bits;
+}
+
+WindingTick Plant::solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const {
+  if (excitation.bridge == Bridge::driven) [[likely]] {
+    return windings_.driven(excitation.direct_v, excitation.quadrature_v, shaft, torque_nm_);
+  }
+  if (excitation.bridge == Bridge::freewheeling) {
+    return windings_.freewheeling(dc_link_.volts(), shaft, torque_nm_);
+  }
+  if (excitation.axis.direct == 0.0 && excitation.axis.quadrature == 0.0) return {};
+  return windings_.along(excitation.axis, excitation.along_v, excitation.blocked, shaft, torque_nm_);
+}
+
+Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation, double sine, double cosine) const {
+  const double link_v = dc_link_.volts();
+  const bool freewheeling = !actuation.pwm_enabled && !actuation.short_circuit;
+  Excitation excitation;
+  std::array<double, 3> volts{};
+  if (actuation.pwm_enabled && !actuation.short_circuit) {
+    for (std::size_t phase = 0; phase < 3; ++phase) {
+      const double wanted = static_cast<double>(actuation.phase_voltage_v[phase]);
+      volts[phase] = std::isfinite(wanted) ? wanted : 0.0;
+    }
+    const auto [least, most] = std::minmax({volts[0], volts[1], volts[2]});
+    const double scale = most - least > link_v ? link_v / (most - least) : 1.0;
+    const double middle = 0.5 * (most + least);
+    for (std::size_t phase = 0; phase < 3; ++phase) {
+      volts[phase] = scale * (volts[phase] - middle);  // the terminals, against the middle of the DC link
+      if ((faulty_phases_ >> (short_shift + phase) & 1u) != 0) volts[phase] = -0.5 * link_v;
+    }
+  }
+  const double alpha = (2.0 * volts[0] - volts[1] - volts[2]) * (1.0 / 3.0);
+  const double beta = (volts[1] - volts[2]) * 0.57735026918962576;
+  excitation.direct_v = alpha * cosine + beta * sine;
+  excitation.quadrature_v = beta * cosine - alpha * sine;
+  excitation.blocked = freewheeling;
+  excitation.bridge = freewheeling ? Bridge::freewheeling : Bridge::driven;
+
+  const unsigned open = faulty_phases_ >> open_shift & 7u;
+  if (open == 0) return excitation;
+  excitation.bridge = Bridge::open_phase;
+  if ((open & (open - 1u)) != 0) return excitation;  // two wires cut: no current has a way
+  // The current flows at right angles to the axis of the open phase.
+  const double axis_alpha = open == 1u ? 0.0 : 0.86602540378443865;
+  const double axis_beta = open == 1u ? 1.0 : (open == 2u ? 0.5 : -0.5);
+  excitation.axis = {axis_alpha * cosine + axis_beta * sine, axis_beta * cosine - axis_alpha * sine};
+  excitation.along_v = freewheeling ? link_v * 0.57735026918962576 : alpha * axis_alpha + beta * axis_beta;
+  return excitation;
+}
+
+// Coupling and stops have no closed response; it is taken at the torque known, the current solved with it, and again if
+// contact or friction turned out otherwise.
+ShaftTick Plant::solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const {
+  const StopDistance stops = stop_distance();
+  double torque = torque_nm_;
+  ShaftTick tick = shaft_.solve(torque, rotor_torque_nm, stops);
+  for (int pass = 0; pass < 3; ++pass) {
+    windings = solve_windings(excitation, {tick.mean - tick.slope * torque, tick.slope});
+    torque = windings.torque_nm;
+    const double slope = tick.slope;
+    tick = shaft_.solve(torque, rotor_torque_nm, stops);
+    if (tick.slope == slope) break;  // the same state of all contacts: solved
+  }
+  return tick;
+}
+
+StopDistance Plant::stop_distance() const {
+  const Load& load = parameters_.load;
+  const double counts_per_rad = counts_per_revolution_ / two_pi;
+  const double twist_counts = shaft_.twist_rad() * counts_per_rad;
+  constexpr double far = -1.0e12;
+  StopDistance distance{far, far};
+  if (load.low_stop_counts != no_low_limit) {
+    distance.low = (static_cast<double>(load.low_stop_counts - position_) - fraction_ + twist_counts) / counts_per_rad;
+  }
+  if (load.high_stop_counts != no_high_limit) {
+    distance.high =
+        (static_cast<double>(position_ - load.high_stop_counts) + fraction_ - twist_counts) / counts_per_rad;
+  }
+  return distance;
+}
+
+double Plant::cogging_torque_nm() const {
+  const double counts = static_cast<double>(single_turn_) + fraction_ + 0.5 * counts_per_speed_ * shaft_.speed_rad_s();
+  const double turns = counts / counts_per_revolution_ * parameters_.motor.cogging_periods_per_revolution;
+  const double within = turns - static_cast<double>(floor_of(turns));
+  return -parameters_.motor.cogging_torque_nm *
+         static_cast<double>(drive::sin_cos_turns(static_cast<float>(within)).sine);
+}
+
+void Plant::wrap_single_turn() {
+  const std::int64_t remainder = position_ % counts_per_revolution_;
+  single_turn_ = remainder < 0 ? remainder + counts_per_revolution_ : remainder;
+}
+
+void Plant::update_angle() {
+  const double turns = (static_cast<double>(single_turn_) + fraction_) * turns_per_count_ + commutation_offset_turns_;
+  const drive::SinCos angle = drive::sin_cos_turns(static_cast<float>(turns - static_cast<double>(floor_of(turns))));
+  sine_ = static_cast<double>(angle.sine);
+  cosine_ = static_cast<double>(angle.cosine);
+}
+
+void Plant::operate_brake(bool released) {
+  if (released != brake_command_released_) {
+    brake_command_released_ = released;
+    const double ms = released ? parameters_.motor.brake_release_ms : parameters_.motor.brake_engage_ms;
+    brake_countdown_ = std::max(1, static_cast<std::int32_t>(ms * 1.0e-3 / h + 0.5));
+  }
+  if (--brake_countdown_ > 0) return;
+  brake_engaged_ = !released || (brake_engaged_ && injected(Injection::brake_stuck));
+  update_brake();
+}
+
+void Plant::update_brake() { shaft_.set_brake(brake_engaged_ ? parameters_.motor.brake_torque_nm : 0.0); }
+
+void Plant::update_heat(bool pwm) {
+  heat_countdown_ = Heat::ticks_per_step;
+  const double mean_square = 1.5 / Heat::ticks_per_step * current_squared_sum_;
+  current_squared_sum_ = 0.0;
+  const double copper_w = mean_square * windings_.resistance_ohm();
+  copper_j_ += copper_w * Heat::ticks_per_step * h;
+  heat_.step(copper_w, mean_square * parameters_.thermal.stage_resistance_ohm +
+                           (pwm ? parameters_.thermal.stage_standby_w : 0.0));
+  update_resistance();
+  update_readings();
+}
+
+void Plant::update_resistance() {
+  if (std::abs(heat_.winding_c - resistance_at_c_) < 0.1) return;  // 0.04 % of copper
+  resistance_at_c_ = heat_.winding_c;
+  windings_.set_resistance_ohm(parameters_.motor.resistance_ohm *
+                               (1.0 + parameters_.motor.copper_temperature_coefficient * (resistance_at_c_ - 25.0)));
+}
+
+void Plant::update_readings() {
+  winding_reading_c_ = injected(Injection::winding_overheat) ? 180.0F : static_cast<float>(heat_.winding_c);
+  stage_reading_c_ = injected(Injection::stage_overheat) ? 120.0F : static_cast<float>(heat_.stage_c);
+  encoder_reading_c_ = injected(Injection::encoder_overheat) ? 120.0F : static_cast<float>(heat_.case_c);
+  ambient_reading_c_ = injected(Injection::ambient_hot)    ? 90.0F
+                       : injected(Injection::ambient_cold) ? -40.0F
+                                                           : static_cast<float>(heat_.ambient_c);
+}
+
+}  // namespace servodrome::plant

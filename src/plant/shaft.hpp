@@ -1,0 +1,145 @@
+#pragma once
+
+#include <cstdint>
+
+#include "drive/hardware.hpp"
+#include "plant/parameters.hpp"
+#include "plant/windings.hpp"
+
+// The mechanical side: rotor, load, friction, brake, coupling, hard stops.
+//
+// Every step solves J (w1 - w0) / h = torques(mean speed) - friction, friction in [-F, F] opposing w1, for the new
+// speed w1 at once: dry friction either slides or holds exactly, a standing shaft stays at exactly 0 until the torque
+// exceeds the breakaway value. A rigid shaft away from its stops is one multiplication (`slide`); the elastic coupling
+// and the hard stops take the general solution.
+namespace servodrome::plant {
+
+// Speeds in rad/s at the end of a tick and their means over it; positions move by mean * tick.
+struct ShaftTick {
+  double end = 0.0;
+  double mean = 0.0;
+  double load_end = 0.0;
+  double load_mean = 0.0;
+  double slope = 0.0;         // of the rotor's mean speed with the electromagnetic torque
+  std::int8_t direction = 0;  // of the rotor; 0: held by friction
+  std::int8_t load_direction = 0;
+};
+
+// Where the load is against its stops, in rad: positive beyond the stop.
+struct StopDistance {
+  double low;   // low stop - position
+  double high;  // position - high stop
+};
+
+class Shaft {
+ public:
+  Shaft(const Motor& motor, const Load& load);
+
+  // Beyond this no bearing lives: speeds are limited here, so that no torque can drive the numbers out of range.
+  static constexpr double largest_speed_rad_s = 1.0e5;
+
+  // Response of the rigid shaft, in the friction state of the last tick, to this tick's torque.
+  ShaftResponse response(double other_torque_nm) const {
+    return {old_weight_ * speed_ + mobility_ * (momentum_ * speed_ + other_torque_nm - friction_nm_), mobility_};
+  }
+
+  // The rigid shaft away from its stops under the sum of all torques but friction. True: `tick` is in the friction
+  // state of the last tick, as response() took it. False: friction begins or ends to hold; ask for the
+  // response again with resume(tick.direction) if the torque depends on it.
+  bool slide(double torque_nm, ShaftTick& tick) const {
+    const double drive = momentum_ * speed_ + torque_nm;
+    if (direction_ != 0) [[likely]] {
+      const double end = (drive - friction_nm_) * admittance_;
+      if (end * direction_ > 0.0) [[likely]] {
+        tick.end = limited(end);
+        tick.mean = old_weight_ * speed_ + new_weight_ * tick.end;
+        tick.direction = direction_;
+        return true;
+      }
+    }
+    return slide_anew(drive, tick);
+  }
+  ShaftResponse response_as(int direction, double other_torque_nm) const;
+
+  // General solution at the torque given: coupling and stops included.
+  ShaftTick solve(double motor_torque_nm, double rotor_torque_nm, const StopDistance& stops) const;
+
+  void commit(const ShaftTick& tick) {
+    speed_ = tick.end;
+    if (tick.direction != direction_) [[unlikely]]
+      set_direction(tick.direction);
+  }
+  void commit_general(const ShaftTick& tick);
+
+  void set_load(const Load& load);
+  void set_brake(double torque_nm);
+  void set_locked(bool locked);
+  void stop();  // at rest, coupling relaxed
+
+  bool elastic() const { return elastic_; }
+  double load_torque_nm() const { return load_torque_; }  // gravity and external, as it acts
+  double speed_rad_s() const { return speed_; }
+  double load_speed_rad_s() const { return elastic_ ? load_speed_ : speed_; }
+  double twist_rad() const { return twist_; }
+  double kinetic_j() const;
+  double elastic_j(const StopDistance& stops) const;
+
+ private:
+  // Coupling as an active spring with its deflection at the start of the tick, or the gap of the backlash.
+  struct Coupling {
+    bool engaged;
+    double deflection_rad;
+  };
+  struct Stop {
+    int side;  // +1 high, -1 low, 0 none
+    double penetration_rad;
+  };
+  struct Friction {
+    double held_nm;     // as long as it stands
+    double sliding_nm;  // as soon as it moves
+  };
+
+  static double limited(double speed) {
+    return speed > largest_speed_rad_s ? largest_speed_rad_s
+                                       : (speed < -largest_speed_rad_s ? -largest_speed_rad_s : speed);
+  }
+  bool slide_anew(double drive, ShaftTick& tick) const;
+  void set_direction(std::int8_t direction);
+  void prepare();
+  ShaftTick solve_rigid(double torque_nm, const StopDistance& stops) const;
+  ShaftTick solve_elastic(double rotor_torque_nm, const StopDistance& stops) const;
+  // Both masses with coupling and stop as given; picks the friction states. The return is by how much the friction
+  // condition is violated, 0: solved.
+  double solve_pair(double rotor_torque_nm, double weight, const Coupling& coupling, const Stop& stop,
+                    ShaftTick& tick) const;
+  Coupling coupling_of(double twist_rad) const;
+
+  // Rigid shaft, every tick.
+  double speed_ = 0.0;
+  double old_weight_ = 0.5;  // mean = old_weight * w0 + new_weight * w1
+  double new_weight_ = 0.5;
+  double momentum_ = 0.0;     // J / h less the friction's share of the old speed
+  double admittance_ = 0.0;   // new speed per torque
+  double mobility_ = 0.0;     // mean speed per torque: 0 while held
+  double friction_nm_ = 0.0;  // as it acts now while sliding
+  double load_torque_ = 0.0;
+  std::int8_t direction_ = 0;
+  bool elastic_ = false;
+  bool locked_ = false;
+  bool stops_ = false;
+
+  // The rest.
+  std::int8_t load_direction_ = 0;
+  double load_speed_ = 0.0;
+  double twist_ = 0.0;
+  Friction total_friction_{};
+  Friction rotor_friction_{};
+  double rotor_inertia_;
+  double rotor_viscous_;
+  double rotor_coulomb_;
+  double brake_torque_ = 0.0;
+  double coupling_weight_ = 0.5;
+  Load load_;
+};
+
+}  // namespace servodrome::plant

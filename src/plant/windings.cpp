@@ -1,0 +1,105 @@
+#include "plant/windings.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drive/hardware.hpp"
+#include "plant/fitting.hpp"
+
+namespace servodrome::plant {
+
+namespace {
+constexpr double h = drive::tick_seconds;
+constexpr double one_over_sqrt3 = 0.57735026918962576;
+}  // namespace
+
+double flux_linkage_vs(const Motor& motor) {
+  // Torque per A rms = 3/2 p flux sqrt(2).
+  return motor.torque_constant_nm_per_a / (1.5 * motor.pole_pairs * std::sqrt(2.0));
+}
+
+Windings::Windings(const Motor& motor, int direction)
+    : pole_pairs_(direction * motor.pole_pairs),
+      torque_per_flux_(1.5 * pole_pairs_),
+      flux_(flux_linkage_vs(motor)),
+      direct_inductance_(motor.direct_inductance_h),
+      quadrature_inductance_(motor.quadrature_inductance_h),
+      saliency_(motor.direct_inductance_h - motor.quadrature_inductance_h) {
+  set_resistance_ohm(motor.resistance_ohm);
+}
+
+void Windings::set_resistance_ohm(double resistance_ohm) {
+  resistance_ = resistance_ohm;
+  const double direct_weight = fitted_weight(resistance_ * h / direct_inductance_);
+  const double quadrature_weight = fitted_weight(resistance_ * h / quadrature_inductance_);
+  inverse_direct_weight_ = 1.0 / direct_weight;
+  inverse_quadrature_weight_ = 1.0 / quadrature_weight;
+  direct_memory_ = direct_inductance_ / (direct_weight * h);
+  quadrature_memory_ = quadrature_inductance_ / (quadrature_weight * h);
+}
+
+WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft, double torque_nm) const {
+  const double effective_flux = flux_ + saliency_ * direct_a;
+  const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
+  const double coupling = pole_pairs_ * shaft.slope * effective_flux;
+  const double direct = direct_inductance_ / h * direct_a;
+  const double quadrature = quadrature_inductance_ / h * quadrature_a - speed * flux_ + coupling * torque_nm;
+  const double threshold = dc_link_v * one_over_sqrt3;
+  const double source2 = direct * direct + quadrature * quadrature;
+  const double margin = source2 - threshold * threshold;
+  if (margin <= 0.0) return {};  // the diodes block
+  const double direct_impedance = direct_inductance_ / h + resistance_;
+  const double quadrature_impedance =
+      quadrature_inductance_ / h + resistance_ + coupling * torque_per_flux_ * effective_flux;
+  const double direct_reactance = speed * direct_inductance_;
+  const double quadrature_reactance = speed * quadrature_inductance_;
+  // |current| from (Z r + threshold)^2 + (X r)^2 = source^2, with the mean of the axes for Z; the bridge then looks
+  // like a resistance of threshold / r.
+  const double z = 0.5 * (direct_impedance + quadrature_impedance);
+  const double square = z * z + direct_reactance * quadrature_reactance;
+  const double half = z * threshold;
+  const double magnitude = margin / (half + std::sqrt(half * half + square * margin));
+  const double bridge = threshold / magnitude;
+  const double a = direct_impedance + bridge;
+  const double b = quadrature_impedance + bridge;
+  const double inverse = 1.0 / (a * b + direct_reactance * quadrature_reactance);
+  const double d = (direct * b + quadrature_reactance * quadrature) * inverse;
+  const double q = (quadrature * a - direct_reactance * direct) * inverse;
+  return {.mean_direct_a = d,
+          .mean_quadrature_a = q,
+          .end_direct_a = d,
+          .end_quadrature_a = q,
+          .power_w = -1.5 * bridge * (d * d + q * q),
+          .torque_nm = torque_nm_of(d, q)};
+}
+
+WindingTick Windings::along(Axis axis, double voltage_v, bool freewheeling, const ShaftResponse& shaft,
+                            double torque_nm) const {
+  // With i = n y and n fixed to the stator, dn/dt = -we J n in the rotor frame; the inductance along n is
+  // Ln = Ld nd^2 + Lq nq^2 and changes as the rotor turns.
+  const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
+  const double product = axis.direct * axis.quadrature;
+  const double inductance =
+      direct_inductance_ * axis.direct * axis.direct + quadrature_inductance_ * axis.quadrature * axis.quadrature;
+  const double old = axis.direct * direct_a + axis.quadrature * quadrature_a;
+  const double flux_q = axis.quadrature * (flux_ + saliency_ * axis.direct * old);
+  const double coupling = pole_pairs_ * shaft.slope * flux_q;
+  const double memory = inductance / h;
+  const double impedance = std::max(memory + resistance_ + 2.0 * speed * product * saliency_, resistance_) +
+                           coupling * torque_per_flux_ * flux_q;
+  double source = memory * old - speed * flux_ * axis.quadrature + coupling * torque_nm;
+  double voltage = voltage_v;
+  if (freewheeling) voltage = -std::clamp(source, -voltage_v, voltage_v);
+  source += voltage;
+  const double y = source / impedance;
+  const double d = axis.direct * y;
+  const double q = axis.quadrature * y;
+  return {.mean_direct_a = d,
+          .mean_quadrature_a = q,
+          .end_direct_a = d,
+          .end_quadrature_a = q,
+          .power_w = 1.5 * voltage * y,
+          .torque_nm = torque_nm_of(d, q)};
+}
+
+}  // namespace servodrome::plant
