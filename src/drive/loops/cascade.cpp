@@ -12,6 +12,11 @@ constexpr float tick_s = static_cast<float>(tick_seconds);
 // Below this share of one count per period the filtered velocity of a standing encoder is called 0.
 constexpr float standstill_share = 1.0e-3F;
 
+// Rest rule: this long without a count is standing; an axis off the target is pushed with another rated torque in
+// push_s.
+constexpr float standstill_s = 5.0e-3F;
+constexpr float push_s = 1.0F;
+
 // As far as the position loop looks; beyond, it saturates.
 constexpr Counts largest_position_error = Counts{1} << 30;
 
@@ -58,7 +63,9 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
       gains.velocity_kp > 0.0F ? std::min(gains.velocity_ki / gains.velocity_kp * velocity_period_s, 1.0F) : 1.0F;
   position_kp_ = gains.position_kp;
   velocity_feed_forward_ = gains.velocity_feed_forward;
-  rest_window_counts_ = gains.rest_window_counts;
+  rest_.window_counts = gains.rest_window_counts;
+  rest_.still_periods = static_cast<std::uint16_t>(standstill_s * velocity_periods_per_s_);
+  rest_.least_push = velocity_period_s / push_s;
   velocity_filter_.gain = low_pass_gain(gains.velocity_filter_hz, velocity_period_s);
   torque_filter_.gain = low_pass_gain(gains.torque_filter_hz, velocity_period_s);
 
@@ -98,6 +105,7 @@ void Cascade::clear_controllers() {
   direct_.integral_v = 0.0F;
   quadrature_.integral_v = 0.0F;
   torque_filter_.value = 0.0F;
+  rest_.leave();
   for (Biquad& notch : notches_) notch.settle(0.0F);
   state_.velocity_reference_counts_per_s = 0.0F;
   state_.torque_reference = 0.0F;
@@ -125,6 +133,7 @@ void Cascade::set_demand(const LoopDemand& demand) {
     integral_ = state_.torque_reference - feed_forward;
   }
   if (demand.loop != Loop::position) state_.following_error_counts = 0;
+  rest_.leave();
   last_demand_position_ = demand.position;
   last_demand_fraction_ = demand.position_fraction;
 }
@@ -164,6 +173,7 @@ void Cascade::measure_velocity(Counts position) {
   const Counts edge = std::clamp(edge_position_, position, position + 1);
   const auto moved = static_cast<std::int32_t>(edge - edge_position_);
   edge_position_ = edge;
+  moved_ = moved != 0;
   float velocity = velocity_filter_.apply(static_cast<float>(moved) * velocity_periods_per_s_);
   if (moved == 0 && std::fabs(velocity) < standstill_share * velocity_periods_per_s_) {
     velocity = 0.0F;
@@ -185,7 +195,7 @@ void Cascade::run_position_loop(Counts position) {
                         demand_.position_fraction == last_demand_fraction_;
   last_demand_position_ = demand_.position;
   last_demand_fraction_ = demand_.position_fraction;
-  if (standing && std::fabs(error) <= rest_window_counts_) error = 0.0F;
+  error = rest_.position_error(error, standing);
   position_velocity_ = position_kp_ * error + velocity_feed_forward_ * demand_.velocity;
 }
 
@@ -217,7 +227,7 @@ float Cascade::velocity_controller() {
   state_.torque_limited = torque != sum;
   const bool winding_up = state_.torque_limited ? (sum > torque) == (error > 0.0F)
                                                 : state_.voltage_limited && (error > 0.0F) == (torque > 0.0F);
-  if (!winding_up) integral_ += velocity_ki_ * error;
+  if (!winding_up) integral_ = rest_.integrate(integral_, velocity_ki_ * error, moved_);
   // A limit that is lowered takes the integral along, but leaves it room to make up for a wrong feed-forward.
   integral_ = clip(integral_, low - std::max(feed_forward_, 0.0F), high + std::max(-feed_forward_, 0.0F));
   return torque;

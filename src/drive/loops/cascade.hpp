@@ -7,6 +7,7 @@
 #include "drive/loops/filters.hpp"
 #include "drive/loops/gains.hpp"
 #include "drive/loops/motor_data.hpp"
+#include "drive/loops/rest.hpp"
 #include "drive/transforms.hpp"
 #include "drive/units.hpp"
 
@@ -45,10 +46,8 @@ struct CascadeState {
   bool voltage_limited = false;   // the DC link does not give the voltage the current loop asks for
 };
 
-// Rest rule: while the position demand stands (same position, no velocity feed-forward) a position error of up to
-// Gains::rest_window_counts counts as none, so that neither a resolution of one count nor the integrator against
-// friction keeps the axis hunting. The velocity is measured between the edges of counts, not between counts, so that an
-// axis standing on an edge does not seem to move.
+// At rest see RestRule. The velocity is measured between the edges of counts, not between counts, so that an axis
+// standing on an edge does not seem to move.
 class Cascade {
  public:
   // Takes the data over and keeps the loops' state: gains may change while the axis moves. `motor` and `gains` must be
@@ -97,6 +96,7 @@ class Cascade {
   bool enabled_ = false;
   bool measuring_ = false;  // edge_position_ is valid
   bool notches_on_ = false;
+  bool moved_ = false;        // the encoder counted in the last velocity period
   Counts edge_position_ = 0;  // the edge of a count last crossed
   LowPass velocity_filter_;
   LowPass torque_filter_;
@@ -110,6 +110,7 @@ class Cascade {
   CurrentController quadrature_;
   CascadeState state_;
   LoopDemand demand_;
+  RestRule rest_;
   Counts last_demand_position_ = 0;
   float last_demand_fraction_ = 0.0F;
 
@@ -132,7 +133,6 @@ class Cascade {
   float limiter_decay_ = 0.0F;   // of the speed limiter's integral, per velocity period
   float position_kp_ = 0.0F;
   float velocity_feed_forward_ = 1.0F;
-  float rest_window_counts_ = 1.0F;
 
   std::array<Biquad, 2> notches_{};  // applied only with notches_on_
 };

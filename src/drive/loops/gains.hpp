@@ -32,7 +32,7 @@ struct Gains {
   float acceleration_feed_forward = 1.0F;  // share of inertia times LoopDemand::acceleration
   float velocity_filter_hz = 0.0F;         // corner of the low pass on the measured velocity; 0: off
   float torque_filter_hz = 0.0F;           // corner of the low pass on the torque reference; 0: off
-  float rest_window_counts = 1.0F;         // see Cascade: position errors up to it are left alone at rest
+  float rest_window_counts = 1.0F;         // position errors left alone at rest: see RestRule
   std::array<Notch, 2> notches{};
 };
 

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+namespace servodrome::drive {
+
+// Rest rule of the position loop: what keeps an axis with friction and an encoder of finite resolution from hunting
+// around a position demand that stands.
+//
+// - An error of up to the window (one count unless told otherwise) counts as none, so that the integral of the velocity
+//   loop is not fed any more.
+// - An integral that has to push a standing axis loose is larger than the sliding axis needs, and would throw it past
+//   the target, from where the same begins anew. So as soon as the axis moves, the integral goes back to where it was
+//   when the axis came to stand. The axis steps towards the target, and friction stops each step.
+// - A step that ends on the other side, no further away, shows that friction lets the axis come no nearer: it rests
+// there.
+struct RestRule {
+  float window_counts = 1.0F;
+  std::uint16_t still_periods = 40;  // velocity periods without a count until the axis stands
+  float least_push = 0.0F;           // of the integral per velocity period while the axis stands off the target
+
+  // Once per position cycle: the position error that the position loop shall see. `standing`: the demand stands.
+  float position_error(float error_counts, bool standing) {
+    if (!standing) {
+      demand_stands_ = false;
+      stood_at_counts_ = 0.0F;
+      step_counts_ = 0.0F;
+      open_window_counts_ = window_counts;
+      still_ = 0;
+      return error_counts;
+    }
+    demand_stands_ = true;
+    const float distance = std::fabs(error_counts);
+    if (still_ == still_periods && error_counts != stood_at_counts_) {
+      const bool other_side = error_counts * stood_at_counts_ < 0.0F;
+      if (other_side && distance <= std::max(std::fabs(stood_at_counts_), step_counts_)) open_window_counts_ = distance;
+      step_counts_ = stood_at_counts_ != 0.0F ? std::fabs(error_counts - stood_at_counts_) : 0.0F;
+      stood_at_counts_ = error_counts;
+    }
+    if (distance <= std::max(window_counts, open_window_counts_)) return 0.0F;
+    open_window_counts_ = window_counts;
+    return error_counts;
+  }
+
+  // Once per velocity period: the integral after `step`. `moved`: the encoder counted in this period.
+  float integrate(float integral, float step, bool moved) {
+    if (!demand_stands_) return integral + step;
+    if (moved) {
+      if (still_ == still_periods) integral = stood_with_;
+      still_ = 0;
+    } else if (still_ < still_periods) {
+      if (++still_ == still_periods) stood_with_ = integral;
+    } else if (step != 0.0F) {
+      step = std::copysign(std::max(std::fabs(step), least_push), step);
+    }
+    return integral + step;
+  }
+
+  void leave() { position_error(0.0F, false); }
+
+ private:
+  bool demand_stands_ = false;
+  std::uint16_t still_ = 0;
+  float stood_with_ = 0.0F;       // integral when the axis came to stand
+  float stood_at_counts_ = 0.0F;  // position error where the axis stood last; 0: not yet
+  float step_counts_ = 0.0F;      // length of the last step
+  float open_window_counts_ = 1.0F;
+};
+
+}  // namespace servodrome::drive
