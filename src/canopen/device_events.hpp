@@ -28,6 +28,11 @@ struct LossReaction {
   ErrorBehaviour behaviour = ErrorBehaviour::pre_operational;
 };
 
+// Answers to the LSS service "store configuration" (CiA 305, cs 17h).
+enum class LssStore : std::uint8_t { done = 0, not_supported = 1, failed = 2 };
+
+enum class BusState : std::uint8_t { error_active, error_passive, bus_off };
+
 // What the bus does to a device. All calls come from inside Node::start, receive, poll and bus_state.
 class DeviceEvents {
  public:
@@ -66,8 +71,10 @@ class DeviceEvents {
   // LSS. `index` is a row of CiA 305 table 1 (0: 1 Mbit/s, 1: 800, 2: 500, 3: 250, 4: 125, 6: 50, 7: 20, 8: 10 kbit/s,
   // 9: automatic).
   virtual bool lss_bit_timing_supported(std::uint8_t /*index*/) { return false; }
-  // False: the device could not store. `node_id` 255 is "not configured".
-  virtual bool lss_store(std::uint8_t /*node_id*/, std::uint8_t /*bit_timing_index*/) { return false; }
+  // `node_id` 255 is "not configured".
+  virtual LssStore lss_store(std::uint8_t /*node_id*/, std::uint8_t /*bit_timing_index*/) {
+    return LssStore::not_supported;
+  }
   // The bit rate is to be switched: no frame may be sent until `delay` has passed, then the new rate is set, and
   // another `delay` passes before sending (CiA 305 "activate bit timing parameters"). The node keeps silent meanwhile.
   virtual void lss_activate_bit_timing(std::uint8_t /*index*/, Time /*delay*/) {}

@@ -28,12 +28,19 @@ class Link {
     return true;
   }
   bool take(Frame& frame) {
-    if (head_ == tail_) return false;
+    if (head_ == tail_ || muted()) return false;
     frame = ring_[tail_++ & mask_];
     return true;
   }
-  bool idle() const { return head_ == tail_; }
   void discard() { tail_ = head_; }
+
+  // Nothing is sent before `time` (a bit rate is being switched).
+  void mute_until(Time time) {
+    muted_until_ = time;
+    wake_at(time);
+  }
+  bool muted() const { return now_ < muted_until_; }
+  Time muted_until() const { return muted_until_; }
 
   // True once after frames were lost.
   bool take_overrun() {
@@ -41,7 +48,6 @@ class Link {
     overrun_ = false;
     return overrun;
   }
-  bool overrun() const { return overrun_; }
 
   Time wake() const { return wake_; }
   void wake_at(Time deadline) {
@@ -52,6 +58,7 @@ class Link {
  private:
   Time now_{0};
   Time wake_ = never;
+  Time muted_until_{0};
   std::span<Frame> ring_;
   std::uint32_t mask_;
   std::uint32_t head_ = 0;

@@ -56,6 +56,7 @@ class Dictionary {
   void set_listener(Owner owner, Listener* listener) { listeners_[static_cast<std::size_t>(owner)] = listener; }
 
   std::span<const Entry> table() const { return table_; }
+  const LengthAborts& length_aborts() const { return length_aborts_; }
 
   // The entry, or nullptr with the reason in `abort` (object or sub-index does not exist).
   const Entry* find(std::uint16_t index, std::uint8_t sub, AbortCode& abort) const;

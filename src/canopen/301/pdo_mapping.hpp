@@ -1,0 +1,100 @@
+#pragma once
+
+#include "canopen/profile.hpp"
+#include "dictionary/dictionary.hpp"
+
+// PDO mappings resolved to places in memory (CiA 301 7.4.7, 7.5.2.36, 7.5.2.38). A PDO is at most 64 bits, so its data
+// is handled as one little-endian word: bit n of the word is bit n % 8 of byte n / 8, as CANopen counts them.
+namespace servodrome::canopen {
+
+enum class Direction : std::uint8_t { receive, transmit };
+
+struct MappedObject {
+  const dictionary::Entry* entry = nullptr;
+  std::byte* place = nullptr;  // nullptr: dummy (receive) or a constant without storage (transmit)
+  std::uint64_t mask = 0;      // of the object's own bits, before the shift
+  std::uint8_t shift = 0;      // first bit within the PDO
+  std::uint8_t bytes = 0;      // of the object in memory
+  bool plain = true;           // no owner to tell and no range to check
+};
+
+struct ResolvedMapping {
+  std::uint8_t count = 0;
+  std::uint8_t bits = 0;
+  std::uint8_t bytes() const { return static_cast<std::uint8_t>((bits + 7) / 8); }
+};
+
+// One mapping entry (index << 16 | sub-index << 8 | bits) that would start at bit `shift`. Errors:
+// object_does_not_exist, not_mappable, mapping_exceeds_pdo_length.
+dictionary::AbortCode resolve(const dictionary::Dictionary& dictionary, const Profile& profile, Direction direction,
+                              std::uint32_t mapping_entry, unsigned shift, MappedObject& object);
+
+// The first `count` entries of the mapping object `index`. On error `resolved` is empty.
+dictionary::AbortCode resolve_all(const dictionary::Dictionary& dictionary, const Profile& profile, Direction direction,
+                                  std::uint16_t index, unsigned count, std::span<MappedObject> objects,
+                                  ResolvedMapping& resolved);
+
+// A constant size lets the compiler make one move of each copy.
+inline std::uint64_t load(const std::byte* place, unsigned bytes) {
+  std::uint64_t value = 0;
+  switch (bytes) {
+    case 1: std::memcpy(&value, place, 1); break;
+    case 2: std::memcpy(&value, place, 2); break;
+    case 4: std::memcpy(&value, place, 4); break;
+    default: std::memcpy(&value, place, 8); break;
+  }
+  return value;
+}
+
+inline void store(std::byte* place, std::uint64_t value, unsigned bytes) {
+  switch (bytes) {
+    case 1: std::memcpy(place, &value, 1); break;
+    case 2: std::memcpy(place, &value, 2); break;
+    case 4: std::memcpy(place, &value, 4); break;
+    default: std::memcpy(place, &value, 8); break;
+  }
+}
+
+// The data of a TPDO, gathered from its objects.
+inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<const MappedObject> objects) {
+  std::uint64_t word = 0;
+  for (const MappedObject& object : objects) {
+    if (!object.plain) {
+      if (dictionary::Listener* owner = dictionary.listener(*object.entry)) owner->refresh(*object.entry);
+    }
+    const std::uint64_t value = object.place != nullptr ? load(object.place, object.bytes)
+                                                        : static_cast<std::uint64_t>(object.entry->default_value);
+    word |= (value & object.mask) << object.shift;
+  }
+  return word;
+}
+
+// Writes the data of an RPDO to its objects. An object whose range or owner refuses the value keeps what it has; the
+// others of the PDO are written all the same.
+void unpack_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value);
+inline void unpack(dictionary::Dictionary& dictionary, std::span<const MappedObject> objects, std::uint64_t word) {
+  for (const MappedObject& object : objects) {
+    if (object.place == nullptr) continue;
+    const std::uint64_t value = word >> object.shift & object.mask;
+    if (object.plain) {
+      store(object.place, value, object.bytes);
+    } else {
+      unpack_checked(dictionary, object, value);
+    }
+  }
+}
+
+// Checks of the objects 14xxh..1Axxh that both directions share.
+struct PdoConfiguration {
+  dictionary::Dictionary& dictionary;
+  const Profile& profile;
+
+  bool is_valid(std::uint16_t parameter_index) const;
+  // Of sub-index 1 of the communication parameter.
+  dictionary::AbortCode check_cob_id(std::uint16_t parameter_index, std::uint32_t value) const;
+  // Of the mapping parameter, before `value` is written to `entry`.
+  dictionary::AbortCode check_mapping(Direction direction, std::uint16_t parameter_index,
+                                      const dictionary::Entry& entry, std::uint32_t value, std::size_t capacity) const;
+};
+
+}  // namespace servodrome::canopen

@@ -1,0 +1,86 @@
+#pragma once
+
+#include "canopen/301/emergency.hpp"
+#include "canopen/301/pdo_mapping.hpp"
+#include "canopen/device_events.hpp"
+
+namespace servodrome::canopen {
+
+// One RPDO as it is configured, and what has arrived for it.
+struct Rpdo {
+  static constexpr std::uint16_t none = 0xFFFF;
+
+  ResolvedMapping mapping;
+  bool exists = false;
+  bool valid = false;
+  bool synchronous = false;
+  bool pending = false;  // received, waits for the SYNC
+  bool too_short = false;
+  bool too_long = false;
+  bool timed_out = false;
+  std::uint16_t can_id = 0;
+  std::uint16_t next_of_same_can_id = none;
+  std::uint64_t received = 0;
+  Time event_time{0};  // deadline monitoring, 0: none
+  Time deadline = never;
+};
+
+// RPDOs (CiA 301 7.2.2, objects 1400h.. and 1600h..).
+class Rpdos {
+ public:
+  Rpdos(Link& link, dictionary::Dictionary& dictionary, const Profile& profile, Emergency& emergency,
+        DeviceEvents& events, std::span<Rpdo> pdos, std::span<MappedObject> objects, std::span<std::uint16_t> pending)
+      : link_(link),
+        dictionary_(dictionary),
+        profile_(profile),
+        emergency_(emergency),
+        events_(events),
+        pdos_(pdos),
+        objects_(objects),
+        pending_(pending) {}
+
+  std::size_t capacity() const { return pdos_.size(); }
+  const Rpdo& operator[](std::size_t number) const { return pdos_[number]; }
+  void link_same_can_id(std::uint16_t number, std::uint16_t next) { pdos_[number].next_of_same_can_id = next; }
+
+  void configure();  // all of them, after a reset
+  void configure(std::uint16_t number);
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::uint32_t value) const;
+
+  void set_operational(bool operational);
+
+  // Data for the RPDO `number` and the others of its CAN-ID.
+  void receive(std::uint16_t number, const Frame& frame) {
+    if (!operational_) return;
+    do {
+      Rpdo& pdo = pdos_[number];
+      receive_one(number, pdo, frame);
+      number = pdo.next_of_same_can_id;
+    } while (number != Rpdo::none);
+  }
+
+  // A SYNC: what came since the last one is taken over. Until `window_end` further synchronous RPDOs are accepted.
+  void sync(Time window_end);
+  void poll();
+
+ private:
+  void receive_one(std::uint16_t number, Rpdo& pdo, const Frame& frame);
+  void deliver(std::uint16_t number, const Rpdo& pdo, std::uint64_t word);
+  bool check_length(Rpdo& pdo, std::uint8_t length);
+  std::size_t entries() const { return objects_.size() / pdos_.size(); }
+  std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries(), entries()); }
+
+  Link& link_;
+  dictionary::Dictionary& dictionary_;
+  const Profile& profile_;
+  Emergency& emergency_;
+  DeviceEvents& events_;
+  std::span<Rpdo> pdos_;
+  std::span<MappedObject> objects_;
+  std::span<std::uint16_t> pending_;
+  std::size_t pending_count_ = 0;
+  bool operational_ = false;
+  Time window_end_ = never;
+};
+
+}  // namespace servodrome::canopen

@@ -1,0 +1,85 @@
+#pragma once
+
+#include "canopen/301/pdo_mapping.hpp"
+#include "canopen/link.hpp"
+
+namespace servodrome::canopen {
+
+// One TPDO as it is configured, and what was sent of it.
+struct Tpdo {
+  ResolvedMapping mapping;
+  bool exists = false;
+  bool valid = false;
+  bool remote_allowed = false;  // bit 30 of the COB-ID is 0
+  bool on_change = false;       // asynchronous, and sent when its data changes
+  bool waiting = false;         // due, but held back by the inhibit time
+  std::uint8_t type = 0;
+  std::uint8_t sync_start_value = 0;
+  std::uint8_t syncs_left = 0;  // until a cyclic synchronous TPDO is sent
+  bool awaits_sync_start = false;
+  std::uint16_t can_id = 0;
+  std::uint64_t data = 0;  // last sent or, for type 252, last sampled
+  std::uint64_t change_mask = ~std::uint64_t{0};
+  Time inhibit_time{0};
+  Time not_before{0};
+  Time event_time{0};
+  Time event_deadline = never;
+};
+
+// TPDOs (CiA 301 7.2.2, objects 1800h.. and 1A00h..).
+class Tpdos {
+ public:
+  Tpdos(Link& link, dictionary::Dictionary& dictionary, const Profile& profile, std::span<Tpdo> pdos,
+        std::span<MappedObject> objects, std::span<std::uint16_t> synchronous, std::span<std::uint16_t> on_change)
+      : link_(link),
+        dictionary_(dictionary),
+        profile_(profile),
+        pdos_(pdos),
+        objects_(objects),
+        synchronous_(synchronous),
+        on_change_(on_change) {}
+
+  std::size_t capacity() const { return pdos_.size(); }
+  const Tpdo& operator[](std::size_t number) const { return pdos_[number]; }
+
+  void configure();  // all of them, after a reset
+  void configure(std::uint16_t number);
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::uint32_t value) const;
+  void set_change_mask(std::uint16_t number, std::uint64_t mask) { pdos_[number].change_mask = mask; }
+
+  void set_operational(bool operational);
+
+  // Process data may have changed: asynchronous TPDOs whose data did are sent.
+  void process_image_updated() {
+    if (operational_ && on_change_count_ != 0) send_changed();
+  }
+  // An application event: the TPDO is sent (types 254, 255 at once, type 0 at the next SYNC), changed or not.
+  void trigger(std::uint16_t number);
+  void sync(std::uint8_t counter);
+  void remote_request(std::uint32_t can_id);
+  void poll();
+
+ private:
+  std::uint64_t pack_data(std::size_t number, const Tpdo& pdo) const {
+    return pack(dictionary_, std::span<const MappedObject>(objects(number)).first(pdo.mapping.count));
+  }
+  void send(Tpdo& pdo, std::uint64_t data);
+  void send_when_allowed(std::uint16_t number, Tpdo& pdo);
+  void send_changed();
+  void rebuild_lists();
+  std::size_t entries() const { return objects_.size() / pdos_.size(); }
+  std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries(), entries()); }
+
+  Link& link_;
+  dictionary::Dictionary& dictionary_;
+  const Profile& profile_;
+  std::span<Tpdo> pdos_;
+  std::span<MappedObject> objects_;
+  std::span<std::uint16_t> synchronous_;  // numbers of the TPDOs a SYNC concerns
+  std::span<std::uint16_t> on_change_;    // numbers of those that change sends
+  std::size_t synchronous_count_ = 0;
+  std::size_t on_change_count_ = 0;
+  bool operational_ = false;
+};
+
+}  // namespace servodrome::canopen

@@ -1,0 +1,122 @@
+#pragma once
+
+#include "canopen/301/emergency.hpp"
+#include "canopen/301/error_control.hpp"
+#include "canopen/301/heartbeat_consumer.hpp"
+#include "canopen/301/rpdo.hpp"
+#include "canopen/301/sdo_server.hpp"
+#include "canopen/301/sync.hpp"
+#include "canopen/301/tpdo.hpp"
+#include "canopen/305/lss_slave.hpp"
+#include "canopen/device_events.hpp"
+#include "canopen/node_storage.hpp"
+
+namespace servodrome::canopen {
+
+// A CANopen device: frames and the time go in, frames come out. It sees the device through its dictionary (where it is
+// the listener of Owner::communication) and DeviceEvents, and uses no heap, clock or thread.
+//
+// Use: load the objects, start(), then receive() every frame of the bus, poll() no later than next_deadline(), and
+// take() frames until there are none, after each of these calls. Times never go back.
+//
+// Nothing given to the constructor is copied; all of it outlives the node.
+class Node final : private dictionary::Listener {
+ public:
+  Node(dictionary::Dictionary& dictionary, const Profile& profile, DeviceEvents& events, const NodeMemory& memory);
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
+
+  // Power-on, with the objects holding their saved values. 1..127, or 255: no node-ID, the node waits for LSS.
+  void start(std::uint8_t node_id, Time now);
+
+  void receive(const Frame& frame, Time now);
+  // Does what is due. One comparison if nothing is.
+  void poll(Time now) {
+    link_.set_now(now);
+    if (now >= link_.wake()) run_due();
+  }
+  // When poll() has something to do; may be early, never late. canopen::never: nothing is planned.
+  Time next_deadline() const { return link_.wake(); }
+  // The next frame to send. False: there is none.
+  bool take(Frame& frame) { return link_.take(frame) || (!link_.muted() && produce(frame)); }
+
+  NmtState nmt_state() const { return state_; }
+  std::uint8_t node_id() const { return node_id_; }
+  // The node-ID from the next reset communication on, as LSS "configure node-ID" or a device's own object sets it.
+  void set_pending_node_id(std::uint8_t node_id) { lss_.set_pending_node_id(node_id); }
+
+  // The device calls this when process data may have changed, once per position-loop cycle: TPDOs that are sent on
+  // change are compared with what was sent last.
+  void process_image_updated(Time now) {
+    link_.set_now(now);
+    tpdos_.process_image_updated();
+  }
+  // Sends TPDO `number` (0 is the first) whether or not its data changed; types 254 and 255 at once, 0 at the next
+  // SYNC.
+  void trigger_tpdo(std::uint16_t number, Time now) {
+    link_.set_now(now);
+    tpdos_.trigger(number);
+  }
+  // Bits of the TPDO's data (bit 0 is bit 0 of byte 0) that count as a change.
+  void set_tpdo_change_mask(std::uint16_t number, std::uint64_t mask) { tpdos_.set_change_mask(number, mask); }
+
+  // A device error: sends an EMCY, sets `error_register_bits` of 1001h, and adds to the history 1003h.
+  void raise(std::uint16_t code, std::uint8_t error_register_bits, const std::array<std::uint8_t, 5>& vendor = {}) {
+    emergency_.raise(code, error_register_bits, vendor);
+  }
+  // Errors went; `remaining` are the bits of 1001h of those still there. Sends EMCY 0000h if the profile has it.
+  void clear(std::uint8_t remaining = 0, const std::array<std::uint8_t, 5>& vendor = {}) {
+    emergency_.clear(remaining, vendor);
+  }
+  std::uint8_t error_register() const { return emergency_.error_register(); }
+
+  // The CAN controller's fault confinement state. Bus-off is a communication error; EMCY 8140h follows on recovery.
+  void bus_state(BusState state, Time now);
+
+ private:
+  enum class Service : std::uint8_t { none, nmt, sync, time, sdo, heartbeat, emergency, lss, rpdo };
+
+  // dictionary::Listener for the objects 1000h..1FFFh.
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
+  void written(const dictionary::Entry& entry) override;
+
+  void run_due();
+  bool produce(Frame& frame);
+  void receive_remote(const Frame& frame);
+  void receive_nmt(const Frame& frame);
+  void receive_time(const Frame& frame);
+  void receive_heartbeat(std::uint8_t consumer, const Frame& frame);
+  void receive_emergency(std::uint8_t consumer, const Frame& frame);
+  void act_on_sync(std::uint8_t counter);
+  void reset(NmtCommand command);
+  void configure();
+  void boot();
+  void set_state(NmtState state);
+  void communication_lost(LossCause cause, CommunicationError error);
+  void communication_restored(LossCause cause, CommunicationError error);
+  dictionary::AbortCode check_signature(const dictionary::Entry& entry, std::uint32_t value);
+  dictionary::AbortCode check_general(const dictionary::Entry& entry, std::uint32_t value) const;
+
+  void rebuild_dispatch();
+  void dispatch(std::uint32_t can_id, Service service, unsigned number = 0);
+  bool services_allowed() const { return state_ == NmtState::operational || state_ == NmtState::pre_operational; }
+
+  dictionary::Dictionary& dictionary_;
+  const Profile& profile_;
+  DeviceEvents& events_;
+  Link link_;
+  Emergency emergency_;
+  Rpdos rpdos_;
+  Tpdos tpdos_;
+  Sync sync_;
+  SdoServer sdo_;
+  ErrorControl error_control_;
+  HeartbeatConsumers heartbeat_consumers_;
+  LssSlave lss_;
+  NmtState state_ = NmtState::initialising;
+  BusState bus_state_ = BusState::error_active;
+  std::uint8_t node_id_ = unconfigured_node_id;
+  std::array<std::uint16_t, 2048> dispatch_{};  // by CAN-ID: service << 12 | number
+};
+
+}  // namespace servodrome::canopen
