@@ -77,8 +77,12 @@ inline Deviation examine(const Trajectory& trajectory, const MotionState& start,
     steepest = std::max(steepest, std::abs(list.segments[i].acceleration));
   }
   const auto relative = [](double x, double scale) { return x == 0.0 ? 0.0 : std::abs(x) / scale; };
-  // Positions far from 0 are no finer than this.
-  const double grain = 1e-15 * std::max(std::abs(start.position), std::abs(end.position));
+  // Positions far from 0 are no finer than this; and no distance is better known than the last bit of the velocity
+  // allows, which times the way to stand still from it matters for a deceleration of a count/s^2 at 10^8 counts/s.
+  const double grain = 1e-15 * std::max(std::abs(start.position), std::abs(end.position)) +
+                       1e-15 * fastest *
+                           (fastest / std::min(limits.acceleration, limits.deceleration) +
+                            (third ? std::max(limits.acceleration, limits.deceleration) / limits.jerk : 0.0));
 
   MotionState before{0.0, start.velocity, third ? start.acceleration : 0.0};
   double time = 0.0;

@@ -226,10 +226,12 @@ double distance_of_change(const Cursor& from, double velocity, const Limits& lim
 void climb_and_descend(Cursor& cursor, const Descent& descent, double top_velocity, double way, const Limits& limits) {
   double cap = limits.acceleration;
   double top = top_velocity;
-  if (cursor.velocity < 0.0 && limits.acceleration != limits.deceleration) {
+  // An axis that is about to go backwards has to end that acceleration first, whatever follows.
+  const bool separate = limits.acceleration != limits.deceleration;
+  if (separate && cursor.acceleration < 0.0 && cursor.settling_velocity() < 0.0) cursor.arc_to(0.0);
+  if (separate && cursor.velocity < 0.0) {
     // Up to velocity 0 the other limit holds. Either the axis passes 0 as steeply as it may, or it turns to brake
     // before.
-    if (cursor.acceleration < 0.0) cursor.arc_to(0.0);
     const double crossing_squared =
         std::max(unit_jerk::greatest_crossing_squared(cursor.velocity, cursor.acceleration, top_velocity, limits), 0.0);
     const double crossing = std::sqrt(crossing_squared);
