@@ -76,6 +76,7 @@ struct Policy {
   bool jerk_limited_only_from_standstill = false;
   bool zero_values_are_faults = false;  // zero profile values raise the planning causes
   OutOfLimits out_of_limits = OutOfLimits::clip;
+  bool limit_switches_stop = true;  // outside homing, a limit switch ends motion towards it
   bool software_limits_need_homing = false;
   bool software_limits_switch_range_off = false;  // 607Bh is off while 607Dh is valid
   bool slippage_supported = true;                 // statusword bit 13 in profile velocity

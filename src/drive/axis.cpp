@@ -1,0 +1,33 @@
+#include "drive/axis.hpp"
+
+#include <limits>
+
+namespace servodrome::drive {
+
+bool Axis::software_limits_active() const {
+  const std::int32_t low = objects.min_position_limit;
+  const std::int32_t high = objects.max_position_limit;
+  if (low >= high) return false;
+  if (low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max()) return false;
+  return homed || !policy.software_limits_need_homing;
+}
+
+std::int64_t Axis::position_range() const {
+  const std::int64_t low = objects.min_position_range_limit;
+  const std::int64_t high = objects.max_position_range_limit;
+  if (low >= high) return 0;
+  if (low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max()) return 0;
+  if (policy.software_limits_switch_range_off && software_limits_active()) return 0;
+  return high - low + 1;
+}
+
+std::int64_t Axis::to_user_position(Counts application) const {
+  const std::int64_t user = units.to_user(application);
+  const std::int64_t range = position_range();
+  if (range == 0) return user;
+  const std::int64_t low = objects.min_position_range_limit;
+  const std::int64_t within = (user - low) % range;
+  return low + (within < 0 ? within + range : within);
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,150 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "drive/generator.hpp"
+#include "drive/loops/cascade.hpp"
+#include "drive/loops/gains.hpp"
+#include "drive/policy.hpp"
+
+namespace servodrome::drive {
+
+// Thresholds of the monitors; a threshold of 0 switches its monitor off unless said otherwise.
+struct Monitors {
+  float over_voltage_v = 400.0F;
+  float under_voltage_v = 200.0F;
+  float chopper_on_v = 380.0F;
+  float chopper_off_v = 370.0F;
+  float ambient_hot_c = 60.0F;
+  float ambient_cold_c = -20.0F;
+  float power_stage_hot_c = 95.0F;
+  float motor_hot_c = 130.0F;
+  float encoder_hot_c = 95.0F;
+  float warning_margin_c = 10.0F;  // a warning is shown so far below a hot threshold
+  float over_speed_rpm = 0.0F;     // 0: 1.2 x the motor's greatest speed, or 6080h where it is lower
+  double velocity_error = 0.0;     // counts/s
+  std::uint32_t velocity_error_ms = 1000;
+  bool i2t = true;
+  float i2t_peak_time_s = 3.0F;  // the peak current may flow so long
+  Counts index_deviation = 0;    // between successive index pulses
+};
+
+// What a product, its nameplate and its own parameters decide, and may change while the drive runs.
+struct Configuration {
+  MotorData motor{};
+  Gains gains{};
+  Monitors monitors{};
+  InputMap inputs{};
+  std::uint32_t brake_release_ms = 0;                 // from power on to the first motion
+  std::uint32_t brake_engage_ms = 0;                  // from brake command to power off
+  RampShape velocity_stop_shape = RampShape::linear;  // stopping in the velocity modes
+  double torque_mode_velocity_positive = 0.0;         // counts/s, 0: the motor's greatest speed
+  double torque_mode_velocity_negative = 0.0;
+  float homing_stall_torque = 0.5F;  // fraction of rated torque
+  std::uint32_t homing_stall_ms = 50;
+  Counts homing_retraction = 0;
+  std::uint32_t homing_timeout_ms = 0;
+};
+
+// How a motion is ended (option codes 605Ah to 605Eh).
+enum class Stop : std::uint8_t { power_off, slow_down_ramp, quick_stop_ramp, current_limit, voltage_limit };
+
+constexpr Stop stop_of_option_code(std::int16_t code) {
+  switch (code) {
+    case 1:
+    case 5: return Stop::slow_down_ramp;
+    case 2:
+    case 6: return Stop::quick_stop_ramp;
+    case 3:
+    case 7: return Stop::current_limit;
+    case 4:
+    case 8: return Stop::voltage_limit;
+    default: return Stop::power_off;
+  }
+}
+
+// What the modes of operation share: the axis as seen in one position-loop cycle, and what they ask of it. Positions
+// are application counts: encoder counts plus `offset`, which homing moves.
+struct Axis {
+  Objects& objects;
+  const Policy& policy;
+  Configuration configuration{};
+  Units units{};
+  Generator generator{};
+  LoopDemand demand{};
+
+  double cycle_s = 500e-6;
+  Counts encoder_position = 0;
+  Counts offset = 0;
+  bool homed = false;
+  std::uint32_t signals = 0;            // bit(Signal)
+  std::span<const SignalEdge> edges{};  // since the last cycle, encoder counts
+  const CascadeState* loops = nullptr;
+  bool limited = false;          // statusword bit 11
+  bool synchronised = false;     // a SYNC came since the last cycle
+  bool new_set_point = false;    // a cyclic set-point was written since the last cycle
+  bool following_error = false;  // out of 6065h for longer than 6066h: statusword bit 13 in position modes
+  Cause raised = Cause::none;    // the first cause raised in this cycle
+
+  Counts position() const { return encoder_position + offset; }
+  double velocity() const { return static_cast<double>(loops->velocity_counts_per_s); }
+  float torque() const { return loops->torque; }
+  bool active(Signal signal) const { return (signals & bit(signal)) != 0; }
+  std::uint32_t cycles(std::uint32_t milliseconds) const {
+    return static_cast<std::uint32_t>(static_cast<double>(milliseconds) * 1e-3 / cycle_s + 0.5);
+  }
+
+  void raise(Cause cause) {
+    if (raised == Cause::none) raised = cause;
+  }
+
+  RampShape shape() const { return static_cast<RampShape>(std::clamp<int>(objects.motion_profile_type, 0, 3)); }
+  double rpm_to_counts_per_s(double rpm) const { return rpm / 60.0 * units.counts_per_revolution; }
+
+  // The speed nobody may exceed: 607Fh (where `profile`), 6080h, the motor. counts/s.
+  double max_velocity(bool profile) const {
+    double limit = rpm_to_counts_per_s(static_cast<double>(configuration.motor.max_speed_rpm));
+    if (objects.max_motor_speed_rpm != 0) limit = std::min(limit, rpm_to_counts_per_s(objects.max_motor_speed_rpm));
+    if (profile && objects.max_profile_velocity != 0) {
+      limit = std::min(limit, objects.max_profile_velocity * units.velocity);
+    }
+    return limit;
+  }
+
+  // Profile limits from user values, clipped to 607Fh, 6080h, 60C5h and 60C6h.
+  MotionLimits limits(double velocity, double acceleration, double deceleration, double jerk) const {
+    const auto clip = [](double value, std::uint32_t user_limit, double factor) {
+      return user_limit == 0 ? value : std::min(value, user_limit * factor);
+    };
+    return {std::min(velocity, max_velocity(true)),
+            clip(acceleration * units.acceleration, objects.max_acceleration, units.acceleration),
+            clip(deceleration * units.acceleration, objects.max_deceleration, units.acceleration), jerk * units.jerk};
+  }
+  MotionLimits profile_limits() const {
+    return limits(objects.profile_velocity * units.velocity, objects.profile_acceleration, objects.profile_deceleration,
+                  objects.profile_jerk[0]);
+  }
+
+  // Puts the generator where the axis really is, moving as it moves.
+  void take_over_actual() { generator.start_from(position(), velocity()); }
+
+  // The demand of the loops from the generator.
+  void follow_generator(Loop loop) {
+    demand.loop = loop;
+    demand.position = generator.position() - offset;
+    demand.position_fraction = static_cast<float>(generator.fraction());
+    demand.velocity = static_cast<float>(generator.velocity());
+    demand.acceleration = static_cast<float>(generator.acceleration());
+    demand.torque = 0.0F;
+  }
+
+  // The user position with the range 607Bh applied: what 6062h and 6064h show.
+  std::int64_t to_user_position(Counts application) const;
+  // Length of the active position range in user units, or 0 while 607Bh is off.
+  std::int64_t position_range() const;
+  bool software_limits_active() const;
+};
+
+}  // namespace servodrome::drive

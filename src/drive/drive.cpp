@@ -1,0 +1,290 @@
+#include "drive/drive.hpp"
+
+#include "drive/with_mode.hpp"
+
+namespace servodrome::drive {
+
+namespace {
+
+constexpr std::uint32_t precharge_ms = 300;  // the DC link may take so long to come up
+
+}  // namespace
+
+Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
+    : policy_(policy),
+      objects_base_(objects_base),
+      axis_{.objects = objects, .policy = policy},
+      touch_probe_(policy.touch_probe) {
+  axis_.cycle_s = policy.position_loop_ticks * tick_seconds;
+  axis_.loops = &cascade_.state();
+}
+
+void Drive::configure(const Configuration& configuration) {
+  axis_.configuration = configuration;
+  cascade_.configure(configuration.motor, configuration.gains,
+                     {policy_.velocity_loop_ticks, policy_.position_loop_ticks});
+  touch_probe_.set_deviation_supervision(configuration.motor.counts_per_revolution,
+                                         configuration.monitors.index_deviation);
+  last_inputs_ = ~wires_;  // the meaning of the wires may have changed
+  set_units();
+}
+
+bool Drive::set_units() {
+  axis_.units.counts_per_revolution = axis_.configuration.motor.counts_per_revolution;
+  return policy_.units == nullptr || policy_.units(axis_.objects, axis_.configuration.motor, axis_.units);
+}
+
+void Drive::objects_loaded() {
+  set_units();
+  controlword_ = axis_.objects.controlword;
+  touch_probe_.write_function(axis_.objects.touch_probe_function);
+  for (std::size_t i = 0; i < axis_.objects.touch_probe_source.size(); ++i) {
+    touch_probe_.write_source(i, axis_.objects.touch_probe_source[i]);
+  }
+}
+
+void Drive::power_on(const Feedback& feedback) {
+  state_ = PowerState::not_ready_to_switch_on;
+  mode_ = Mode::none;
+  pending_ = {};
+  stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
+  stage_ = Stage::off;
+  brake_closed_cycles_ = 0;
+  dc_link_cycles_ = 0;
+  active_.clear();
+  newest_fault_ = nullptr;
+  axis_.objects.error_code = 0;
+  axis_.raised = Cause::none;
+  axis_.homed = false;
+  axis_.demand = {};
+  axis_.synchronised = axis_.new_set_point = axis_.following_error = axis_.limited = false;
+  cascade_.disable();
+  supervision_.reset(axis_);
+  touch_probe_ = TouchProbe(policy_.touch_probe);
+  configure(axis_.configuration);
+  objects_loaded();
+  tick_in_cycle_ = 0;
+  edge_count_ = 0;
+  wires_ = feedback.inputs;
+  last_inputs_ = ~wires_;
+  axis_.encoder_position = feedback.position_counts;
+  axis_.generator.reset(axis_.position());
+  outputs_ = {};
+}
+
+bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
+  if (feedback.edge_count != 0) capture_edges(feedback);
+  const bool cycle_due = tick_in_cycle_ == 0;
+  if (cycle_due) {
+    cycle(feedback);
+    actuation = outputs_;
+  } else if (feedback.hardware_faults != 0 && outputs_.pwm_enabled) {
+    // The comparators do not wait for the end of a cycle.
+    outputs_.pwm_enabled = false;
+    actuation.pwm_enabled = false;
+  }
+  cascade_.tick(feedback, actuation);
+  if (++tick_in_cycle_ == policy_.position_loop_ticks) tick_in_cycle_ = 0;
+  return cycle_due;
+}
+
+void Drive::capture_edges(const Feedback& feedback) {
+  for (std::uint8_t i = 0; i < feedback.edge_count; ++i) {
+    const Edge& edge = feedback.edges[i];
+    SignalEdge signal{Signal::index, edge.rising, edge.position_counts};
+    if (edge.source != Edge::index_source) {
+      if (edge.source >= max_inputs) continue;
+      const InputFunction& function = axis_.configuration.inputs[edge.source];
+      signal.signal = function.signal;
+      signal.rising = edge.rising != function.inverted;
+    }
+    if (signal.signal == Signal::none) continue;
+    touch_probe_.on_edge(signal);
+    if (edge_count_ < edge_capacity) edges_[edge_count_++] = signal;
+  }
+  if (touch_probe_.deviation_exceeded()) axis_.raise(Cause::index_deviation);
+}
+
+void Drive::update_inputs(const Feedback& feedback) {
+  wires_ = feedback.inputs;
+  if (wires_ != last_inputs_) {
+    last_inputs_ = wires_;
+    std::uint32_t signals = 0;
+    for (std::size_t i = 0; i < max_inputs; ++i) {
+      const InputFunction& function = axis_.configuration.inputs[i];
+      const bool high = (wires_ >> i & 1u) != 0;
+      if (function.signal != Signal::none && high != function.inverted) signals |= bit(function.signal);
+    }
+    axis_.signals = signals;
+  }
+  axis_.signals = feedback.index_level ? axis_.signals | bit(Signal::index) : axis_.signals & ~bit(Signal::index);
+}
+
+void Drive::cycle(const Feedback& feedback) {
+  axis_.encoder_position = feedback.position_counts;
+  dc_link_v_ = feedback.dc_link_v;
+  update_inputs(feedback);
+  axis_.edges = std::span(edges_.data(), edge_count_);
+
+  supervision_.cycle(axis_, feedback,
+                     {.energised = energised() && !short_circuit_,
+                      .dc_link_expected = dc_link_cycles_ > axis_.cycles(precharge_ms),
+                      .brake_closed = brake_closed_cycles_ > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
+                      .pressing = mode_ == Mode::homing && homing_mode_.pressing(),
+                      .loop = axis_.demand.loop});
+  collect_faults();
+  if (state_ == PowerState::not_ready_to_switch_on) enter_state(PowerState::switch_on_disabled);
+  change_mode();
+  if (axis_.active(Signal::quick_stop) && state_ == PowerState::operation_enabled) handle_command(Command::quick_stop);
+  step_power();
+  if (stage_ == Stage::on) {
+    run_mode();
+  } else if (energised()) {
+    axis_.follow_generator(Loop::position);
+    axis_.demand.velocity = 0.0F;
+  }
+  if (axis_.raised != Cause::none) {
+    // What the mode found wrong in its set-points acts in this cycle, before the loops hear of them.
+    raise(axis_.raised);
+    axis_.raised = Cause::none;
+  }
+  set_limits();
+  write_actuation();
+  if (energised() != cascade_.enabled()) energised() ? cascade_.enable(feedback) : cascade_.disable();
+  cascade_.set_demand(axis_.demand);
+  axis_.objects.statusword = statusword();
+  axis_.synchronised = false;
+  edge_count_ = 0;
+}
+
+void Drive::change_mode() {
+  const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
+  if (wanted == mode_) return;
+  homing_mode_.abort();
+  const bool running = state_ == PowerState::operation_enabled && !pending_.active;
+  mode_ = wanted;
+  if (!running) return;
+  // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: take the
+  // actual.
+  if (axis_.demand.loop == Loop::torque) {
+    axis_.take_over_actual();
+  } else if (axis_.demand.loop != Loop::position) {
+    axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
+  }
+  stopping_ = halted_ = limit_stop_ = false;
+  axis_.limited = false;
+  with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
+}
+
+void Drive::run_mode() {
+  if (state_ == PowerState::switched_on) {  // products that energise the motor there
+    no_mode_.step(axis_);
+    return;
+  }
+  if (state_ == PowerState::operation_enabled && !pending_.active && !limit_stop_) {
+    const bool halt = (controlword_ & controlword::halt) != 0;
+    if (halt && !halted_) {
+      halted_ = true;
+      with_mode(*this, [&](auto& mode) { mode.halt(axis_); });
+      begin_stop(stop_of_option_code(axis_.objects.halt_option_code));
+    } else if (!halt && halted_) {
+      halted_ = stopping_ = short_circuit_ = false;
+      if (stop_loop_ != Loop::position) axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
+      with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
+    }
+  }
+  if (stopping_) {
+    step_stop();
+    if (limit_stop_ && stop_finished()) stopping_ = limit_stop_ = false;
+    return;
+  }
+  with_mode(*this, [&](auto& mode) { mode.step(axis_); });
+  limit_switches();
+}
+
+// Outside homing a limit switch ends every motion towards it; away from it the axis may move.
+void Drive::limit_switches() {
+  if (!policy_.limit_switches_stop || mode_ == Mode::homing || axis_.demand.loop == Loop::torque) return;
+  const double velocity = axis_.generator.velocity();
+  const bool blocked = (axis_.active(Signal::negative_limit) && velocity < 0.0) ||
+                       (axis_.active(Signal::positive_limit) && velocity > 0.0);
+  if (!blocked) return;
+  axis_.limited = true;
+  const double quick = axis_.objects.quick_stop_deceleration * axis_.units.acceleration;
+  if (std::abs(axis_.velocity()) > 4.0 * quick * axis_.cycle_s) {
+    begin_stop(Stop::quick_stop_ramp);
+    limit_stop_ = true;
+  } else {
+    axis_.generator.reset(axis_.generator.nearest_position());
+    axis_.follow_generator(axis_.demand.loop);
+  }
+  with_mode(*this, [&](auto& mode) { mode.interrupt(axis_); });
+}
+
+void Drive::set_limits() {
+  const Objects& objects = axis_.objects;
+  const MotorData& motor = axis_.configuration.motor;
+  LoopDemand& demand = axis_.demand;
+  const float by_current = static_cast<float>(objects.max_current) * 0.001F * motor.rated_current_a *
+                           motor.torque_constant_nm_per_a / motor.rated_torque_nm;
+  const float common = std::min(static_cast<float>(objects.max_torque) * 0.001F, by_current);
+  demand.torque_limit_positive = std::min(static_cast<float>(objects.positive_torque_limit) * 0.001F, common);
+  demand.torque_limit_negative = std::min(static_cast<float>(objects.negative_torque_limit) * 0.001F, common);
+  if (axis_.units.velocity_inverted) std::swap(demand.torque_limit_positive, demand.torque_limit_negative);
+  if (mode_ == Mode::homing && homing_mode_.pressing()) {
+    // Against a hard stop no more torque than is needed to notice it.
+    const float pressing = 1.1F * axis_.configuration.homing_stall_torque;
+    demand.torque_limit_positive = std::min(demand.torque_limit_positive, pressing);
+    demand.torque_limit_negative = std::min(demand.torque_limit_negative, pressing);
+  }
+  const auto most = static_cast<float>(axis_.max_velocity(false));
+  demand.velocity_limit_positive = demand.velocity_limit_negative = most;
+  if (demand.loop == Loop::torque) {
+    const Configuration& configuration = axis_.configuration;
+    if (configuration.torque_mode_velocity_positive > 0.0) {
+      demand.velocity_limit_positive = std::min(most, static_cast<float>(configuration.torque_mode_velocity_positive));
+    }
+    if (configuration.torque_mode_velocity_negative > 0.0) {
+      demand.velocity_limit_negative = std::min(most, static_cast<float>(configuration.torque_mode_velocity_negative));
+    }
+    if (policy_.limit_switches_stop) {
+      if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
+      if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
+    }
+  }
+}
+
+void Drive::write_actuation() {
+  outputs_.pwm_enabled = energised() && !short_circuit_;
+  outputs_.short_circuit = energised() && short_circuit_;
+  outputs_.brake_released = stage_ == Stage::releasing_brake || stage_ == Stage::on;
+  brake_closed_cycles_ = outputs_.brake_released ? 0 : brake_closed_cycles_ + 1;
+  outputs_.dc_link_connected = policy_.dc_link == DcLink::always || energised() || state_ == PowerState::switched_on;
+  dc_link_cycles_ = outputs_.dc_link_connected ? dc_link_cycles_ + 1 : 0;
+  outputs_.chopper_on = supervision_.chopper();
+  outputs_.outputs = (axis_.objects.physical_outputs & axis_.objects.output_mask) >> policy_.first_output_bit &
+                     ((1u << policy_.output_count) - 1u);
+}
+
+std::uint16_t Drive::statusword() const {
+  std::uint16_t word = state_bits(state_);
+  const bool powered = outputs_.dc_link_connected && dc_link_v_ > axis_.configuration.monitors.under_voltage_v;
+  if (policy_.dc_link == DcLink::always ? powered : outputs_.dc_link_connected) word |= statusword::voltage_enabled;
+  if (warnings_) word |= statusword::warning;
+  if (policy_.remote_bit) word |= statusword::remote;
+  const CascadeState& loops = cascade_.state();
+  if (energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited)) {
+    word |= statusword::internal_limit_active;
+  }
+  if (state_ == PowerState::operation_enabled || state_ == PowerState::quick_stop_active) {
+    std::uint16_t bits = with_mode(*this, [&](const auto& mode) { return mode.status(axis_); });
+    if (stopping_) {
+      bits &= static_cast<std::uint16_t>(~statusword::target_reached);
+      if (stop_finished() && !limit_stop_) bits |= statusword::target_reached;
+    }
+    word |= bits;
+  }
+  return word;
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,168 @@
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "dictionary/dictionary.hpp"
+#include "drive/axis.hpp"
+#include "drive/cause_set.hpp"
+#include "drive/hardware.hpp"
+#include "drive/modes/cyclic_modes.hpp"
+#include "drive/modes/homing_mode.hpp"
+#include "drive/modes/no_mode.hpp"
+#include "drive/modes/profile_position.hpp"
+#include "drive/modes/velocity_modes.hpp"
+#include "drive/power/power_state.hpp"
+#include "drive/supervision.hpp"
+#include "drive/touch_probe.hpp"
+
+namespace servodrome::drive {
+
+// Told when the list of faults changes; a device answers with its EMCY object and history.
+class DriveEvents {
+ public:
+  virtual void fault_raised(const FaultRow&) {}
+  virtual void faults_reset() {}  // none is left
+
+ protected:
+  ~DriveEvents() = default;
+};
+
+// A CiA 402 servo drive: power states, modes of operation, loops, monitors, terminals. Product-neutral; what differs is
+// in the Policy and the Configuration. It owns the objects with Owner::drive in the device's dictionary.
+class Drive final : public dictionary::Listener {
+ public:
+  // `objects_base`: where `objects` lies in the struct that the dictionary's offsets count from.
+  Drive(const Policy& policy, Objects& objects, std::size_t objects_base);
+
+  void set_events(DriveEvents* events) { events_ = events; }
+
+  // Takes over motor, gains, thresholds and terminals; may be called while running.
+  void configure(const Configuration& configuration);
+  const Configuration& configuration() const { return axis_.configuration; }
+
+  // Everything volatile is as after switching the control supply on. The objects have their values already.
+  void power_on(const Feedback& feedback);
+
+  // One base tick: 62.5 us. True when it ran a position-loop cycle.
+  bool tick(const Feedback& feedback, Actuation& actuation);
+
+  // --- Events from the bus
+  void synchronise() { axis_.synchronised = true; }
+  void communication_lost();  // reacts by 6007h
+
+  // --- Faults
+  void raise(Cause cause);                 // by the device around the drive, e.g. sync_lost
+  void inject(Cause cause, bool present);  // for causes that only hardware has
+  bool is_active(Cause cause) const { return active_.test(cause); }
+  bool any_fault() const { return active_.any(); }
+  const FaultRow* newest_fault() const { return newest_fault_; }
+  const FaultRow* row(Cause cause) const;
+
+  // --- What the drive is doing
+  PowerState state() const { return state_; }
+  Mode mode() const { return mode_; }
+  std::uint16_t statusword() const;
+  bool in_motion() const { return !axis_.generator.standing(); }
+  bool homed() const { return axis_.homed; }
+  Counts position_offset() const { return axis_.offset; }
+  void set_position_offset(Counts offset) { axis_.offset = offset; }
+  const CascadeState& loops() const { return cascade_.state(); }
+  const Axis& axis() const { return axis_; }
+  double i2t_utilisation_percent() const { return supervision_.i2t_utilisation_percent(); }
+
+  // --- dictionary::Listener
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
+  void written(const dictionary::Entry& entry) override;
+  void refresh(const dictionary::Entry& entry) override;
+
+  // Takes the objects over that have an effect when written, after they were loaded without `written`.
+  void objects_loaded();
+
+ private:
+  // What happens when the present stop has come to its end.
+  struct PendingTransition {
+    bool active = false;
+    PowerState to = PowerState::switch_on_disabled;
+  };
+  enum class Stage : std::uint8_t { off, releasing_brake, on, engaging_brake };
+  static constexpr std::size_t edge_capacity = 16;
+
+  // power.cpp
+  void handle_controlword(std::uint16_t before, std::uint16_t now);
+  void handle_command(Command command);
+  void leave_operation(Stop stop, PowerState to);
+  void enter_state(PowerState to);
+  void begin_stop(Stop stop);
+  bool stop_finished() const;
+  void step_stop();
+  void step_power();
+  void react_to_fault(const FaultRow& row);
+  void reset_faults();
+  void collect_faults();
+  bool energised() const { return stage_ != Stage::off; }
+  void switch_power(bool on);
+
+  // drive.cpp
+  void cycle(const Feedback& feedback);
+  void update_inputs(const Feedback& feedback);
+  void capture_edges(const Feedback& feedback);
+  void change_mode();
+  void run_mode();
+  void limit_switches();
+  void set_limits();
+  void write_actuation();
+  bool set_units();
+  // Calls `function` with the object of the present mode.
+  template <typename Self, typename Function>
+  static auto with_mode(Self& self, Function&& function);
+
+  const Policy& policy_;
+  std::size_t objects_base_;
+  DriveEvents* events_ = nullptr;
+  Axis axis_;
+  Cascade cascade_{};
+  Supervision supervision_;
+  TouchProbe touch_probe_;
+
+  NoMode no_mode_{};
+  ProfilePosition profile_position_{};
+  VelocityMode velocity_mode_{};
+  ProfileVelocity profile_velocity_{};
+  ProfileTorque profile_torque_{};
+  HomingMode homing_mode_{};
+  InterpolatedPosition interpolated_position_{};
+  CyclicSyncPosition cyclic_sync_position_{};
+  CyclicSyncVelocity cyclic_sync_velocity_{};
+  CyclicSyncTorque cyclic_sync_torque_{};
+
+  PowerState state_ = PowerState::not_ready_to_switch_on;
+  Mode mode_ = Mode::none;
+  std::uint16_t controlword_ = 0;
+  PendingTransition pending_{};
+  bool stopping_ = false;  // the generator runs a stop instead of the mode
+  bool halted_ = false;
+  bool limit_stop_ = false;  // a limit switch is the reason of the stop
+  Stop stop_ = Stop::power_off;
+  Loop stop_loop_ = Loop::position;
+  Stage stage_ = Stage::off;
+  std::uint32_t stage_cycles_ = 0;
+  std::uint32_t brake_closed_cycles_ = 0;
+  bool short_circuit_ = false;
+
+  CauseSet active_{};  // latched faults
+  CauseSet injected_{};
+  const FaultRow* newest_fault_ = nullptr;
+
+  Actuation outputs_{};  // everything but the phase voltages, set once per cycle
+  std::uint32_t last_inputs_ = 0;
+  std::uint32_t wires_ = 0;
+  bool warnings_ = false;
+  std::uint32_t dc_link_cycles_ = 0;  // since the DC link was connected
+  float dc_link_v_ = 0.0F;
+  std::array<SignalEdge, edge_capacity> edges_{};
+  std::size_t edge_count_ = 0;
+  std::uint8_t tick_in_cycle_ = 0;
+};
+
+}  // namespace servodrome::drive

@@ -1,0 +1,59 @@
+#pragma once
+
+#include "drive/trajectory/trajectory.hpp"
+#include "drive/units.hpp"
+
+namespace servodrome::drive {
+
+// The set-point generator of one axis: a trajectory on an integer base, advanced once per position-loop cycle and
+// re-planned from whatever state it is in. Positions are application counts (64 bits), the part within a motion is a
+// double relative to the base, so that no run however long loses a count.
+class Generator {
+ public:
+  // Stands at `position`.
+  void reset(Counts position) { start_from(position, 0.0); }
+
+  // Takes over a moving axis; keeps moving at `velocity` (counts/s) until something is planned.
+  void start_from(Counts position, double velocity);
+
+  // Plans from the present state. Distances beyond 2^52 counts are not exact.
+  Trajectory::Result move_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
+  Trajectory::Result run_at(double velocity, const MotionLimits& limits, RampShape shape);
+
+  // Like move_to, but as if planned at the very moment the running motion ended, somewhere within the cycle just done.
+  Trajectory::Result continue_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
+
+  // The demand of a cyclic mode: put there, not planned.
+  void place(Counts position, double fraction, double velocity);
+
+  void step(double cycle_seconds);
+
+  // The coordinates moved: every position grows by `delta`.
+  void shift(Counts delta) { base_ += delta; }
+
+  bool finished() const { return finished_; }
+  bool standing() const { return finished_ && state_.velocity == 0.0; }
+
+  Counts position() const;          // rounded down
+  double fraction() const;          // 0 .. 1, what `position` leaves out
+  Counts nearest_position() const;  // rounded to the nearest count
+  double velocity() const { return state_.velocity; }
+  double acceleration() const { return state_.acceleration; }
+  double duration_s() const { return trajectory_.duration_s(); }
+
+ private:
+  void rebase();
+  void begin(Trajectory::Result result);
+
+  Trajectory trajectory_{};
+  MotionState state_{};  // relative to base_
+  Counts base_ = 0;
+  double elapsed_s_ = 0.0;
+  double start_s_ = 0.0;      // time already gone when the plan began (continue_to)
+  std::uint64_t cycles_ = 0;  // since the plan
+  double last_cycle_s_ = 0.0;
+  bool finished_ = true;
+  bool planned_ = false;
+};
+
+}  // namespace servodrome::drive

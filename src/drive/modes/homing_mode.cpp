@@ -1,0 +1,135 @@
+#include "drive/modes/homing_mode.hpp"
+
+#include "drive/power/power_state.hpp"
+
+namespace servodrome::drive {
+
+namespace {
+
+Cause cause_of(HomingError error) {
+  switch (error) {
+    case HomingError::unsupported_method: return Cause::homing_method;
+    case HomingError::wrong_limit:
+    case HomingError::home_not_found: return Cause::homing_wrong_limit;
+    case HomingError::timed_out: return Cause::homing_timeout;
+    default: return Cause::homing_state;
+  }
+}
+
+}  // namespace
+
+void HomingMode::enter(Axis& axis) {
+  abort();
+  error_ = false;
+  standing_ = true;
+  acceleration_ = axis.objects.homing_acceleration * axis.units.acceleration;
+  if (!axis.generator.standing()) axis.generator.run_at(0.0, axis.profile_limits(), RampShape::linear);
+}
+
+void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now) {
+  const bool was = (before & controlword::mode_bit_4) != 0;
+  const bool is = (now & controlword::mode_bit_4) != 0;
+  if (is && !was) {
+    start_requested_ = true;
+    attained_ = false;
+    error_ = false;
+    standing_ = false;
+  }
+  if (!is && was && (active_ || start_requested_)) {
+    abort();
+    axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
+  }
+}
+
+MotionLimits HomingMode::motion(const Axis& axis, double velocity) const {
+  const double acceleration =
+      acceleration_ > 0.0 ? acceleration_ : axis.objects.profile_deceleration * axis.units.acceleration;
+  return {std::min(velocity, axis.max_velocity(false)), acceleration, acceleration, 1.0};
+}
+
+HomingInputs HomingMode::inputs(const Axis& axis) const {
+  return {.signals = axis.signals,
+          .edges = axis.edges,
+          .standing = axis.generator.standing(),
+          .torque = axis.torque(),
+          .position = axis.encoder_position};
+}
+
+void HomingMode::fail(Axis& axis, Cause cause) {
+  error_ = true;
+  active_ = false;
+  if (axis.policy.homing_errors_are_faults) axis.raise(cause);
+}
+
+void HomingMode::start(Axis& axis) {
+  const Objects& objects = axis.objects;
+  const Method* method = find_method(axis.policy.homing_methods, objects.homing_method);
+  if (method == nullptr) return fail(axis, Cause::homing_method);
+  HomingConfig config{.fast = std::min(objects.homing_speed_switch * axis.units.velocity, axis.max_velocity(false)),
+                      .slow = std::min(objects.homing_speed_zero * axis.units.velocity, axis.max_velocity(false)),
+                      .acceleration = objects.homing_acceleration * axis.units.acceleration,
+                      .stall_torque = axis.configuration.homing_stall_torque,
+                      .stall_cycles = std::max<std::uint32_t>(1, axis.cycles(axis.configuration.homing_stall_ms)),
+                      .retraction = axis.configuration.homing_retraction,
+                      .timeout_cycles = axis.cycles(axis.configuration.homing_timeout_ms),
+                      .reversed = axis.units.position_inverted};
+  if (method->leg_count > 0 && (config.fast <= 0.0 || config.slow <= 0.0 || config.acceleration <= 0.0)) {
+    return fail(axis, Cause::profile_value_zero);
+  }
+  acceleration_ = config.acceleration;
+  active_ = true;
+  homing_.start(*method, config, inputs(axis));
+}
+
+void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
+  switch (command.kind) {
+    case HomingCommand::Kind::keep: return;
+    case HomingCommand::Kind::velocity:
+      axis.generator.run_at(command.velocity, motion(axis, std::abs(command.velocity)), RampShape::linear);
+      break;
+    case HomingCommand::Kind::position:
+      axis.generator.move_to(command.position + axis.offset, 0.0, motion(axis, std::abs(command.velocity)),
+                             RampShape::linear);
+      break;
+    case HomingCommand::Kind::stop:
+      axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
+      break;
+    case HomingCommand::Kind::hold: axis.generator.reset(command.position + axis.offset); break;
+  }
+  last_ = command;
+}
+
+void HomingMode::step(Axis& axis) {
+  if (start_requested_) {
+    start_requested_ = false;
+    start(axis);
+  }
+  if (active_) {
+    const bool had_latch = homing_.latched();
+    carry_out(axis, homing_.step(inputs(axis)));
+    if (homing_.latched() && !had_latch) {
+      // The machine's home is at the latch: there the position is the home offset with the product's sign.
+      const Counts home = axis.units.to_counts(std::int64_t{axis.policy.home_offset_sign} * axis.objects.home_offset);
+      const Counts offset = home - homing_.latch();
+      axis.generator.shift(offset - axis.offset);
+      axis.offset = offset;
+      axis.homed = true;
+      attained_ = true;
+    }
+    if (homing_.error() != HomingError::none) fail(axis, cause_of(homing_.error()));
+    if (homing_.finished()) active_ = false;
+  }
+  axis.generator.step(axis.cycle_s);
+  standing_ = !start_requested_ && !active_ && axis.generator.standing();
+  axis.follow_generator(loop);
+}
+
+std::uint16_t HomingMode::status(const Axis&) const {
+  std::uint16_t bits = 0;
+  if (standing_) bits |= statusword::target_reached;
+  if (attained_) bits |= statusword::mode_bit_12;
+  if (error_) bits |= statusword::mode_bit_13;
+  return bits;
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,41 @@
+#pragma once
+
+#include "drive/axis.hpp"
+#include "drive/homing/homing.hpp"
+
+namespace servodrome::drive {
+
+// Homing mode (CiA 402-2 clause 11): runs the executor of homing methods, moves the coordinates when home is found.
+class HomingMode {
+ public:
+  static constexpr Loop loop = Loop::position;
+
+  void enter(Axis& axis);
+  void controlword(Axis& axis, std::uint16_t before, std::uint16_t now);
+  void step(Axis& axis);
+  void halt(Axis&) {}
+  void resume(Axis& axis) { carry_out(axis, last_); }
+  void interrupt(Axis&) {}
+  void abort() { homing_.abort(), active_ = false, start_requested_ = false; }
+  double deceleration(const Axis& axis) const { return axis.objects.homing_acceleration * axis.units.acceleration; }
+  std::uint16_t status(const Axis& axis) const;
+  bool pressing() const { return homing_.pressing(); }
+
+ private:
+  void start(Axis& axis);
+  void fail(Axis& axis, Cause cause);
+  void carry_out(Axis& axis, const HomingCommand& command);
+  HomingInputs inputs(const Axis& axis) const;
+  MotionLimits motion(const Axis& axis, double velocity) const;
+
+  Homing homing_{};
+  HomingCommand last_{};
+  double acceleration_ = 0.0;
+  bool start_requested_ = false;
+  bool active_ = false;
+  bool attained_ = false;
+  bool error_ = false;
+  bool standing_ = true;  // bit 10
+};
+
+}  // namespace servodrome::drive

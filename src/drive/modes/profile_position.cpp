@@ -1,0 +1,229 @@
+#include "drive/modes/profile_position.hpp"
+
+#include "drive/power/power_state.hpp"
+
+namespace servodrome::drive {
+
+namespace {
+
+// 60F2h bits 0 and 1: what a relative set-point is relative to.
+constexpr std::uint16_t relative_to_demand = 1;
+constexpr std::uint16_t relative_to_actual = 2;
+
+}  // namespace
+
+void ProfilePosition::enter(Axis& axis) {
+  head_ = count_ = 0;
+  immediate_pending_ = false;
+  running_ = false;
+  passing_ = false;
+  acknowledge_ = false;
+  interrupted_ = false;
+  target_reached_ = true;
+  window_.reset();
+  target_ = axis.generator.nearest_position();
+  target_user_ = axis.units.to_user(target_);
+  // Whatever moved the axis before, this mode has no target yet: come to rest.
+  if (!axis.generator.standing()) axis.generator.run_at(0.0, axis.profile_limits(), axis.shape());
+}
+
+ProfilePosition::SetPoint ProfilePosition::capture(const Axis& axis, std::uint16_t word) const {
+  const Objects& objects = axis.objects;
+  return {.target = objects.target_position,
+          .relative = (word & controlword::mode_bit_6) != 0,
+          .pass_previous = (word & controlword::mode_bit_9) != 0,
+          .velocity = objects.profile_velocity * axis.units.velocity,
+          .end_velocity = objects.end_velocity * axis.units.velocity,
+          .acceleration = objects.profile_acceleration,
+          .deceleration = objects.profile_deceleration,
+          .jerk = objects.profile_jerk[0],
+          .shape = axis.shape(),
+          .option = objects.positioning_option_code};
+}
+
+void ProfilePosition::controlword(Axis& axis, std::uint16_t before, std::uint16_t now) {
+  const bool rising = (now & controlword::mode_bit_4) != 0 && (before & controlword::mode_bit_4) == 0;
+  if ((now & controlword::mode_bit_4) == 0) acknowledge_ = false;
+  if (!rising || (now & controlword::halt) != 0) return;
+  if ((now & controlword::mode_bit_5) != 0) {
+    count_ = 0;
+    immediate_ = capture(axis, now);
+    immediate_pending_ = true;
+  } else if (room(axis)) {
+    queue_[(head_ + count_++) % capacity] = capture(axis, now);
+  } else {
+    return;  // no room: not taken over, statusword bit 12 has been set all along
+  }
+  acknowledge_ = true;
+  target_reached_ = false;
+}
+
+ProfilePosition::SetPoint ProfilePosition::pop() {
+  const SetPoint set_point = queue_[head_];
+  head_ = (head_ + 1) % capacity;
+  --count_;
+  return set_point;
+}
+
+Cause ProfilePosition::planning_fault(const Axis& axis, const SetPoint& set_point) const {
+  const Objects& objects = axis.objects;
+  if (objects.motion_profile_type < 0 || objects.motion_profile_type > 3) return Cause::motion_profile_type;
+  const bool limits_set = objects.min_position_limit != 0 || objects.max_position_limit != 0;
+  const bool range_set = objects.min_position_range_limit != 0 || objects.max_position_range_limit != 0;
+  if (range_set && objects.min_position_range_limit >= objects.max_position_range_limit)
+    return Cause::range_limits_wrong;
+  if (limits_set && (objects.min_position_limit >= objects.max_position_limit ||
+                     (range_set && (objects.min_position_limit < objects.min_position_range_limit ||
+                                    objects.max_position_limit > objects.max_position_range_limit)))) {
+    return Cause::software_limits_wrong;
+  }
+  if (axis.policy.zero_values_are_faults) {
+    if (set_point.velocity <= 0.0) return Cause::profile_velocity_zero;
+    if (set_point.acceleration == 0) return Cause::profile_acceleration_zero;
+    if (set_point.deceleration == 0 || objects.quick_stop_deceleration == 0) return Cause::position_deceleration_zero;
+  }
+  if (set_point.end_velocity > set_point.velocity) return Cause::end_velocity_above_profile;
+  if (axis.policy.jerk_limited_only_from_standstill && set_point.shape == RampShape::jerk_limited &&
+      !axis.generator.standing()) {
+    return Cause::jerk_limited_while_moving;
+  }
+  return Cause::none;
+}
+
+bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Counts& target) {
+  std::int64_t user = set_point.target;
+  Counts base_remainder = 0;  // what a base in counts leaves over in user units
+  if (set_point.relative) {
+    const std::uint16_t relative_to = set_point.option & 3u;
+    if (relative_to == relative_to_demand || relative_to == relative_to_actual) {
+      const Counts base = relative_to == relative_to_demand ? axis.generator.nearest_position() : axis.position();
+      const std::int64_t base_user = axis.units.to_user(base);
+      base_remainder = base - axis.units.to_counts(base_user);
+      user += base_user;
+    } else {
+      user += target_user_;
+    }
+  } else if (const std::int64_t range = axis.position_range(); range != 0) {
+    // A target beyond one end of the range comes in at the other; the way there is that of 60F2h bits 6 and 7.
+    const std::int64_t low = axis.objects.min_position_range_limit;
+    const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
+    const auto wrapped = [low, range](std::int64_t value) {
+      const std::int64_t within = (value - low) % range;
+      return low + (within < 0 ? within + range : within);
+    };
+    std::int64_t distance = wrapped(user) - wrapped(now);
+    const unsigned direction = (set_point.option >> 6) & 3u;
+    if (direction == 1 && distance > 0) distance -= range;  // negative only
+    if (direction == 2 && distance < 0) distance += range;  // positive only
+    if (direction == 3) {                                   // the shortest way
+      if (distance > range / 2) distance -= range;
+      if (distance < -(range / 2)) distance += range;
+    }
+    user = now + distance;
+  }
+  axis.limited = false;
+  if (axis.software_limits_active()) {
+    const std::int64_t clipped =
+        std::clamp<std::int64_t>(user, axis.objects.min_position_limit, axis.objects.max_position_limit);
+    if (clipped != user) {
+      if (axis.policy.out_of_limits == OutOfLimits::fault) {
+        axis.raise(Cause::position_limit);
+        return false;
+      }
+      user = clipped;
+      base_remainder = 0;
+      axis.limited = true;
+    }
+  }
+  target_user_ = user;
+  target = axis.units.to_counts(user) + base_remainder;
+  return true;
+}
+
+void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained) {
+  if (const Cause cause = planning_fault(axis, set_point); cause != Cause::none) {
+    axis.raise(cause);
+    running_ = false;
+    return;
+  }
+  Counts target = 0;
+  if (!resolve_target(axis, set_point, target)) {
+    running_ = false;
+    return;
+  }
+  const MotionLimits limits =
+      axis.limits(set_point.velocity, set_point.acceleration, set_point.deceleration, set_point.jerk);
+  const Trajectory::Result result =
+      chained ? axis.generator.continue_to(target, set_point.end_velocity, limits, set_point.shape)
+              : axis.generator.move_to(target, set_point.end_velocity, limits, set_point.shape);
+  // A profile without velocity or acceleration leads nowhere: the axis keeps its target until it is given a usable one.
+  running_ = result != Trajectory::Result::bad_limits && result != Trajectory::Result::bad_state;
+  target_ = target;
+  running_set_point_ = set_point;
+  passing_ = false;
+  interrupted_ = false;
+  target_reached_ = false;
+  window_.reset();
+}
+
+void ProfilePosition::step(Axis& axis) {
+  if (immediate_pending_) {
+    immediate_pending_ = false;
+    start(axis, immediate_, false);
+  } else if (count_ > 0 && (!running_ || axis.generator.finished())) {
+    const bool chained = running_;
+    start(axis, pop(), chained);
+  } else if (count_ > 0 && queue_[head_].pass_previous && !passing_) {
+    const SetPoint& current = running_set_point_;
+    axis.generator.move_to(target_, current.velocity,
+                           axis.limits(current.velocity, current.acceleration, current.deceleration, current.jerk),
+                           current.shape);
+    passing_ = true;
+  }
+  axis.generator.step(axis.cycle_s);
+  if (axis.generator.finished() && !interrupted_) {
+    if (running_ && count_ == 0 && !immediate_pending_) running_ = running_set_point_.end_velocity > 0.0;
+    const std::uint32_t window = axis.objects.position_window;
+    const std::int64_t distance = axis.units.to_user(target_) - axis.units.to_user(axis.position());
+    const bool inside = window == 0xFFFFFFFF || (distance < 0 ? -distance : distance) <= window;
+    target_reached_ =
+        window_.update(inside, window == 0xFFFFFFFF ? 0 : axis.cycles(axis.objects.position_window_time_ms));
+  } else {
+    target_reached_ = false;
+    window_.reset();
+  }
+  axis.follow_generator(loop);
+}
+
+void ProfilePosition::halt(Axis& axis) {
+  if (axis.policy.halt_discards_set_points) {
+    count_ = 0;
+    immediate_pending_ = false;
+    running_ = false;
+  }
+}
+
+void ProfilePosition::interrupt(Axis&) {
+  count_ = 0;
+  immediate_pending_ = false;
+  running_ = false;
+  interrupted_ = true;
+}
+
+void ProfilePosition::resume(Axis& axis) {
+  if (!running_) return;
+  SetPoint rest = running_set_point_;
+  rest.target = target_user_;  // a relative motion goes on to where it was going
+  rest.relative = false;
+  start(axis, rest, false);
+}
+
+std::uint16_t ProfilePosition::status(const Axis& axis) const {
+  std::uint16_t bits = 0;
+  if (target_reached_) bits |= statusword::target_reached;
+  if (acknowledge_ || !room(axis)) bits |= statusword::mode_bit_12;
+  if (axis.following_error) bits |= statusword::mode_bit_13;
+  return bits;
+}
+
+}  // namespace servodrome::drive

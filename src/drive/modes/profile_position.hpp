@@ -1,0 +1,62 @@
+#pragma once
+
+#include <array>
+
+#include "drive/axis.hpp"
+#include "drive/modes/windows.hpp"
+
+namespace servodrome::drive {
+
+// Profile position mode (CiA 402-2 clause 10): set-points with a queue, immediate change, change on set-point.
+class ProfilePosition {
+ public:
+  static constexpr Loop loop = Loop::position;
+
+  void enter(Axis& axis);
+  void controlword(Axis& axis, std::uint16_t before, std::uint16_t now);
+  void step(Axis& axis);
+  void halt(Axis& axis);
+  void resume(Axis& axis);
+  void interrupt(Axis& axis);  // a limit switch ended the motion short of its target
+  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  std::uint16_t status(const Axis& axis) const;
+
+ private:
+  struct SetPoint {
+    std::int64_t target = 0;  // user units
+    bool relative = false;
+    bool pass_previous = false;  // change on set-point: the set-point before is passed at its profile velocity
+    double velocity = 0.0;       // counts/s and so on, as they stood when the set-point was given
+    double end_velocity = 0.0;
+    std::uint32_t acceleration = 0;  // user units
+    std::uint32_t deceleration = 0;
+    std::uint32_t jerk = 0;
+    RampShape shape = RampShape::linear;
+    std::uint16_t option = 0;  // 60F2h
+  };
+  static constexpr std::size_t capacity = 32;
+
+  SetPoint capture(const Axis& axis, std::uint16_t word) const;
+  bool room(const Axis& axis) const { return count_ < axis.policy.set_point_queue; }
+  SetPoint pop();
+  Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
+  bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);
+  void start(Axis& axis, const SetPoint& set_point, bool chained);
+
+  std::array<SetPoint, capacity> queue_{};
+  std::size_t head_ = 0;
+  std::size_t count_ = 0;
+  SetPoint running_set_point_{};
+  SetPoint immediate_{};
+  bool immediate_pending_ = false;
+  bool running_ = false;
+  bool passing_ = false;      // the running motion ends at profile velocity because the next set-point asked for it
+  bool acknowledge_ = false;  // from the accepted edge of bit 4 until bit 4 falls
+  bool interrupted_ = false;
+  bool target_reached_ = true;
+  Counts target_ = 0;  // of the running or last motion, application counts
+  std::int64_t target_user_ = 0;
+  Dwell window_{};
+};
+
+}  // namespace servodrome::drive

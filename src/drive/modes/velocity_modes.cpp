@@ -1,0 +1,205 @@
+#include "drive/modes/velocity_modes.hpp"
+
+#include "drive/power/power_state.hpp"
+
+namespace servodrome::drive {
+
+// --- Profile velocity
+
+void ProfileVelocity::enter(Axis& axis) {
+  planned_ = false;
+  target_reached_ = false;
+  slipping_ = false;
+  window_.reset();
+  axis.limited = false;
+}
+
+Cause ProfileVelocity::planning_fault(const Axis& axis) const {
+  const Objects& objects = axis.objects;
+  if (objects.motion_profile_type < 0 || objects.motion_profile_type > 3) return Cause::motion_profile_type;
+  if (axis.policy.zero_values_are_faults) {
+    if (objects.profile_acceleration == 0) return Cause::profile_acceleration_zero;
+    if (objects.profile_deceleration == 0 || objects.quick_stop_deceleration == 0) {
+      return Cause::velocity_deceleration_zero;
+    }
+  }
+  if (axis.policy.jerk_limited_only_from_standstill && axis.shape() == RampShape::jerk_limited &&
+      !axis.generator.standing()) {
+    return Cause::jerk_limited_while_moving;
+  }
+  return Cause::none;
+}
+
+void ProfileVelocity::step(Axis& axis) {
+  const Objects& objects = axis.objects;
+  const Request request{objects.target_velocity, objects.profile_acceleration, objects.profile_deceleration,
+                        objects.profile_jerk[0], objects.motion_profile_type,  objects.max_profile_velocity};
+  if (!planned_ || request != request_) {
+    // Standing still with nothing asked for is no motion that could be planned wrongly.
+    if (request.target != 0 || !axis.generator.standing()) {
+      if (const Cause cause = planning_fault(axis); cause != Cause::none) axis.raise(cause);
+    }
+    request_ = request;
+    planned_ = true;
+    const double wanted = axis.units.velocity_to_counts(request.target);
+    const double allowed = axis.max_velocity(true);
+    const double target = std::clamp(wanted, -allowed, allowed);
+    axis.limited = target != wanted;
+    MotionLimits limits = axis.profile_limits();
+    limits.velocity = allowed;
+    const bool stopping = request.target == 0;
+    axis.generator.run_at(target, limits, stopping ? axis.configuration.velocity_stop_shape : axis.shape());
+    window_.reset();
+  }
+  axis.generator.step(axis.cycle_s);
+
+  const double user_velocity = axis.velocity() / axis.units.velocity;
+  const double goal = axis.generator.velocity() / axis.units.velocity;
+  const bool windowed = objects.velocity_window != 0xFFFF;
+  const bool inside =
+      axis.generator.finished() && (!windowed || std::abs(user_velocity - goal) <= objects.velocity_window);
+  target_reached_ = window_.update(inside, windowed ? axis.cycles(objects.velocity_window_time_ms) : 0);
+  if (std::abs(user_velocity) < objects.velocity_threshold) {
+    moving_.reset();
+    speed_zero_ = true;
+  } else if (moving_.update(true, axis.cycles(objects.velocity_threshold_time_ms))) {
+    speed_zero_ = false;
+  }
+  slipping_ = axis.policy.slippage_supported && std::abs(user_velocity - goal) > objects.max_slippage;
+  axis.follow_generator(loop);
+}
+
+std::uint16_t ProfileVelocity::status(const Axis&) const {
+  std::uint16_t bits = 0;
+  if (target_reached_) bits |= statusword::target_reached;
+  if (speed_zero_) bits |= statusword::mode_bit_12;
+  if (slipping_) bits |= statusword::mode_bit_13;
+  return bits;
+}
+
+// --- Velocity mode (vl)
+
+namespace {
+
+double ratio(std::int32_t numerator, std::int32_t denominator) {
+  return denominator == 0 || numerator == 0 ? 1.0 : static_cast<double>(numerator) / denominator;
+}
+
+double ramp(const Axis& axis, std::uint32_t delta_speed_rpm, std::uint16_t delta_time_s) {
+  // Delta time 0: as fast as the motor can (CiA 402-2 6048h).
+  const double speed = axis.rpm_to_counts_per_s(delta_speed_rpm);
+  return delta_time_s == 0 ? speed * 1e4 : speed / delta_time_s;
+}
+
+}  // namespace
+
+double VelocityMode::to_counts_per_s(const Axis& axis, std::int32_t vl_velocity) {
+  const Objects& objects = axis.objects;
+  return axis.rpm_to_counts_per_s(vl_velocity) *
+         ratio(objects.vl_set_point_factor_numerator, objects.vl_set_point_factor_denominator) /
+         ratio(objects.vl_dimension_factor_numerator, objects.vl_dimension_factor_denominator);
+}
+
+double VelocityMode::to_vl(const Axis& axis, double counts_per_s) {
+  const Objects& objects = axis.objects;
+  return counts_per_s / axis.units.counts_per_revolution * 60.0 /
+         ratio(objects.vl_set_point_factor_numerator, objects.vl_set_point_factor_denominator) *
+         ratio(objects.vl_dimension_factor_numerator, objects.vl_dimension_factor_denominator);
+}
+
+double VelocityMode::deceleration(const Axis& axis) const {
+  return ramp(axis, axis.objects.vl_deceleration_delta_speed, axis.objects.vl_deceleration_delta_time_s);
+}
+
+double VelocityMode::quick_stop_deceleration(const Axis& axis) const {
+  return ramp(axis, axis.objects.vl_quick_stop_delta_speed, axis.objects.vl_quick_stop_delta_time_s);
+}
+
+void VelocityMode::enter(Axis& axis) {
+  planned_ = false;
+  word_ = axis.objects.controlword;
+  axis.limited = false;
+}
+
+void VelocityMode::step(Axis& axis) {
+  const Objects& objects = axis.objects;
+  // Bit 4: ramp function generator runs, else zero at once on the quick ramp; bit 5: output follows the ramp, else it
+  // is locked; bit 6: input is the set-point, else zero (CiA 402-2 table 158).
+  const bool locked = (word_ & controlword::mode_bit_4) != 0 && (word_ & controlword::mode_bit_5) == 0;
+  const bool follow = (word_ & controlword::mode_bit_4) != 0 && (word_ & controlword::mode_bit_6) != 0;
+  double target = 0.0;
+  axis.limited = false;
+  if (follow) {
+    target = to_counts_per_s(axis, objects.vl_target_velocity);
+    const double least = std::abs(to_counts_per_s(axis, static_cast<std::int32_t>(objects.vl_velocity_min_amount)));
+    const double most =
+        std::min(std::abs(axis.rpm_to_counts_per_s(objects.vl_velocity_max_amount)), axis.max_velocity(false));
+    const double magnitude =
+        objects.vl_target_velocity == 0 ? 0.0 : std::clamp(std::abs(target), std::min(least, most), most);
+    axis.limited = magnitude != std::abs(target);
+    target = std::copysign(magnitude, target);
+    if (axis.units.velocity_inverted) target = -target;
+  }
+  const MotionLimits limits{axis.max_velocity(false),
+                            ramp(axis, objects.vl_acceleration_delta_speed, objects.vl_acceleration_delta_time_s),
+                            deceleration(axis), 1.0};
+  if (locked) {
+    if (planned_) axis.generator.start_from(axis.generator.nearest_position(), axis.generator.velocity());
+    planned_ = false;
+  } else if (!planned_ || target != target_ || limits.acceleration != limits_.acceleration ||
+             limits.deceleration != limits_.deceleration) {
+    axis.generator.run_at(target, limits, RampShape::linear);
+    planned_ = true;
+    target_ = target;
+    limits_ = limits;
+  }
+  axis.generator.step(axis.cycle_s);
+  axis.follow_generator(loop);
+}
+
+// --- Profile torque
+
+void ProfileTorque::enter(Axis& axis) {
+  demand_ = axis.demand.loop == Loop::torque ? axis.demand.torque : axis.torque();
+  start_ = goal_ = demand_;
+  phase_ = 1.0F;
+  target_reached_ = false;
+  axis.limited = false;
+}
+
+void ProfileTorque::step(Axis& axis) {
+  const Objects& objects = axis.objects;
+  const float target = static_cast<float>(objects.target_torque) * 0.001F;
+  const float slope = static_cast<float>(objects.torque_slope) * 0.001F;
+  const auto cycle = static_cast<float>(axis.cycle_s);
+  if (objects.torque_profile_type > (axis.policy.zero_values_are_faults ? 0 : 1))
+    axis.raise(Cause::torque_profile_type);
+  if (slope <= 0.0F) {
+    demand_ = target;  // no slope set: a step
+  } else if (objects.torque_profile_type == 1) {
+    if (target != goal_) {
+      start_ = demand_;
+      goal_ = target;
+      phase_ = 0.0F;
+    }
+    const float span = goal_ - start_;
+    // The steepest point of the sin2 ramp has the slope 6087h.
+    const float duration = std::abs(span) / slope * 1.57079633F;
+    phase_ = duration > 0.0F ? std::min(1.0F, phase_ + cycle / duration) : 1.0F;
+    const float s = sin_cos_turns(phase_ * 0.25F).sine;
+    demand_ = start_ + span * s * s;
+  } else {
+    const float step = slope * cycle;
+    demand_ += std::clamp(target - demand_, -step, step);
+  }
+  target_reached_ = demand_ == target;
+  axis.generator.start_from(axis.position(), axis.velocity());
+  axis.demand.loop = loop;
+  axis.demand.torque = axis.units.velocity_inverted ? -demand_ : demand_;
+}
+
+std::uint16_t ProfileTorque::status(const Axis&) const {
+  return target_reached_ ? statusword::target_reached : std::uint16_t{0};
+}
+
+}  // namespace servodrome::drive

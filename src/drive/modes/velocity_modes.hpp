@@ -1,0 +1,91 @@
+#pragma once
+
+#include "drive/axis.hpp"
+#include "drive/modes/windows.hpp"
+
+namespace servodrome::drive {
+
+// Profile velocity mode (CiA 402-2 clause 16).
+class ProfileVelocity {
+ public:
+  static constexpr Loop loop = Loop::velocity;
+
+  void enter(Axis& axis);
+  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
+  void step(Axis& axis);
+  void halt(Axis&) {}
+  void resume(Axis& axis) { enter(axis); }
+  void interrupt(Axis&) {}
+  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  std::uint16_t status(const Axis& axis) const;
+
+ private:
+  struct Request {
+    std::int32_t target = 0;
+    std::uint32_t acceleration = 0;
+    std::uint32_t deceleration = 0;
+    std::uint32_t jerk = 0;
+    std::int16_t shape = 0;
+    std::uint32_t max_velocity = 0;
+    friend bool operator==(const Request&, const Request&) = default;
+  };
+  Cause planning_fault(const Axis& axis) const;
+
+  Request request_{};
+  bool planned_ = false;
+  bool target_reached_ = false;
+  bool speed_zero_ = true;
+  bool slipping_ = false;
+  Dwell window_{};
+  Dwell moving_{};
+};
+
+// Velocity mode (CiA 402-2 clause 18, "vl"): the ramp function generator of a frequency converter.
+class VelocityMode {
+ public:
+  static constexpr Loop loop = Loop::velocity;
+
+  void enter(Axis& axis);
+  void controlword(Axis&, std::uint16_t, std::uint16_t now) { word_ = now; }
+  void step(Axis& axis);
+  void halt(Axis&) {}
+  void resume(Axis& axis) { enter(axis); }
+  void interrupt(Axis&) {}
+  double deceleration(const Axis& axis) const;
+  double quick_stop_deceleration(const Axis& axis) const;
+  std::uint16_t status(const Axis&) const { return 0; }
+
+  // vl user units (rpm of the shaft) times 604Bh and 604Ch, and back.
+  static double to_counts_per_s(const Axis& axis, std::int32_t vl_velocity);
+  static double to_vl(const Axis& axis, double counts_per_s);
+
+ private:
+  std::uint16_t word_ = 0;
+  double target_ = 0.0;
+  MotionLimits limits_{};
+  bool planned_ = false;
+};
+
+// Torque-controlled modes share the slope; profile torque mode (CiA 402-2 clause 17).
+class ProfileTorque {
+ public:
+  static constexpr Loop loop = Loop::torque;
+
+  void enter(Axis& axis);
+  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
+  void step(Axis& axis);
+  void halt(Axis&) {}
+  void resume(Axis& axis) { enter(axis); }
+  void interrupt(Axis&) {}
+  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  std::uint16_t status(const Axis& axis) const;
+
+ private:
+  float demand_ = 0.0F;  // fraction of rated torque
+  float start_ = 0.0F;   // sin2 slope: where the present ramp began
+  float goal_ = 0.0F;
+  float phase_ = 1.0F;  // 0 .. 1 along the sin2 ramp
+  bool target_reached_ = false;
+};
+
+}  // namespace servodrome::drive

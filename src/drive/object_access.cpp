@@ -1,0 +1,189 @@
+#include <cstring>
+
+#include "drive/with_mode.hpp"
+
+// The drive as owner of dictionary objects: what a write means, and values computed when they are read.
+namespace servodrome::drive {
+
+namespace {
+
+using dictionary::AbortCode;
+using dictionary::Entry;
+
+bool allowed(std::uint32_t values, std::int64_t code) { return code >= 0 && code < 32 && (values >> code & 1u) != 0; }
+
+template <typename Integer>
+Integer saturated(double value) {
+  constexpr double low = static_cast<double>(std::numeric_limits<Integer>::min());
+  constexpr double high = static_cast<double>(std::numeric_limits<Integer>::max());
+  if (!(value > low)) return std::numeric_limits<Integer>::min();
+  if (value >= high) return std::numeric_limits<Integer>::max();
+  return static_cast<Integer>(std::llround(value));
+}
+
+// 32-bit positions wrap as a counter does.
+std::int32_t wrapped(std::int64_t value) { return static_cast<std::int32_t>(static_cast<std::uint32_t>(value)); }
+
+}  // namespace
+
+AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
+  const std::int64_t number = dictionary::decode_number(entry.type, value);
+  const OptionCodes& codes = policy_.option_codes;
+  const auto legal = [](bool is) { return is ? AbortCode::none : AbortCode::value_invalid; };
+  switch (entry.index) {
+    case 0x605A: return legal(allowed(codes.quick_stop, number));
+    case 0x605B: return legal(allowed(codes.shutdown, number));
+    case 0x605C: return legal(allowed(codes.disable_operation, number));
+    case 0x605D: return legal(allowed(codes.halt, number));
+    case 0x605E: return legal(allowed(codes.fault_reaction, number));
+    case 0x6060:
+      return legal(number == 0 || (number > 0 && number <= 10 &&
+                                   (policy_.supported_modes & mode_bit(static_cast<Mode>(number))) != 0));
+    case 0x6098:
+      return legal(policy_.homing_errors_are_faults ||
+                   find_method(policy_.homing_methods, static_cast<std::int8_t>(number)) != nullptr);
+    case 0x608F:
+    case 0x6090:
+    case 0x6091:
+    case 0x6092:
+    case 0x6093:
+    case 0x6094:
+    case 0x6096:
+    case 0x6097:
+    case 0x607E: {
+      if (energised()) return AbortCode::device_state;  // the axis would jump in its own units
+      if (entry.offset < objects_base_ || entry.offset + value.size() > objects_base_ + sizeof(Objects)) break;
+      Objects tried = axis_.objects;
+      std::memcpy(reinterpret_cast<std::byte*>(&tried) + (entry.offset - objects_base_), value.data(), value.size());
+      Units units = axis_.units;
+      if (policy_.units != nullptr && !policy_.units(tried, axis_.configuration.motor, units)) {
+        return AbortCode::parameter_incompatible;
+      }
+      break;
+    }
+    case 0x60C4:
+      if (entry.sub == 2) return legal(number <= static_cast<std::int64_t>(InterpolatedPosition::capacity));
+      break;
+    case 0x60D0: return legal(number == 1 || number == 2 || number == 5 || number == 6);
+    default: break;
+  }
+  return AbortCode::none;
+}
+
+void Drive::written(const Entry& entry) {
+  const Objects& objects = axis_.objects;
+  switch (entry.index) {
+    case 0x6040: handle_controlword(controlword_, objects.controlword); break;
+    case 0x607A:
+    case 0x60FF: axis_.new_set_point = true; break;
+    case 0x60B8: touch_probe_.write_function(objects.touch_probe_function); break;
+    case 0x60C1:
+      if (entry.sub == 1) interpolated_position_.data_record(axis_);
+      break;
+    case 0x60C4:
+      if (entry.sub == 6 || entry.sub == 2 || entry.sub == 4) interpolated_position_.clear_buffer();
+      break;
+    case 0x60D0:
+      touch_probe_.write_source(static_cast<std::size_t>(entry.sub - 1), objects.touch_probe_source[entry.sub - 1U]);
+      break;
+    case 0x608F:
+    case 0x6090:
+    case 0x6091:
+    case 0x6092:
+    case 0x6093:
+    case 0x6094:
+    case 0x6096:
+    case 0x6097:
+    case 0x607E:
+      set_units();
+      axis_.generator.reset(axis_.position());
+      break;
+    default: break;
+  }
+}
+
+void Drive::refresh(const Entry& entry) {
+  Objects& objects = axis_.objects;
+  const CascadeState& loops = cascade_.state();
+  const Units& units = axis_.units;
+  const double sign = units.velocity_inverted ? -1.0 : 1.0;
+  const bool position_loop = axis_.demand.loop == Loop::position;
+  switch (entry.index) {
+    case 0x6041: objects.statusword = statusword(); break;
+    case 0x6043:
+      objects.vl_velocity_demand = saturated<std::int16_t>(VelocityMode::to_vl(axis_, axis_.generator.velocity()));
+      break;
+    case 0x6044:
+      objects.vl_velocity_actual_value = saturated<std::int16_t>(VelocityMode::to_vl(axis_, axis_.velocity()));
+      break;
+    case 0x6061: objects.modes_of_operation_display = static_cast<std::int8_t>(mode_); break;
+    case 0x6062:
+      objects.position_demand_value = wrapped(axis_.to_user_position(axis_.generator.nearest_position()));
+      break;
+    case 0x6063: objects.position_actual_internal_value = wrapped(axis_.position()); break;
+    case 0x6064: objects.position_actual_value = wrapped(axis_.to_user_position(axis_.position())); break;
+    case 0x6069: objects.velocity_sensor_actual_value = saturated<std::int32_t>(axis_.velocity()); break;
+    case 0x606B:
+      objects.velocity_demand_value = saturated<std::int32_t>(units.velocity_to_user(axis_.generator.velocity()));
+      break;
+    case 0x606C:
+      objects.velocity_actual_value = saturated<std::int32_t>(units.velocity_to_user(axis_.velocity()));
+      break;
+    case 0x6074:
+      objects.torque_demand = saturated<std::int16_t>(sign * 1000.0 * static_cast<double>(loops.torque_reference));
+      break;
+    case 0x6077:
+      objects.torque_actual_value = saturated<std::int16_t>(sign * 1000.0 * static_cast<double>(loops.torque));
+      break;
+    case 0x6078:
+      objects.current_actual_value = saturated<std::int16_t>(
+          sign * 1000.0 * static_cast<double>(loops.current_q_a / axis_.configuration.motor.rated_current_a));
+      break;
+    case 0x6079:
+      objects.dc_link_circuit_voltage_mv = saturated<std::uint32_t>(1000.0 * static_cast<double>(dc_link_v_));
+      break;
+    case 0x60B9: objects.touch_probe_status = touch_probe_.status(); break;
+    case 0x60BA:
+    case 0x60BB:
+    case 0x60BC:
+    case 0x60BD: {
+      const std::size_t slot = entry.index - 0x60BAU;
+      const bool deviation = policy_.touch_probe.index_value == TouchProbeCapability::IndexValue::deviation;
+      const Counts counts = touch_probe_.position(slot);
+      objects.touch_probe_position[slot] = wrapped(deviation ? counts : axis_.to_user_position(counts + axis_.offset));
+      break;
+    }
+    case 0x60C4:
+      objects.interpolation_buffer_position = static_cast<std::uint16_t>(interpolated_position_.buffered());
+      break;
+    case 0x60D5:
+    case 0x60D6:
+    case 0x60D7:
+    case 0x60D8: {
+      const std::size_t slot = entry.index - 0x60D5U;
+      objects.touch_probe_edge_counter[slot] = touch_probe_.edge_counter(slot);
+      break;
+    }
+    case 0x60F4:
+      objects.following_error_actual_value = position_loop ? wrapped(units.to_user(loops.following_error_counts)) : 0;
+      break;
+    case 0x60FA:
+      objects.control_effort =
+          saturated<std::int32_t>(units.velocity_to_user(static_cast<double>(loops.velocity_reference_counts_per_s)));
+      break;
+    case 0x60FC: objects.position_demand_internal_value = wrapped(axis_.generator.nearest_position()); break;
+    case 0x60FD: {
+      std::uint32_t word = 0;
+      for (const DigitalInputBit& input : policy_.digital_inputs) {
+        const std::uint32_t word_in = input.source == DigitalInputBit::Source::wire ? wires_ : axis_.signals;
+        word |= (word_in >> input.number & 1u) << input.bit;
+      }
+      objects.digital_inputs = word;
+      break;
+    }
+    case 0x6502: objects.supported_drive_modes = policy_.supported_modes; break;
+    default: break;
+  }
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,244 @@
+#include "drive/with_mode.hpp"
+
+// The drive's side of the power state machine: what transitions do to the motor, the brake and the faults.
+namespace servodrome::drive {
+
+namespace {
+
+// "Standing" for stops that have no ramp to tell when they are over.
+constexpr double standing_rpm = 1.0;
+// Option codes of 605Ah that stay in Quick stop active.
+constexpr std::int16_t first_staying_quick_stop_code = 5;
+
+}  // namespace
+
+void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
+  controlword_ = now;
+  const bool reset_edge = (now & controlword::fault_reset) != 0 && (before & controlword::fault_reset) == 0;
+  if (reset_edge) reset_faults();
+  handle_command(command_of(now));
+  if (state_ == PowerState::operation_enabled) {
+    with_mode(*this, [&](auto& mode) { mode.controlword(axis_, before, now); });
+  }
+}
+
+void Drive::handle_command(Command command) {
+  if (state_ == PowerState::operation_enabled && pending_.active && command == Command::enable_operation) {
+    // The operation that was being ended is wanted again: take over the axis as it moves.
+    pending_ = {};
+    enter_state(PowerState::operation_enabled);
+    return;
+  }
+  const Transition* transition = find_transition(state_, command);
+  if (transition == nullptr || (pending_.active && pending_.to == transition->to)) return;
+  switch (transition->number) {
+    case 3:
+      if (command == Command::enable_operation && !policy_.direct_enable) return;
+      enter_state(PowerState::switched_on);
+      if (command == Command::enable_operation) enter_state(PowerState::operation_enabled);
+      break;
+    case 5: leave_operation(stop_of_option_code(axis_.objects.disable_operation_option_code), transition->to); break;
+    case 8: leave_operation(stop_of_option_code(axis_.objects.shutdown_option_code), transition->to); break;
+    case 9:
+    case 12: leave_operation(Stop::power_off, transition->to); break;
+    case 11: {
+      const std::int16_t code = axis_.objects.quick_stop_option_code;
+      state_ = PowerState::quick_stop_active;
+      leave_operation(stop_of_option_code(code), PowerState::switch_on_disabled);
+      if (code >= first_staying_quick_stop_code) pending_.active = false;
+      break;
+    }
+    case 16:
+      if (policy_.transition_16) enter_state(PowerState::operation_enabled);
+      break;
+    default: enter_state(transition->to);
+  }
+}
+
+void Drive::leave_operation(Stop stop, PowerState to) {
+  if (stop == Stop::power_off || !energised()) {
+    switch_power(false);
+    enter_state(to);
+    return;
+  }
+  begin_stop(stop);
+  pending_ = {true, to};
+}
+
+void Drive::enter_state(PowerState to) {
+  state_ = to;
+  pending_ = {};
+  stopping_ = false;
+  halted_ = false;
+  limit_stop_ = false;
+  short_circuit_ = false;
+  homing_mode_.abort();
+  const bool power =
+      to == PowerState::operation_enabled || (to == PowerState::switched_on && policy_.energised_in_switched_on);
+  if (power != energised()) {
+    switch_power(power);
+    if (power) axis_.take_over_actual();
+  } else if (power && axis_.demand.loop != Loop::position) {
+    axis_.take_over_actual();
+  }
+  if (to == PowerState::operation_enabled) {
+    with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
+  } else if (power) {
+    no_mode_.enter(axis_);
+  }
+}
+
+void Drive::switch_power(bool on) {
+  if (on) {
+    stage_ = Stage::releasing_brake;
+    stage_cycles_ = axis_.cycles(axis_.configuration.brake_release_ms);
+  } else {
+    stage_ = Stage::off;
+    axis_.demand = {};
+  }
+}
+
+void Drive::begin_stop(Stop stop) {
+  const Objects& objects = axis_.objects;
+  double deceleration = 0.0;
+  RampShape shape = RampShape::linear;
+  if (stop == Stop::slow_down_ramp) {
+    deceleration = with_mode(*this, [&](auto& mode) { return mode.deceleration(axis_); });
+    shape = axis_.demand.loop == Loop::velocity ? axis_.configuration.velocity_stop_shape : axis_.shape();
+  } else if (stop == Stop::quick_stop_ramp) {
+    deceleration = mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_)
+                                           : objects.quick_stop_deceleration * axis_.units.acceleration;
+  }
+  if (objects.max_deceleration != 0) {
+    deceleration = std::min(deceleration, objects.max_deceleration * axis_.units.acceleration);
+  }
+  // A ramp without a slope: as hard as the current limit lets.
+  if (stop != Stop::voltage_limit && deceleration <= 0.0) stop = Stop::current_limit;
+  stop_ = stop;
+  stopping_ = true;
+  stop_loop_ = axis_.demand.loop == Loop::torque ? Loop::velocity : axis_.demand.loop;
+  short_circuit_ = stop == Stop::voltage_limit;
+  if (stop == Stop::current_limit || stop == Stop::voltage_limit) {
+    stop_loop_ = Loop::velocity;
+    axis_.generator.start_from(axis_.position(), 0.0);
+    return;
+  }
+  if (axis_.demand.loop == Loop::torque) axis_.take_over_actual();
+  const double jerk = std::max(1.0, objects.profile_jerk[0] * axis_.units.jerk);
+  axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, jerk}, shape);
+}
+
+bool Drive::stop_finished() const {
+  if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
+    return std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
+  }
+  return axis_.generator.standing();
+}
+
+void Drive::step_stop() {
+  if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
+    axis_.generator.start_from(axis_.position(), 0.0);
+  } else {
+    axis_.generator.step(axis_.cycle_s);
+  }
+  axis_.follow_generator(stop_loop_);
+}
+
+// Brake and power stage, and the end of stops that lead to another state.
+void Drive::step_power() {
+  if (stage_ == Stage::releasing_brake && stage_cycles_-- == 0) {
+    stage_ = Stage::on;
+    stage_cycles_ = 0;
+  }
+  if (!pending_.active) return;
+  if (stage_ == Stage::on && stop_finished()) {
+    stage_ = Stage::engaging_brake;
+    stage_cycles_ = axis_.cycles(axis_.configuration.brake_engage_ms);
+  }
+  if (stage_ == Stage::engaging_brake && stage_cycles_-- == 0) switch_power(false);
+  if (stage_ == Stage::releasing_brake) switch_power(false);
+  if (!energised()) enter_state(pending_.to);
+}
+
+// --- Faults
+
+const FaultRow* Drive::row(Cause cause) const {
+  for (const FaultRow& row : policy_.faults) {
+    if (row.cause == cause) return &row;
+  }
+  return nullptr;
+}
+
+void Drive::raise(Cause cause) {
+  const FaultRow* fault = row(cause);
+  if (fault == nullptr || active_.test(cause)) return;
+  if (fault->reaction == Reaction::none) return;
+  active_.set(cause);
+  newest_fault_ = fault;
+  axis_.objects.error_code = fault->code;
+  react_to_fault(*fault);
+  if (events_ != nullptr) events_->fault_raised(*fault);
+}
+
+void Drive::inject(Cause cause, bool present) { injected_.set(cause, present); }
+
+void Drive::react_to_fault(const FaultRow& fault) {
+  if (state_ == PowerState::fault) return;
+  const Stop stop = fault.reaction == Reaction::power_off
+                        ? Stop::power_off
+                        : stop_of_option_code(axis_.objects.fault_reaction_option_code);
+  const bool reacting = state_ == PowerState::fault_reaction_active;
+  state_ = PowerState::fault_reaction_active;
+  homing_mode_.abort();
+  if (stop == Stop::power_off || !energised()) {
+    switch_power(false);
+  } else if (!reacting) {
+    begin_stop(stop);
+  }
+  pending_ = {true, PowerState::fault};  // transition 14 follows in step_power
+}
+
+void Drive::collect_faults() {
+  CauseSet present = supervision_.present();
+  present |= injected_;
+  warnings_ = supervision_.warning();
+  if (present.any()) {
+    for (const FaultRow& fault : policy_.faults) {
+      if (!present.test(fault.cause)) continue;
+      if (fault.reaction == Reaction::none) {
+        warnings_ = true;
+      } else {
+        raise(fault.cause);
+      }
+    }
+  }
+}
+
+void Drive::reset_faults() {
+  if (state_ != PowerState::fault) return;
+  CauseSet present = supervision_.present();
+  present |= injected_;
+  for (const FaultRow& fault : policy_.faults) {
+    if (!active_.test(fault.cause)) continue;
+    if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) return;
+  }
+  active_.clear();
+  newest_fault_ = nullptr;
+  axis_.objects.error_code = 0;
+  axis_.raised = Cause::none;
+  enter_state(PowerState::switch_on_disabled);
+  if (events_ != nullptr) events_->faults_reset();
+}
+
+void Drive::communication_lost() {
+  switch (axis_.objects.abort_connection_option_code) {
+    case 1:
+      if (energised()) raise(Cause::communication_lost);
+      break;
+    case 2: handle_command(Command::disable_voltage); break;
+    case 3: handle_command(Command::quick_stop); break;
+    default: break;
+  }
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,180 @@
+#include "drive/supervision.hpp"
+
+namespace servodrome::drive {
+
+namespace {
+
+struct FlagCause {
+  std::uint32_t flag;
+  Cause cause;
+};
+
+constexpr std::uint32_t flag(EncoderFault fault) { return static_cast<std::uint32_t>(fault); }
+constexpr std::uint32_t flag(HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
+
+constexpr auto encoder_causes = std::to_array<FlagCause>({
+    {flag(EncoderFault::connection_lost), Cause::encoder_connection},
+    {flag(EncoderFault::crc), Cause::encoder_crc},
+    {flag(EncoderFault::delimiter), Cause::encoder_delimiter},
+    {flag(EncoderFault::multi_turn), Cause::encoder_multi_turn},
+    {flag(EncoderFault::count), Cause::encoder_count},
+    {flag(EncoderFault::count_overflow), Cause::encoder_count_overflow},
+    {flag(EncoderFault::hall_wiring), Cause::hall_wiring},
+    {flag(EncoderFault::hall_state), Cause::hall_state},
+});
+
+constexpr auto hardware_causes = std::to_array<FlagCause>({
+    {flag(HardwareFault::overcurrent_u), Cause::overcurrent_u},
+    {flag(HardwareFault::overcurrent_v), Cause::overcurrent_v},
+    {flag(HardwareFault::overcurrent_w), Cause::overcurrent_w},
+    {flag(HardwareFault::bus_overcurrent), Cause::bus_overcurrent},
+    {flag(HardwareFault::short_circuit), Cause::short_circuit},
+    {flag(HardwareFault::gate_supply_low), Cause::gate_supply},
+    {flag(HardwareFault::internal), Cause::internal_hardware},
+});
+
+// Dips shorter than this are ridden through.
+constexpr std::uint32_t under_voltage_ms = 5;
+// A phase is open when it stays without current while the others carry some for this long.
+constexpr std::uint32_t open_phase_ms = 50;
+// ... and "some" is this share of the rated current.
+constexpr float open_phase_share = 0.05F;
+
+}  // namespace
+
+void Supervision::reset(const Axis& axis) {
+  *this = {};
+  const MotorData& motor = axis.configuration.motor;
+  i2t_.configure(static_cast<double>(motor.rated_current_a), static_cast<double>(motor.peak_current_a),
+                 static_cast<double>(axis.configuration.monitors.i2t_peak_time_s), axis.cycle_s);
+}
+
+void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& situation) {
+  present_.clear();
+  warning_ = false;
+  if (feedback.encoder_faults != 0) {
+    for (const FlagCause& row : encoder_causes) {
+      if ((feedback.encoder_faults & row.flag) != 0) present_.set(row.cause);
+    }
+  }
+  if (feedback.hardware_faults != 0) {
+    for (const FlagCause& row : hardware_causes) {
+      if ((feedback.hardware_faults & row.flag) != 0) present_.set(row.cause);
+    }
+  }
+  if (axis.active(Signal::external_fault)) present_.set(Cause::external);
+  if (axis.active(Signal::motor_temperature)) present_.set(Cause::motor_contact);
+  supply(axis, feedback, situation);
+  temperatures(axis, feedback);
+  phases(axis, feedback, situation);
+  motion(axis, situation);
+}
+
+void Supervision::supply(const Axis& axis, const Feedback& feedback, const Situation& situation) {
+  const Monitors& monitors = axis.configuration.monitors;
+  if (monitors.over_voltage_v > 0.0F && feedback.dc_link_v > monitors.over_voltage_v) present_.set(Cause::over_voltage);
+  const bool low = situation.dc_link_expected && feedback.dc_link_v < monitors.under_voltage_v;
+  if (under_voltage_.update(low, axis.cycles(under_voltage_ms))) present_.set(Cause::under_voltage);
+  if (feedback.dc_link_v > monitors.chopper_on_v) chopper_ = true;
+  if (feedback.dc_link_v < monitors.chopper_off_v) chopper_ = false;
+
+  const float square =
+      axis.loops->current_d_a * axis.loops->current_d_a + axis.loops->current_q_a * axis.loops->current_q_a;
+  i2t_.update(square);
+  if (monitors.i2t) {
+    if (i2t_.tripped()) present_.set(Cause::i2t);
+    if (i2t_.utilisation_percent() > 90.0) warning_ = true;
+  }
+}
+
+void Supervision::temperatures(const Axis& axis, const Feedback& feedback) {
+  const Monitors& monitors = axis.configuration.monitors;
+  const auto hot = [&](float value, float threshold, Cause cause) {
+    if (threshold <= 0.0F) return;
+    if (value > threshold) present_.set(cause);
+    if (value > threshold - monitors.warning_margin_c) warning_ = true;
+  };
+  hot(feedback.power_stage_temperature_c, monitors.power_stage_hot_c, Cause::power_stage_hot);
+  hot(feedback.winding_temperature_c, monitors.motor_hot_c, Cause::motor_hot);
+  hot(feedback.encoder_temperature_c, monitors.encoder_hot_c, Cause::encoder_hot);
+  hot(feedback.ambient_temperature_c, monitors.ambient_hot_c, Cause::ambient_hot);
+  if (feedback.ambient_temperature_c < monitors.ambient_cold_c) present_.set(Cause::ambient_cold);
+}
+
+void Supervision::phases(Axis& axis, const Feedback& feedback, const Situation& situation) {
+  if (!situation.energised) {
+    phase_cycles_ = 0;
+    open_phase_.reset();
+    return;
+  }
+  if (phase_cycles_ == 0) {
+    phase_peak_a_ = {};
+    phase_start_ = axis.encoder_position;
+  }
+  ++phase_cycles_;
+  for (std::size_t i = 0; i < 3; ++i)
+    phase_peak_a_[i] = std::max(phase_peak_a_[i], std::abs(feedback.phase_current_a[i]));
+  if (phase_cycles_ < axis.cycles(open_phase_ms)) return;
+  phase_cycles_ = 0;
+  const float most = std::max({phase_peak_a_[0], phase_peak_a_[1], phase_peak_a_[2]});
+  const float least = std::min({phase_peak_a_[0], phase_peak_a_[1], phase_peak_a_[2]});
+  const MotorData& motor = axis.configuration.motor;
+  // At rest one phase may rightly carry nothing: the angle decides. So either the field has turned meanwhile, or the
+  // current loop runs into the voltage limit without getting its current.
+  const Counts turned = std::abs(axis.encoder_position - phase_start_) * motor.pole_pairs;
+  const bool field_turned = turned >= static_cast<Counts>(motor.counts_per_revolution);
+  const float wanted = std::abs(axis.loops->torque_reference - axis.loops->torque);
+  const bool starved = axis.loops->voltage_limited && wanted > 0.1F;
+  const bool open = (most > open_phase_share * motor.rated_current_a && least < 0.02F * most && field_turned) ||
+                    (starved && least < 0.02F * motor.rated_current_a);
+  if (open_phase_.update(open, 2)) present_.set(Cause::phase_loss);
+}
+
+void Supervision::motion(Axis& axis, const Situation& situation) {
+  const Objects& objects = axis.objects;
+  const Monitors& monitors = axis.configuration.monitors;
+  const MotorData& motor = axis.configuration.motor;
+
+  float over_speed_rpm = monitors.over_speed_rpm > 0.0F ? monitors.over_speed_rpm : 1.2F * motor.max_speed_rpm;
+  if (objects.max_motor_speed_rpm != 0) {
+    over_speed_rpm = std::min(over_speed_rpm, 1.2F * static_cast<float>(objects.max_motor_speed_rpm));
+  }
+  if (std::abs(axis.velocity()) > axis.rpm_to_counts_per_s(static_cast<double>(over_speed_rpm))) {
+    present_.set(Cause::over_speed);
+  }
+
+  const bool position_loop = situation.energised && situation.loop == Loop::position && !situation.pressing;
+  const std::uint32_t window = objects.following_error_window;
+  bool outside = false;
+  if (position_loop && window != 0xFFFFFFFF) {
+    const std::int64_t error = axis.units.to_user(axis.loops->following_error_counts);
+    outside = (error < 0 ? -error : error) > window;
+  }
+  axis.following_error = following_.update(outside, axis.cycles(objects.following_error_time_out_ms));
+  if (axis.following_error) present_.set(Cause::following_error);
+
+  bool slow = false;
+  if (situation.energised && situation.loop == Loop::velocity && monitors.velocity_error > 0.0) {
+    slow = std::abs(axis.generator.velocity() - axis.velocity()) > monitors.velocity_error;
+  }
+  if (velocity_.update(slow, axis.cycles(monitors.velocity_error_ms))) present_.set(Cause::velocity_error);
+
+  if (axis.policy.out_of_limits == OutOfLimits::fault && situation.energised && axis.software_limits_active()) {
+    const std::int64_t user = axis.to_user_position(axis.position());
+    const double direction = axis.units.position_inverted ? -axis.generator.velocity() : axis.generator.velocity();
+    if ((user < objects.min_position_limit && direction < 0.0) ||
+        (user > objects.max_position_limit && direction > 0.0)) {
+      present_.set(Cause::position_limit);
+    }
+  }
+
+  // A closed brake holds: an axis that moves by more than a hundredth of a turn behind it has lost its brake.
+  if (situation.brake_closed) {
+    if (!brake_was_closed_) brake_position_ = axis.encoder_position;
+    const Counts slipped = std::abs(axis.encoder_position - brake_position_);
+    if (slipped > std::max<Counts>(10, motor.counts_per_revolution / 100)) present_.set(Cause::brake);
+  }
+  brake_was_closed_ = situation.brake_closed;
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,50 @@
+#pragma once
+
+#include "drive/axis.hpp"
+#include "drive/cause_set.hpp"
+#include "drive/loops/i2t.hpp"
+#include "drive/modes/windows.hpp"
+
+namespace servodrome::drive {
+
+// The monitors of one axis, once per position-loop cycle: which causes are present now, and which warnings.
+class Supervision {
+ public:
+  struct Situation {
+    bool energised = false;         // the power stage works
+    bool dc_link_expected = false;  // the DC link should have its voltage
+    bool brake_closed = false;      // engaged for longer than its delay
+    bool pressing = false;          // homing against a hard stop: following error and torque limit are meant
+    Loop loop = Loop::off;
+  };
+
+  void reset(const Axis& axis);
+  void cycle(Axis& axis, const Feedback& feedback, const Situation& situation);
+
+  const CauseSet& present() const { return present_; }
+  bool warning() const { return warning_; }
+  bool chopper() const { return chopper_; }
+  double i2t_utilisation_percent() const { return i2t_.utilisation_percent(); }
+
+ private:
+  void supply(const Axis& axis, const Feedback& feedback, const Situation& situation);
+  void temperatures(const Axis& axis, const Feedback& feedback);
+  void phases(Axis& axis, const Feedback& feedback, const Situation& situation);
+  void motion(Axis& axis, const Situation& situation);
+
+  CauseSet present_{};
+  I2t i2t_{};
+  bool warning_ = false;
+  bool chopper_ = false;
+  Dwell following_{};
+  Dwell velocity_{};
+  Dwell under_voltage_{};
+  Dwell open_phase_{};
+  std::array<float, 3> phase_peak_a_{};
+  std::uint32_t phase_cycles_ = 0;
+  Counts phase_start_ = 0;
+  Counts brake_position_ = 0;
+  bool brake_was_closed_ = false;
+};
+
+}  // namespace servodrome::drive

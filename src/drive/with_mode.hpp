@@ -1,0 +1,24 @@
+#pragma once
+
+#include "drive/drive.hpp"
+
+namespace servodrome::drive {
+
+template <typename Self, typename Function>
+auto Drive::with_mode(Self& self, Function&& function) {
+  switch (self.mode_) {
+    case Mode::profile_position: return function(self.profile_position_);
+    case Mode::velocity: return function(self.velocity_mode_);
+    case Mode::profile_velocity: return function(self.profile_velocity_);
+    case Mode::profile_torque: return function(self.profile_torque_);
+    case Mode::homing: return function(self.homing_mode_);
+    case Mode::interpolated_position: return function(self.interpolated_position_);
+    case Mode::cyclic_sync_position: return function(self.cyclic_sync_position_);
+    case Mode::cyclic_sync_velocity: return function(self.cyclic_sync_velocity_);
+    case Mode::cyclic_sync_torque: return function(self.cyclic_sync_torque_);
+    case Mode::none: break;
+  }
+  return function(self.no_mode_);
+}
+
+}  // namespace servodrome::drive
