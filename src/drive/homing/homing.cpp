@@ -88,6 +88,12 @@ bool Homing::meets(const SignalEdge& edge) const {
   return false;
 }
 
+// An axis that lags its demand still runs on a little when the leg back begins: what it meets there, beyond the point
+// it turned at, is not of this leg.
+bool Homing::lies_ahead(Counts position) const {
+  return travel() == Direction::positive ? position >= leg_start_ : position <= leg_start_;
+}
+
 Counts Homing::boundary(const SignalEdge& edge) const {
   if (travel() == Direction::positive) return edge.position;
   return edge.signal == Signal::index ? edge.position + 1 - config_.index_width : edge.position + 1;
@@ -102,6 +108,7 @@ bool Homing::stalls(float torque) {
 HomingCommand Homing::begin_leg(const HomingInputs& inputs) {
   phase_ = Phase::run;
   stall_count_ = 0;
+  leg_start_ = inputs.position;
   if (is_active(limit_ahead(), inputs)) return meet_limit();
   const double velocity = leg().speed == HomingSpeed::fast ? config_.fast : config_.slow;
   if (leg().until == Until::retracted) {
@@ -116,7 +123,7 @@ HomingCommand Homing::run_leg(const HomingInputs& inputs) {
   bool next_leg = false;
   for (const SignalEdge& edge : inputs.edges) {
     if (edge.signal == limit_ahead() && edge.rising) return meet_limit();
-    if (!meets(edge)) continue;
+    if (!meets(edge) || !lies_ahead(edge.position)) continue;
     if (leg().then == Then::latch) return take_latch(boundary(edge));
     if (leg().then == Then::stop) return stop_before(leg().next);
     leg_ = leg().next;  // the edges that follow in this cycle are already the next leg's

@@ -39,12 +39,11 @@ struct HomingConfig {
 };
 
 struct HomingInputs {
-  std::uint32_t signals = 0;          // levels, bit(Signal)
-  std::span<const SignalEdge> edges;  // since the last cycle, in the order they happened
-  bool standing =
-      true;  // the demand stands: false from the cycle after a command that moves it until it has come to rest
-  float torque = 0.0F;  // fraction of rated torque, positive towards larger counts
-  Counts position = 0;  // actual position
+  std::uint32_t signals = 0;            // levels, bit(Signal)
+  std::span<const SignalEdge> edges{};  // since the last cycle, in the order they happened
+  bool standing = true;                 // the demand is at rest; false as soon as a command moves it
+  float torque = 0.0F;                  // fraction of rated torque, positive towards larger counts
+  Counts position = 0;                  // actual position
 };
 
 struct HomingCommand {
@@ -99,6 +98,7 @@ class Homing {
   Signal limit_ahead() const;
   bool is_active(Signal signal, const HomingInputs& inputs) const { return (inputs.signals & bit(signal)) != 0; }
   bool meets(const SignalEdge& edge) const;
+  bool lies_ahead(Counts position) const;
   Counts boundary(const SignalEdge& edge) const;
   bool stalls(float torque);
   HomingCommand begin_leg(const HomingInputs& inputs);
@@ -118,6 +118,7 @@ class Homing {
   bool finished_ = false;
   std::uint32_t cycles_ = 0;
   std::uint32_t stall_count_ = 0;
+  Counts leg_start_ = 0;
   Counts latch_ = 0;
 };
 
