@@ -556,6 +556,39 @@ TEST(Store, LyingRecordsStayInTheirBank) {
   EXPECT_FALSE(medium.overran);
 }
 
+// The same with records of random content under a right CRC: nothing but values of this table may come of them.
+TEST(Store, RandomRecordsStayInTheirBankAndTheirObjects) {
+  std::mt19937 random(77);
+  unsigned loaded = 0;
+  for (int round = 0; round < 20000; ++round) {
+    FailingMedium medium(320);
+    std::vector<std::byte> records;
+    while (records.size() < 90) {
+      const std::uint32_t key = table[random() % table.size()].key();
+      const std::array<unsigned long, 5> head{key >> 8, key >> 16, key, random() % 13, random() % 64 == 0 ? 1UL : 0UL};
+      for (const unsigned long byte : head) records.push_back(static_cast<std::byte>(byte));
+      for (unsigned long i = random() % 13; i > 0; --i) records.push_back(static_cast<std::byte>(random()));
+    }
+    StoreHeader header{StoreHeader::current_version, static_cast<std::uint32_t>(random()),
+                       static_cast<std::uint32_t>(random() % records.size()), 0, StoreHeader::valid_mark};
+    const auto payload = std::span(records).first(header.payload_length);
+    header.crc = crc32(payload, crc32(std::as_bytes(std::span(&header, 1)).first(offsetof(StoreHeader, crc))));
+    std::memcpy(medium.memory.data(), &header, sizeof header);
+    std::copy(payload.begin(), payload.end(), medium.memory.begin() + sizeof header);
+
+    Device device;
+    ASSERT_TRUE(device.start(medium));
+    ASSERT_FALSE(medium.overran);
+    ASSERT_EQ(device.objects.not_saved, 0);
+    ASSERT_TRUE(device.objects.gain >= -1000 && device.objects.gain <= 1000);
+    ASSERT_LE(device.objects.axis_name.length, 12U);
+    loaded += device == Device() ? 0U : 1U;
+    ASSERT_EQ(Store(medium).save(device.dictionary, Area::communication), AbortCode::none);
+    ASSERT_FALSE(medium.overran);
+  }
+  EXPECT_GT(loaded, 1000U);
+}
+
 // Random tables, values, saves, restores and cuts against a model of what must be remembered.
 class RandomDevice {
  public:
