@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string_view>
@@ -24,12 +25,12 @@ class CanClient {
   virtual int native_handle() const { return -1; }
 };
 
-// Opens `socketcand:HOST:PORT/BUS`, `slcan:/dev/...` (with O sent; the bit rate stays what it is unless given) or
-// `socketcan:can0` as a client. Throws LinkError.
 struct CanClientOptions {
-  std::chrono::milliseconds connect_timeout{2000};
-  std::uint32_t bit_rate = 0;  // slcan only: S0..S8 sent before O
+  std::chrono::milliseconds connect_timeout{2000};  // and for the link's greeting
+  std::uint32_t bit_rate = 0;  // slcan only: sent as S0 .. S8 before the channel is opened; 0: the adapter's own
 };
+
+// Opens `socketcand:HOST:PORT/BUS`, `slcan:/dev/...` or `socketcan:can0` as a client. Throws LinkError.
 std::unique_ptr<CanClient> open_can_client(std::string_view link, const CanClientOptions& options = {});
 
 // Moves virtual time for a client in the same process.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <boost/asio/io_context.hpp>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -46,5 +47,10 @@ class CanLink {
 // MemoryPort; asking for it here is an error.
 std::unique_ptr<CanLink> open_can_link(const CanLinkName& name, CanBus& bus, boost::asio::io_context& io,
                                        LineHost& host);
+
+// What outside programs may have waiting to be sent on the bus. When the queue is full a link stops reading as long as
+// the controller is error active, so that a burst is slowed down and not lost; otherwise it discards, as a controller
+// nobody hears does.
+inline constexpr std::size_t link_queue_depth = 256;
 
 }  // namespace servodrome::links

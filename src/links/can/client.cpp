@@ -1,0 +1,54 @@
+#include "links/can/client.hpp"
+
+#include "links/can/client_slcan.hpp"
+#include "links/can/client_socketcan.hpp"
+#include "links/can/client_socketcand.hpp"
+#include "links/can/link_name.hpp"
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+struct Open {
+  const CanClientOptions& options;
+
+  std::unique_ptr<CanClient> operator()(const SocketcandName& name) const {
+    return std::make_unique<SocketcandClient>(name, options.connect_timeout);
+  }
+  std::unique_ptr<CanClient> operator()(const SlcanName& name) const {
+    return std::make_unique<SlcanClient>(name, options);
+  }
+  std::unique_ptr<CanClient> operator()(const SocketcanName& name) const {
+    return std::make_unique<SocketcanClient>(name);
+  }
+  std::unique_ptr<CanClient> operator()(const MemName&) const {
+    throw LinkError(std::make_error_code(std::errc::invalid_argument),
+                    "CAN link \"mem:\" reaches a line in the same process only; name the line's socketcand:, slcan: or "
+                    "socketcan: link");
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<CanClient> open_can_client(std::string_view link, const CanClientOptions& options) {
+  return std::visit(Open{options}, parse_can_link(link));
+}
+
+void MemoryCanClient::send(const canopen::Frame& frame) {
+  if (!port_.send(frame, clock_.now())) {
+    throw LinkError(
+        std::make_error_code(std::errc::no_buffer_space),
+        "CAN link \"mem:\": the bus takes no more frames; let virtual time pass, or see whether the port is "
+        "bus-off");
+  }
+}
+
+std::optional<canopen::Frame> MemoryCanClient::receive(std::chrono::milliseconds timeout) {
+  const Time deadline = clock_.now() + timeout;
+  while (port_.waiting() == 0 && clock_.now() < deadline) clock_.step();
+  const auto received = port_.receive();
+  if (!received) return std::nullopt;
+  return received->frame;
+}
+
+}  // namespace servodrome::links

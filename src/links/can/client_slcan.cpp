@@ -1,0 +1,130 @@
+#include "links/can/client_slcan.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <termios.h>
+
+#include "links/can/slcan_protocol.hpp"
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+constexpr auto send_timeout = std::chrono::seconds(1);
+
+std::error_code system_error(int reason) { return {reason, std::generic_category()}; }
+
+}  // namespace
+
+SlcanClient::SlcanClient(const SlcanName& name, const CanClientOptions& options) : name_(name) {
+  const auto* rate = std::find(slcan::bit_rates.begin(), slcan::bit_rates.end(), options.bit_rate);
+  if (options.bit_rate != 0 && rate == slcan::bit_rates.end()) {
+    fail(std::make_error_code(std::errc::invalid_argument),
+         fmt::format("an slcan adapter has no bit rate {} bit/s", options.bit_rate),
+         "choose 10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000 or 1000000");
+  }
+  const Deadline deadline = std::chrono::steady_clock::now() + options.connect_timeout;
+  open_tty();
+  // Whatever was half typed ends here, and a channel left open is closed. Some adapters refuse C when it is not open,
+  // some answer the empty lines and some do not: V, whose answer cannot be mistaken, marks the end of all that.
+  write("\r\r\rC\rV\r");
+  do {
+    if (!next_line(deadline)) {
+      fail(std::make_error_code(std::errc::timed_out), "the adapter does not answer",
+           "is it an slcan adapter, and free of other programs?");
+    }
+  } while (line_.empty() || line_[0] != 'V');
+  if (options.bit_rate != 0) command(fmt::format("S{}", rate - slcan::bit_rates.begin()), deadline);
+  command("O", deadline);
+}
+
+SlcanClient::~SlcanClient() {
+  // May fail: nothing is lost but the courtesy.
+  write_all(tty_.get(), "C\r", std::chrono::steady_clock::now() + std::chrono::milliseconds(100));
+}
+
+void SlcanClient::fail(std::error_code code, std::string_view what, std::string_view advice) const {
+  throw LinkError(code, fmt::format("\"{}\": {}; {}", to_string(CanLinkName(name_)), what, advice));
+}
+
+void SlcanClient::open_tty() {
+  tty_.reset(::open(name_.path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  if (!tty_.is_open()) {
+    const auto code = system_error(errno);
+    fail(code, fmt::format("cannot be opened ({})", code.message()),
+         code.value() == EACCES ? "your user must belong to the port's group, usually dialout" : "check the path");
+  }
+  termios settings{};
+  if (::tcgetattr(tty_.get(), &settings) != 0) {
+    fail(system_error(errno), "is no serial port", "name a tty or the line's slcan: path");
+  }
+  ::cfmakeraw(&settings);
+  settings.c_cflag |= CLOCAL | CREAD;
+  ::cfsetspeed(&settings, B115200);
+  ::tcsetattr(tty_.get(), TCSANOW, &settings);
+  ::tcflush(tty_.get(), TCIOFLUSH);
+}
+
+// Sends a command whose answer is CR or BEL alone.
+void SlcanClient::command(std::string_view line, Deadline deadline) {
+  write(fmt::format("{}\r", line));
+  do {
+    if (!next_line(deadline)) {
+      fail(std::make_error_code(std::errc::timed_out), fmt::format("no answer to command {}", line),
+           "switch the adapter off and on");
+    }
+  } while (!line_.empty());
+  if (ended_in_bell_) {
+    fail(std::make_error_code(std::errc::protocol_error), fmt::format("the adapter refuses command {}", line),
+         "give it another bit rate, or switch it off and on");
+  }
+}
+
+void SlcanClient::write(std::string_view text) {
+  if (write_all(tty_.get(), text, std::chrono::steady_clock::now() + send_timeout)) return;
+  const auto code = system_error(errno);
+  fail(code, fmt::format("the adapter is lost ({})", code.message()), "is it still plugged in, or the line up?");
+}
+
+bool SlcanClient::next_line(Deadline deadline) {
+  for (;;) {
+    if (line_ended_) {
+      line_.clear();
+      line_ended_ = false;
+    }
+    while (!unread_.empty()) {
+      const char byte = unread_.front();
+      unread_.remove_prefix(1);
+      if (byte == slcan::end_of_line || byte == slcan::bell) {
+        line_ended_ = true;
+        ended_in_bell_ = byte == slcan::bell;
+        return true;
+      }
+      if (line_.size() < longest_line) line_ += byte;
+    }
+    const ssize_t size = ::read(tty_.get(), input_.data(), input_.size());
+    if (size > 0) {
+      unread_ = std::string_view(input_.data(), static_cast<std::size_t>(size));
+    } else if (size == 0 || (errno != EAGAIN && errno != EINTR)) {
+      const auto code = system_error(size == 0 ? EIO : errno);
+      fail(code, fmt::format("the adapter is lost ({})", code.message()), "is it still plugged in, or the line up?");
+    } else if (!wait_readable(tty_.get(), deadline)) {
+      return false;
+    }
+  }
+}
+
+void SlcanClient::send(const canopen::Frame& frame) { write(slcan::format_frame(frame) + slcan::end_of_line); }
+
+std::optional<canopen::Frame> SlcanClient::receive(std::chrono::milliseconds timeout) {
+  const Deadline deadline = std::chrono::steady_clock::now() + timeout;
+  while (next_line(deadline)) {
+    if (ended_in_bell_) continue;
+    if (const auto frame = slcan::parse_frame(line_)) return frame;
+  }
+  return std::nullopt;
+}
+
+}  // namespace servodrome::links

@@ -1,0 +1,39 @@
+#include "links/can/link.hpp"
+
+#include "links/can/slcan_link.hpp"
+#include "links/can/socketcan_link.hpp"
+#include "links/can/socketcand_server.hpp"
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+struct Open {
+  CanBus& bus;
+  boost::asio::io_context& io;
+  LineHost& host;
+
+  std::unique_ptr<CanLink> operator()(const SocketcandName& name) const {
+    return std::make_unique<SocketcandServer>(name, bus, io, host);
+  }
+  std::unique_ptr<CanLink> operator()(const SlcanName& name) const {
+    return std::make_unique<SlcanLink>(name, bus, io, host);
+  }
+  std::unique_ptr<CanLink> operator()(const SocketcanName& name) const {
+    return std::make_unique<SocketcanLink>(name, bus, io, host);
+  }
+  std::unique_ptr<CanLink> operator()(const MemName&) const {
+    throw LinkError(std::make_error_code(std::errc::invalid_argument),
+                    "CAN link \"mem:\" is for a master in the same process and cannot be opened for others; choose "
+                    "socketcand:, slcan: or socketcan: to let other programs in");
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<CanLink> open_can_link(const CanLinkName& name, CanBus& bus, boost::asio::io_context& io,
+                                       LineHost& host) {
+  return std::visit(Open{bus, io, host}, name);
+}
+
+}  // namespace servodrome::links

@@ -1,0 +1,139 @@
+#include "links/can/log.hpp"
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fmt/format.h>
+
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+constexpr std::size_t buffer_bytes = 64 * 1024;
+
+// Bits of a SocketCAN identifier (linux/can.h).
+constexpr std::uint32_t extended_flag = 0x80000000U;
+constexpr std::uint32_t remote_flag = 0x40000000U;
+constexpr std::uint32_t error_flag = 0x20000000U;
+constexpr std::uint32_t error_class_bus = 0x00000080U;
+
+// pcap file format: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcap-03.html; host byte order, which readers
+// recognise by the magic number.
+constexpr std::uint32_t magic_nanoseconds = 0xA1B23C4DU;
+constexpr std::uint32_t linktype_can_socketcan = 227;
+
+struct FileHeader {
+  std::uint32_t magic = magic_nanoseconds;
+  std::uint16_t version_major = 2;
+  std::uint16_t version_minor = 4;
+  std::uint32_t reserved1 = 0;
+  std::uint32_t reserved2 = 0;
+  std::uint32_t snap_length = 16;
+  std::uint32_t link_type = linktype_can_socketcan;
+};
+static_assert(sizeof(FileHeader) == 24);
+
+// The packet of LINKTYPE_CAN_SOCKETCAN: identifier and flags in network byte order, length, padding, data.
+struct Packet {
+  std::uint32_t seconds = 0;
+  std::uint32_t nanoseconds = 0;
+  std::uint32_t captured_length = 16;
+  std::uint32_t original_length = 16;
+  std::array<std::uint8_t, 4> id{};
+  std::uint8_t length = 0;
+  std::array<std::uint8_t, 3> reserved{};
+  std::array<std::uint8_t, 8> data{};
+};
+static_assert(sizeof(Packet) == 32);
+
+// An error message has all eight data bytes; only its class (bus error) is known here.
+constexpr std::uint8_t error_message_length = 8;
+
+std::string timestamp_text(Time timestamp) {
+  const auto microseconds = timestamp.count() / 1000;
+  return fmt::format("({:010d}.{:06d})", microseconds / 1'000'000, microseconds % 1'000'000);
+}
+
+}  // namespace
+
+std::string candump_line(const canopen::Frame& frame, Time timestamp, std::string_view interface_name) {
+  std::string line = fmt::format("{} {} ", timestamp_text(timestamp), interface_name);
+  line += frame.extended ? fmt::format("{:08X}#", frame.id) : fmt::format("{:03X}#", frame.id);
+  if (frame.remote) {
+    line += 'R';
+    if (frame.length > 0) line += fmt::format("{}", frame.length);
+  } else {
+    for (unsigned i = 0; i < frame.length && i < frame.data.size(); ++i) line += fmt::format("{:02X}", frame.data[i]);
+  }
+  return line;
+}
+
+CanLog::CanLog(const std::string& path, Format format, std::string interface_name, Time epoch)
+    : format_(format),
+      interface_name_(std::move(interface_name)),
+      epoch_(epoch),
+      file_(std::fopen(path.c_str(), "wb"), &std::fclose) {
+  if (!file_) {
+    const std::error_code code(errno, std::generic_category());
+    throw LinkError(code, fmt::format("cannot create the CAN log \"{}\": {}; choose a folder that exists and may be "
+                                      "written to",
+                                      path, code.message()));
+  }
+  std::setvbuf(file_.get(), nullptr, _IOFBF, buffer_bytes);
+  if (format_ == Format::pcap) {
+    const FileHeader header;
+    write(&header, sizeof header);
+  }
+}
+
+CanLog::~CanLog() = default;
+
+void CanLog::on_bus_event(const BusEvent& event) {
+  if (format_ == Format::candump) {
+    write_candump(event);
+  } else {
+    write_pcap(event);
+  }
+}
+
+void CanLog::flush() {
+  if (std::fflush(file_.get()) != 0) failed_ = true;
+}
+
+void CanLog::write(const void* bytes, std::size_t size) {
+  if (failed_) return;
+  if (std::fwrite(bytes, 1, size, file_.get()) != size) failed_ = true;
+}
+
+void CanLog::write_candump(const BusEvent& event) {
+  std::string line;
+  if (event.kind == BusEvent::Kind::error) {
+    line = fmt::format("{} {} {:08X}#{:016X}", timestamp_text(event.end + epoch_), interface_name_,
+                       error_flag | error_class_bus, 0);
+  } else {
+    line = candump_line(event.frame, event.end + epoch_, interface_name_);
+  }
+  line += '\n';
+  write(line.data(), line.size());
+}
+
+void CanLog::write_pcap(const BusEvent& event) {
+  Packet packet;
+  const auto nanoseconds = (event.end + epoch_).count();
+  packet.seconds = static_cast<std::uint32_t>(nanoseconds / 1'000'000'000);
+  packet.nanoseconds = static_cast<std::uint32_t>(nanoseconds % 1'000'000'000);
+  std::uint32_t id = 0;
+  if (event.kind == BusEvent::Kind::error) {
+    id = error_flag | error_class_bus;
+    packet.length = error_message_length;
+  } else {
+    id = event.frame.id | (event.frame.extended ? extended_flag : 0U) | (event.frame.remote ? remote_flag : 0U);
+    packet.length = event.frame.length;
+    if (!event.frame.remote) packet.data = event.frame.data;
+  }
+  for (unsigned i = 0; i < 4; ++i) packet.id[i] = static_cast<std::uint8_t>(id >> (24U - 8U * i));
+  write(&packet, sizeof packet);
+}
+
+}  // namespace servodrome::links

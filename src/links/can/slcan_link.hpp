@@ -1,0 +1,70 @@
+#pragma once
+
+#include <array>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <memory>
+#include <string>
+
+#include "links/can/link.hpp"
+#include "links/can/slcan_protocol.hpp"
+#include "links/pty.hpp"
+
+namespace servodrome::links {
+
+// `slcan:PATH`: a serial CAN adapter with the LAWICEL protocol, on a pty found at PATH. The adapter takes part in the
+// bus while its channel is open. S and s set its bit rate: if that is not the bus' it neither sends nor receives, as in
+// life; a host that opens without S gets the bus' rate. A client that closes the port closes the channel, and what it
+// had set is forgotten. A client that does not read loses frames (64 KiB may wait for it).
+class SlcanLink final : public CanLink, private Receiver, private slcan::Controller {
+ public:
+  static constexpr std::size_t most_waiting_bytes = 64 * 1024;
+
+  SlcanLink(const SlcanName& name, CanBus& bus, boost::asio::io_context& io, LineHost& host);
+  ~SlcanLink() override;
+  SlcanLink(const SlcanLink&) = delete;
+  SlcanLink& operator=(const SlcanLink&) = delete;
+
+  PortId port() const override { return port_; }
+  std::string name() const override { return to_string(name_); }
+  const LinkCounters& counters() const override { return counters_; }
+
+ private:
+  void on_frame(const canopen::Frame& frame, Time at) override;
+  void on_sent(const canopen::Frame& frame, std::uint32_t tag, Time at) override;
+  void on_error_state(ErrorState state, Time at) override;
+
+  void open(bool listen_only) override;
+  void close() override;
+  void set_bit_rate(std::uint32_t bit_rate) override;
+  bool transmit(const canopen::Frame& frame) override;
+  std::uint8_t status_flags() override;
+
+  void wait_for_client();
+  void read();
+  void work();
+  void resume();
+  void write();
+  void lose_client();
+
+  SlcanName name_;
+  Pty pty_;
+  CanBus& bus_;
+  LineHost& host_;
+  PortId port_;
+  slcan::Adapter adapter_;
+  boost::asio::posix::stream_descriptor stream_;
+  boost::asio::steady_timer client_poll_;
+  std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
+  std::array<char, 1024> input_{};
+  std::string_view unread_;
+  std::string writing_;
+  std::string waiting_;
+  bool reading_ = false;
+  bool is_writing_ = false;
+  bool paused_ = false;
+  bool lost_frames_ = false;
+  LinkCounters counters_;
+};
+
+}  // namespace servodrome::links

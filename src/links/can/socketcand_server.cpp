@@ -1,0 +1,328 @@
+#include "links/can/socketcand_server.hpp"
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/post.hpp>
+#include <boost/asio/write.hpp>
+#include <fmt/format.h>
+
+#include "links/can/socketcand_protocol.hpp"
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+using boost::asio::ip::tcp;
+using boost::system::error_code;
+
+// python-can expects the `< ok >` that answers `< rawmode >` to arrive alone, and gives up when a frame follows in the
+// same read. Frames are held back until the client's next command shows that it has read it, or this long.
+constexpr auto rawmode_quiet_time = std::chrono::milliseconds(50);
+// Once more after the system had no descriptor for a new client.
+constexpr auto accept_retry_time = std::chrono::milliseconds(200);
+// Keeps what waits in the system small, so that a slow reader sees recent frames.
+constexpr int socket_send_buffer_bytes = 64 * 1024;
+
+std::error_code to_std(const error_code& code) { return {code.value(), std::system_category()}; }
+
+[[noreturn]] void cannot_listen(const SocketcandName& name, const error_code& code) {
+  std::string advice = "check the host";
+  if (code == boost::asio::error::address_in_use) {
+    advice = fmt::format("another program has port {}; stop it or choose another port", name.port);
+  } else if (code == boost::asio::error::access_denied) {
+    advice = "choose a port above 1023";
+  } else if (code == boost::system::errc::address_not_available) {
+    advice = "the host must be an address of this computer, such as 127.0.0.1";
+  }
+  throw LinkError(to_std(code),
+                  fmt::format("cannot listen on \"{}\": {}; {}", to_string(name), to_std(code).message(), advice));
+}
+
+}  // namespace
+
+class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
+ public:
+  Client(SocketcandServer& server, tcp::socket socket, std::uint32_t number)
+      : server_(&server), socket_(std::move(socket)), quiet_(socket_.get_executor()), number_(number) {}
+
+  std::uint32_t number() const { return number_; }
+
+  void start() {
+    reply("hi");
+    read();
+  }
+
+  void show(const std::string& text) {
+    if (mode_ != Mode::raw) return;
+    if (waiting_.size() + writing_.size() + text.size() > most_waiting_bytes) {
+      ++server_->counters_.dropped;
+      return;
+    }
+    ++server_->counters_.from_bus;
+    waiting_ += text;
+    write();
+  }
+
+  // The bus has room again.
+  void resume() {
+    if (!paused_) return;
+    paused_ = false;
+    boost::asio::post(socket_.get_executor(), [self = shared_from_this()] { self->work(); });
+  }
+
+  // No call of the server after this.
+  void disconnect() {
+    server_ = nullptr;
+    error_code ignored;
+    socket_.close(ignored);
+    quiet_.cancel();
+  }
+
+ private:
+  enum class Mode : std::uint8_t { no_bus, bcm, raw };
+
+  void read() {
+    if (reading_) return;
+    reading_ = true;
+    socket_.async_read_some(boost::asio::buffer(input_),
+                            [self = shared_from_this()](error_code code, std::size_t size) {
+                              self->reading_ = false;
+                              if (self->server_ == nullptr) return;
+                              if (code) {
+                                self->close();
+                                return;
+                              }
+                              self->unread_ = std::string_view(self->input_.data(), size);
+                              self->work();
+                            });
+  }
+
+  // Goes through what has been read; reads more when it is all done and neither the bus nor the client is behind.
+  void work() {
+    while (server_ != nullptr && !paused_ && !unread_.empty()) {
+      if (waiting_.size() > most_waiting_bytes) return;  // it does not read its answers: the write goes on here
+      if (bus_is_full()) {
+        paused_ = true;
+        return;
+      }
+      unread_.remove_prefix(reader_.feed(unread_));
+      if (reader_.oversized() != oversized_) {
+        oversized_ = reader_.oversized();
+        refuse("an element is longer than 256 characters");
+      }
+      if (reader_.ready()) execute(socketcand::Words(reader_.element()));
+    }
+    if (server_ != nullptr && unread_.empty() && !closing_) read();
+  }
+
+  bool bus_is_full() const {
+    const CanBus& bus = server_->bus_;
+    return bus.queue_space(server_->port_) == 0 && bus.error_state(server_->port_) == ErrorState::active;
+  }
+
+  void execute(const socketcand::Words& words) {
+    if (closing_ || words.count == 0) return;
+    end_quiet_time();
+    if (words.is("echo")) {
+      reply("echo");
+    } else if (mode_ == Mode::no_bus) {
+      open(words);
+    } else if (words.is("rawmode")) {
+      mode_ = Mode::raw;
+      reply("ok");
+      begin_quiet_time();
+    } else if (words.is("bcmmode")) {
+      mode_ = Mode::bcm;
+      reply("ok");
+    } else if (words.is("send") || words.is("sendrtr")) {
+      send(words);
+    } else {
+      refuse(
+          fmt::format("command \"{}\" is not supported, use rawmode, send and sendrtr", words.word[0].substr(0, 20)));
+    }
+  }
+
+  void open(const socketcand::Words& words) {
+    const std::string& bus = server_->name_.bus;
+    if (words.is("open") && words.count == 2 && words.word[1] == bus) {
+      mode_ = Mode::bcm;
+      reply("ok");
+    } else if (words.is("open")) {
+      refuse(fmt::format("could not open bus, the one here is {}", bus));
+      closing_ = true;  // as the protocol demands; the answer is written first
+    } else {
+      refuse(fmt::format("no bus is open, begin with: open {}", bus));
+    }
+  }
+
+  void send(const socketcand::Words& words) {
+    const auto frame = socketcand::parse_send(words);
+    if (!frame) {
+      refuse("send takes an identifier of 3 or 8 hexadecimal digits, a length from 0 to 8 and as many bytes");
+      return;
+    }
+    if (server_->bus_.transmit(server_->port_, *frame, server_->host_.now(), number_)) {
+      ++server_->counters_.to_bus;
+      server_->host_.wake();
+    } else {
+      ++server_->counters_.refused;
+    }
+  }
+
+  void reply(std::string_view words) {
+    waiting_ += fmt::format("< {} >", words);
+    write();
+  }
+
+  void refuse(std::string_view reason) {
+    ++server_->counters_.malformed;
+    reply(fmt::format("error {}", reason));
+  }
+
+  void begin_quiet_time() {
+    is_quiet_ = true;
+    quiet_.expires_after(rawmode_quiet_time);
+    quiet_.async_wait([self = shared_from_this()](error_code code) {
+      if (!code && self->server_ != nullptr) self->end_quiet_time();
+    });
+  }
+
+  void end_quiet_time() {
+    if (!is_quiet_) return;
+    is_quiet_ = false;
+    quiet_.cancel();
+    write();
+  }
+
+  void write() {
+    if (!writing_.empty() || is_quiet_) return;
+    if (waiting_.empty()) {
+      if (closing_) close();
+      return;
+    }
+    std::swap(writing_, waiting_);
+    boost::asio::async_write(socket_, boost::asio::buffer(writing_),
+                             [self = shared_from_this()](error_code code, std::size_t) {
+                               if (self->server_ == nullptr) return;
+                               if (code) {
+                                 self->close();
+                                 return;
+                               }
+                               self->writing_.clear();
+                               self->write();
+                               self->work();
+                             });
+  }
+
+  void close() {
+    if (server_ != nullptr) server_->remove(*this);
+  }
+
+  SocketcandServer* server_;
+  tcp::socket socket_;
+  boost::asio::steady_timer quiet_;
+  std::uint32_t number_;
+  Mode mode_ = Mode::no_bus;
+  bool reading_ = false;
+  bool paused_ = false;
+  bool closing_ = false;
+  bool is_quiet_ = false;
+  std::array<char, 4096> input_{};
+  std::string_view unread_;
+  socketcand::ElementReader reader_;
+  std::uint64_t oversized_ = 0;
+  std::string writing_;
+  std::string waiting_;
+};
+
+SocketcandServer::SocketcandServer(const SocketcandName& name, CanBus& bus, boost::asio::io_context& io, LineHost& host)
+    : name_(name),
+      bus_(bus),
+      io_(io),
+      host_(host),
+      port_(bus.attach(*this, link_queue_depth)),
+      acceptor_(io),
+      accept_retry_(io) {
+  error_code code;
+  tcp::resolver resolver(io);
+  const auto found = resolver.resolve(name.host, std::to_string(name.port), tcp::resolver::passive, code);
+  if (code || found.empty()) {
+    bus_.detach(port_);
+    throw LinkError(to_std(code), fmt::format("cannot listen on \"{}\": host \"{}\" is unknown ({}); write an address "
+                                              "of this computer, such as 127.0.0.1",
+                                              to_string(name), name.host, code.message()));
+  }
+  const tcp::endpoint endpoint = found.begin()->endpoint();
+  acceptor_.open(endpoint.protocol(), code);
+  if (!code) acceptor_.set_option(tcp::acceptor::reuse_address(true), code);
+  if (!code) acceptor_.bind(endpoint, code);
+  if (!code) acceptor_.listen(tcp::acceptor::max_listen_connections, code);
+  if (code) {
+    bus_.detach(port_);
+    cannot_listen(name, code);
+  }
+  name_.port = acceptor_.local_endpoint().port();
+  accept();
+}
+
+SocketcandServer::~SocketcandServer() {
+  *alive_ = false;
+  for (const auto& client : clients_) client->disconnect();
+  bus_.detach(port_);
+}
+
+void SocketcandServer::accept() {
+  acceptor_.async_accept([this, alive = alive_](error_code code, tcp::socket socket) {
+    if (!*alive || code == boost::asio::error::operation_aborted) return;
+    if (code) {
+      accept_retry_.expires_after(accept_retry_time);
+      accept_retry_.async_wait([this, alive](error_code cancelled) {
+        if (*alive && !cancelled) accept();
+      });
+      return;
+    }
+    error_code ignored;
+    socket.set_option(tcp::no_delay(true), ignored);
+    socket.set_option(boost::asio::socket_base::send_buffer_size(socket_send_buffer_bytes), ignored);
+    if (clients_.size() == most_clients) {
+      socket.non_blocking(true, ignored);
+      socket.write_some(boost::asio::buffer(std::string_view("< error too many clients >")), ignored);
+    } else {
+      if (++last_client_number_ == 0) ++last_client_number_;
+      clients_.push_back(std::make_shared<Client>(*this, std::move(socket), last_client_number_));
+      counters_.clients = static_cast<std::uint32_t>(clients_.size());
+      clients_.back()->start();
+    }
+    accept();
+  });
+}
+
+void SocketcandServer::remove(Client& client) {
+  client.disconnect();
+  const auto is_it = [&client](const std::shared_ptr<Client>& other) { return other.get() == &client; };
+  clients_.erase(std::remove_if(clients_.begin(), clients_.end(), is_it), clients_.end());
+  counters_.clients = static_cast<std::uint32_t>(clients_.size());
+}
+
+void SocketcandServer::on_frame(const canopen::Frame& frame, Time at) { show(frame, at, 0); }
+
+void SocketcandServer::on_sent(const canopen::Frame& frame, std::uint32_t tag, Time at) {
+  show(frame, at, tag);
+  if (bus_.queue_space(port_) >= link_queue_depth / 2) resume();
+}
+
+void SocketcandServer::on_error_state(ErrorState /*state*/, Time /*at*/) { resume(); }
+
+void SocketcandServer::resume() {
+  for (const auto& client : clients_) client->resume();
+}
+
+void SocketcandServer::show(const canopen::Frame& frame, Time at, std::uint32_t except) {
+  if (clients_.empty()) return;
+  const std::string text = socketcand::format_frame(frame, at + host_.epoch());
+  for (const auto& client : clients_) {
+    if (client->number() != except) client->show(text);
+  }
+}
+
+}  // namespace servodrome::links

@@ -1,0 +1,74 @@
+#include "links/pty.hpp"
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <termios.h>
+
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+[[noreturn]] void fail(int reason, const std::string& what, std::string_view advice) {
+  const std::error_code code(reason, std::generic_category());
+  throw LinkError(code, fmt::format("{}: {}; {}", what, code.message(), advice));
+}
+
+// What a symbolic link points to; empty if there is no such link.
+std::string link_target(const std::string& path) {
+  std::array<char, 256> target{};
+  const ssize_t size = ::readlink(path.c_str(), target.data(), target.size());
+  return size > 0 ? std::string(target.data(), static_cast<std::size_t>(size)) : std::string();
+}
+
+}  // namespace
+
+Pty::Pty(const std::string& link_path) : link_path_(link_path) {
+  const std::string what = fmt::format("cannot create the serial port \"{}\"", link_path);
+  master_.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  std::array<char, 64> device{};
+  if (!master_.is_open() || ::grantpt(master_.get()) != 0 || ::unlockpt(master_.get()) != 0 ||
+      ::ptsname_r(master_.get(), device.data(), device.size()) != 0) {
+    fail(errno, what, "this system gives no pseudo terminal; is /dev/pts mounted?");
+  }
+  device_ = device.data();
+  reset();  // which opens it once: before that a pty does not report that nobody has it open
+
+  struct stat status {};
+  if (::lstat(link_path.c_str(), &status) == 0) {
+    if (!S_ISLNK(status.st_mode)) fail(EEXIST, what, "remove what is there or choose another path");
+    ::unlink(link_path.c_str());
+  }
+  if (::symlink(device_.c_str(), link_path.c_str()) != 0) {
+    fail(errno, what, "choose a path in a folder that exists and may be written to");
+  }
+}
+
+Pty::~Pty() {
+  if (link_target(link_path_) == device_) ::unlink(link_path_.c_str());
+}
+
+bool Pty::has_client() const {
+  pollfd entry{master_.get(), POLLIN, 0};
+  ::poll(&entry, 1, 0);
+  return (entry.revents & POLLIN) != 0 || (entry.revents & POLLHUP) == 0;
+}
+
+void Pty::reset() {
+  // Through the device: only there can what a client left unread be flushed. What a new client has already written is
+  // on the master's side and stays.
+  const FileDescriptor device(::open(device_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  termios settings{};
+  if (::tcgetattr(device.get(), &settings) == 0) {
+    ::cfmakeraw(&settings);
+    ::tcsetattr(device.get(), TCSANOW, &settings);
+  }
+  ::tcflush(device.get(), TCIFLUSH);
+}
+
+}  // namespace servodrome::links
