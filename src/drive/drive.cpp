@@ -99,10 +99,9 @@ void Drive::capture_edges(const Feedback& feedback) {
       signal.rising = edge.rising != function.inverted;
     }
     if (signal.signal == Signal::none) continue;
-    touch_probe_.on_edge(signal);
+    if (touch_probe_.on_edge(signal)) axis_.raise(Cause::index_deviation);
     if (edge_count_ < edge_capacity) edges_[edge_count_++] = signal;
   }
-  if (touch_probe_.deviation_exceeded()) axis_.raise(Cause::index_deviation);
 }
 
 void Drive::update_inputs(const Feedback& feedback) {

@@ -45,7 +45,6 @@ void TouchProbe::arm(Probe& probe) {
   probe.status = byte(enabled);
   probe.counters = {};
   probe.index_known = false;
-  deviation_exceeded_ = false;
 }
 
 void TouchProbe::write_function(std::uint16_t function) {
@@ -80,41 +79,46 @@ void TouchProbe::set_deviation_supervision(Counts counts_per_revolution, Counts 
   threshold_ = threshold;
 }
 
-void TouchProbe::on_edge(const SignalEdge& edge) {
+bool TouchProbe::on_edge(const SignalEdge& edge) {
   const bool index = edge.signal == Signal::index;
   const bool supported = edge.rising ? (index ? capability_.index_rising : capability_.input_rising)
                                      : (index ? capability_.index_falling : capability_.input_falling);
-  if (!supported || edge.signal == Signal::none) return;
+  if (!supported || edge.signal == Signal::none) return false;
+  bool exceeded = false;
   for (std::size_t i = 0; i < capability_.probes; ++i) {
-    if ((probes_[i].function & enable) != 0 && source_of(i) == edge.signal) capture(probes_[i], edge);
+    if ((probes_[i].function & enable) == 0 || source_of(i) != edge.signal) continue;
+    if (capture(probes_[i], edge)) exceeded = true;
   }
+  return exceeded;
 }
 
-void TouchProbe::capture(Probe& probe, const SignalEdge& edge) {
+bool TouchProbe::capture(Probe& probe, const SignalEdge& edge) {
   const std::size_t slot = edge.rising ? 0 : 1;
-  if ((probe.function & edge_enable[slot]) == 0) return;
+  if ((probe.function & edge_enable[slot]) == 0) return false;
   const bool every_event = (probe.function & continuous) != 0;
-  if (!every_event && (probe.status & edge_stored[slot]) != 0) return;
+  if (!every_event && (probe.status & edge_stored[slot]) != 0) return false;
 
   Counts value = edge.position;
+  bool exceeded = false;
   if (edge.signal == Signal::index && capability_.index_value == TouchProbeCapability::IndexValue::deviation) {
-    if (counts_per_revolution_ <= 0) return;
+    if (counts_per_revolution_ <= 0) return false;
     const bool first = !probe.index_known;
     const Counts travelled = edge.position - probe.last_index;
     probe.index_known = true;
     probe.last_index = edge.position;
-    if (first) return;
+    if (first) return false;
     // Also right when the axis turned round and met the same index again: no revolution, no deviation.
     const Counts distance = travelled < 0 ? -travelled : travelled;
     const Counts revolutions = (distance + counts_per_revolution_ / 2) / counts_per_revolution_;
     value = distance - revolutions * counts_per_revolution_;
-    if (threshold_ > 0 && (value > threshold_ || -value > threshold_)) deviation_exceeded_ = true;
+    exceeded = threshold_ > 0 && (value > threshold_ || -value > threshold_);
   }
   probe.positions[slot] = value;
   ++probe.counters[slot];
   unsigned status = probe.status | edge_stored[slot];
   if (every_event && capability_.toggle_status) status ^= edge_toggle[slot];
   probe.status = byte(status);
+  return exceeded;
 }
 
 std::uint16_t TouchProbe::status() const {

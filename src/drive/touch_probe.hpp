@@ -54,8 +54,8 @@ class TouchProbe {
   // supervised.
   void set_deviation_supervision(Counts counts_per_revolution, Counts threshold);
 
-  // Every captured edge, in the order they happened.
-  void on_edge(const SignalEdge& edge);
+  // Every captured edge, in the order they happened. True: a deviation beyond the threshold has been latched.
+  bool on_edge(const SignalEdge& edge);
 
   std::uint16_t function() const { return function_; }
   std::uint16_t status() const;                                                              // 60B9h
@@ -63,9 +63,6 @@ class TouchProbe {
   std::uint16_t edge_counter(std::size_t slot) const {
     return probes_[slot / 2].counters[slot % 2];
   }  // 60D5h + slot, since switched on
-
-  // A deviation went beyond the threshold since the probe was switched on.
-  bool deviation_exceeded() const { return deviation_exceeded_; }
 
  private:
   struct Probe {
@@ -80,14 +77,13 @@ class TouchProbe {
 
   Signal source_of(std::size_t probe) const;
   void arm(Probe& probe);
-  void capture(Probe& probe, const SignalEdge& edge);
+  bool capture(Probe& probe, const SignalEdge& edge);
 
   TouchProbeCapability capability_;
   std::uint16_t function_ = 0;
   std::array<Probe, 2> probes_{{{.source = 1}, {.source = 2}}};
   Counts counts_per_revolution_ = 0;
   Counts threshold_ = 0;
-  bool deviation_exceeded_ = false;
 };
 
 }  // namespace servodrome::drive

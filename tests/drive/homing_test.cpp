@@ -1,6 +1,7 @@
 #include "drive/homing/homing.hpp"
 
 #include <gtest/gtest.h>
+#include <initializer_list>
 #include <optional>
 #include <random>
 #include <set>
@@ -589,6 +590,8 @@ TEST(Homing, PresentPositionNeedsNoMotion) {
     Homing homing;
     HomingInputs inputs{.position = -77};
     homing.start(cia402_methods, number, plain_config(), inputs);
+    EXPECT_FALSE(homing.latched());
+    homing.step(inputs);
     EXPECT_TRUE(homing.latched());
     EXPECT_EQ(homing.latch(), -77);
     EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
@@ -628,27 +631,88 @@ TEST(Homing, StartsFromRestOnly) {
 
 // The actual position lags the demand: after the turn it runs on for a while, here past the far edge of a short cam.
 TEST(Homing, EdgesBeyondTheTurningPointAreNotOfTheLegBack) {
+  const auto latch = [](std::int8_t number, Counts sign) {
+    Homing homing;
+    HomingInputs inputs;
+    const auto step = [&](std::initializer_list<SignalEdge> edges, Counts position, bool standing) {
+      inputs.edges = {edges.begin(), edges.size()};
+      inputs.position = sign * position;
+      inputs.standing = standing;
+      return homing.step(inputs);
+    };
+    homing.start(cia402_methods, number, plain_config(), inputs);
+    step({}, 0, true);
+    EXPECT_EQ(step({{Signal::home, true, sign * 100}}, 150, false).kind, HomingCommand::Kind::stop);
+    EXPECT_EQ(step({}, 150, true).velocity, static_cast<double>(sign * -2000));
+    step({{Signal::home, false, sign * 160}, {Signal::home, true, sign * 159}}, 158, false);
+    EXPECT_FALSE(homing.latched());
+    step({{Signal::home, false, sign * 99}}, 90, false);
+    EXPECT_TRUE(homing.latched());
+    return homing.latch();
+  };
+  EXPECT_EQ(latch(23, 1), 100);
+  EXPECT_EQ(latch(27, -1), -99);
+}
+
+// The capture unit may lose edges (its buffer is short) and a level may come and go within a cycle: either tells.
+TEST(Homing, LimitSwitchIsSeenByEdgeAndByLevel) {
+  const Method& method = *find_method(cia402_methods, 34);
+  const SignalEdge pulse[]{{Signal::positive_limit, true, 50}, {Signal::positive_limit, false, 60}};
+  for (const bool by_edge : {true, false}) {
+    Homing homing;
+    HomingInputs inputs;
+    homing.start(method, plain_config(), inputs);
+    homing.step(inputs);
+    inputs.standing = false;
+    if (by_edge) {
+      inputs.edges = pulse;
+    } else {
+      inputs.signals = bit(Signal::positive_limit);
+    }
+    EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::stop);
+    EXPECT_EQ(homing.error(), HomingError::wrong_limit);
+  }
+}
+
+// The axis is home; how long it takes to come to rest is no concern of the time-out.
+TEST(Homing, NoTimeOutAfterTheLatch) {
+  HomingConfig config = plain_config();
+  config.timeout_cycles = 10;
   Homing homing;
   HomingInputs inputs;
-  homing.start(cia402_methods, 23, plain_config(), inputs);
+  homing.start(cia402_methods, 34, config, inputs);
   homing.step(inputs);
   inputs.standing = false;
-  const SignalEdge on[]{{Signal::home, true, 100}};
-  inputs.edges = on;
-  inputs.position = 150;
-  EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::stop);
+  const SignalEdge index[]{{Signal::index, true, 5}};
+  inputs.edges = index;
+  homing.step(inputs);
   inputs.edges = {};
-  inputs.standing = true;
-  EXPECT_EQ(homing.step(inputs).velocity, -2000.0);
-  const SignalEdge past[]{{Signal::home, false, 160}, {Signal::home, true, 159}};
-  inputs.edges = past;
+  for (int i = 0; i < 100; ++i) homing.step(inputs);
+  EXPECT_EQ(homing.error(), HomingError::none);
+  EXPECT_TRUE(homing.active());
+}
+
+// A method of nobody's: from one hard stop to the other.
+TEST(Homing, EveryHardStopIsTimedAnew) {
+  const Method method = make_method(1, {leg(Direction::negative, HomingSpeed::fast, Until::stalled, Then::hold),
+                                        leg(Direction::positive, HomingSpeed::fast, Until::stalled, Then::hold),
+                                        leg(Direction::negative, HomingSpeed::slow, Until::index, Then::latch)});
+  const World world{.index = 100, .low_stop = -3000, .high_stop = 3000};
+  HomingConfig config = plain_config();
+  config.stall_cycles = 20;
+  const Outcome outcome = run(method, config, world, 0);
+  EXPECT_EQ(outcome.latch, 2100);
+  Homing homing;
+  HomingInputs inputs;
+  homing.start(method, config, inputs);
   homing.step(inputs);
-  EXPECT_FALSE(homing.latched());
-  const SignalEdge off[]{{Signal::home, false, 99}};
-  inputs.edges = off;
-  homing.step(inputs);
-  EXPECT_TRUE(homing.latched());
-  EXPECT_EQ(homing.latch(), 100);
+  inputs.torque = -2.0F;
+  for (int i = 0; i < 19; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
+  EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
+  EXPECT_EQ(homing.step(inputs).velocity, 20000.0);
+  inputs.torque = 2.0F;
+  for (int i = 0; i < 19; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
+  EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
 }
 
 // Switch edge and index within one cycle: their order decides.

@@ -131,8 +131,11 @@ TEST(TouchProbe, Rearming) {
   probe.write_function(probe_1(on | falling));
   EXPECT_EQ(probe.status(), 0x0005);
 
-  probe.write_function(probe_1(on | continuous | falling));
+  probe.write_function(probe_1(on | continuous | falling));  // another mode
   EXPECT_EQ(probe.status(), 0x0001);
+  probe.on_edge(fall(Signal::probe_1, 8));
+  probe.write_function(probe_1(on | continuous | by_index | falling));  // another source
+  EXPECT_EQ(probe.status() & 0x000F, 0x0001);
 }
 
 TEST(TouchProbe, Sources) {
@@ -227,44 +230,46 @@ class IndexDeviation : public testing::Test {
 
 TEST_F(IndexDeviation, OfAdjacentPulses) {
   TouchProbe probe = make(0);
-  probe.on_edge(rise(Signal::index, 1000));
+  EXPECT_FALSE(probe.on_edge(rise(Signal::index, 1000)));
   EXPECT_EQ(probe.status(), 0x0041) << "one pulse has no neighbour yet";
-  probe.on_edge(rise(Signal::index, 1000 + revolution + 3));
+  EXPECT_FALSE(probe.on_edge(rise(Signal::index, 1000 + revolution + 3)));
   EXPECT_EQ(probe.status(), 0x0043);
   EXPECT_EQ(probe.position(0), 3);
-  probe.on_edge(rise(Signal::index, 1000 + 2 * revolution - 4));
+  EXPECT_FALSE(probe.on_edge(rise(Signal::index, 1000 + 2 * revolution - 4)));
   EXPECT_EQ(probe.position(0), -7);
-  EXPECT_FALSE(probe.deviation_exceeded());
 }
 
 TEST_F(IndexDeviation, NeitherDirectionNorTurningRoundMatters) {
   TouchProbe probe = make(2);
   for (const Counts turns : {0, -1, -2, -2, -1, 0, 0, 1, 5, -7}) {
-    probe.on_edge(rise(Signal::index, 77 + turns * revolution));
+    EXPECT_FALSE(probe.on_edge(rise(Signal::index, 77 + turns * revolution)));
     EXPECT_EQ(probe.position(0), 0);
   }
   EXPECT_EQ(probe.edge_counter(0), 9);
-  EXPECT_FALSE(probe.deviation_exceeded());
-  probe.on_edge(rise(Signal::index, 77 - 8 * revolution - 2));
+  EXPECT_FALSE(probe.on_edge(rise(Signal::index, 77 - 8 * revolution - 2)));
   EXPECT_EQ(probe.position(0), 2);
-  EXPECT_FALSE(probe.deviation_exceeded());
 }
 
-TEST_F(IndexDeviation, BeyondTheThresholdIsKeptUntilArmedAnew) {
+TEST_F(IndexDeviation, BeyondTheThresholdIsReported) {
   for (const Counts deviation : {11, -11}) {
     TouchProbe probe = make(10);
-    probe.on_edge(rise(Signal::index, 0));
-    probe.on_edge(rise(Signal::index, revolution + deviation));
-    EXPECT_TRUE(probe.deviation_exceeded());
-    probe.on_edge(rise(Signal::index, 2 * revolution + deviation));
+    EXPECT_FALSE(probe.on_edge(rise(Signal::index, 0)));
+    EXPECT_TRUE(probe.on_edge(rise(Signal::index, revolution + deviation)));
+    EXPECT_FALSE(probe.on_edge(rise(Signal::index, 2 * revolution + deviation)));
     EXPECT_EQ(probe.position(0), 0);
-    EXPECT_TRUE(probe.deviation_exceeded());
     probe.write_function(0);
+    EXPECT_FALSE(probe.on_edge(rise(Signal::index, 3 * revolution + 5000)));
     probe.write_function(probe_1(on | continuous | by_index | rising));
-    EXPECT_FALSE(probe.deviation_exceeded());
-    probe.on_edge(rise(Signal::index, 2 * revolution + 5000));  // a first pulse again
-    EXPECT_FALSE(probe.deviation_exceeded());
+    EXPECT_FALSE(probe.on_edge(rise(Signal::index, 4 * revolution)));  // a first pulse again
   }
+}
+
+TEST_F(IndexDeviation, NothingWithoutARevolution) {
+  TouchProbe probe = make(10);
+  probe.set_deviation_supervision(0, 10);
+  EXPECT_FALSE(probe.on_edge(rise(Signal::index, 0)));
+  EXPECT_FALSE(probe.on_edge(rise(Signal::index, 500)));
+  EXPECT_EQ(probe.status(), 0x0041);
 }
 
 // Random writes and edges against the rules of the object, written down without state of their own but the history.

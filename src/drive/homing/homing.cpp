@@ -16,8 +16,6 @@ void Homing::start(const Method& method, const HomingConfig& config, const Homin
   config_ = config;
   if (!is_well_formed(method)) {
     error_ = HomingError::internal;
-  } else if (method.leg_count == 0) {
-    take_latch(inputs.position);
   } else {
     leg_ = is_active(Signal::home, inputs) ? method.start_active : std::uint8_t{0};
     phase_ = Phase::begin;
@@ -106,6 +104,7 @@ bool Homing::stalls(float torque) {
 }
 
 HomingCommand Homing::begin_leg(const HomingInputs& inputs) {
+  if (method_.leg_count == 0) return take_latch(inputs.position);
   phase_ = Phase::run;
   stall_count_ = 0;
   leg_start_ = inputs.position;

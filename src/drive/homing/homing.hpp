@@ -68,7 +68,8 @@ class Homing {
   void start(std::span<const Method> methods, std::int8_t number, const HomingConfig& config,
              const HomingInputs& inputs);
 
-  // Once per position-loop cycle. Answers `keep` while not active.
+  // Once per position-loop cycle, but not while the axis is halted (605Dh): standstill is taken for the end of a ramp.
+  // Answers `keep` while not active.
   HomingCommand step(const HomingInputs& inputs);
 
   // Forgets everything; stopping the axis is the caller's.
