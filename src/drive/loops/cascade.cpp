@@ -17,6 +17,10 @@ constexpr float standstill_share = 1.0e-3F;
 constexpr float standstill_s = 5.0e-3F;
 constexpr float push_s = 1.0F;
 
+// The speed limiter of the torque loop finds its load with this share of velocity_ki, so that running up to the limit
+// leaves little in the integral to overshoot with.
+constexpr float limiter_share = 0.25F;
+
 // As far as the position loop looks; beyond, it saturates.
 constexpr Counts largest_position_error = Counts{1} << 30;
 
@@ -59,8 +63,8 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   velocity_ki_ = gains.velocity_ki * torque_per_ampere_ * rad_per_count * velocity_period_s;
   setpoint_weight_ = gains.velocity_setpoint_weight;
   inertia_torque_ = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * gains.acceleration_feed_forward;
-  limiter_decay_ =
-      gains.velocity_kp > 0.0F ? std::min(gains.velocity_ki / gains.velocity_kp * velocity_period_s, 1.0F) : 1.0F;
+  limiter_ki_ = limiter_share * velocity_ki_;
+  limiter_decay_ = velocity_kp_ > 0.0F ? std::min(limiter_ki_ / velocity_kp_, 1.0F) : 1.0F;
   position_kp_ = gains.position_kp;
   velocity_feed_forward_ = gains.velocity_feed_forward;
   rest_.window_counts = gains.rest_window_counts;
@@ -250,10 +254,10 @@ float Cascade::torque_controller() {
   state_.velocity_limited = wanted < least || wanted > most;
   if (wanted > most) {
     state_.velocity_reference_counts_per_s = demand_.velocity_limit_positive;
-    integral_ += velocity_ki_ * room_above;
+    integral_ += limiter_ki_ * room_above;
   } else if (wanted < least) {
     state_.velocity_reference_counts_per_s = -demand_.velocity_limit_negative;
-    integral_ += velocity_ki_ * room_below;
+    integral_ += limiter_ki_ * room_below;
   } else {
     state_.velocity_reference_counts_per_s = state_.velocity_counts_per_s;
     integral_ -= limiter_decay_ * integral_;

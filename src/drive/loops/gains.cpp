@@ -25,19 +25,21 @@ constexpr float torque_per_count = 0.1F;
 }  // namespace
 
 Gains default_gains(const MotorData& motor, Rates rates, const Bandwidths& bandwidths) {
-  const float velocity_period_s = static_cast<float>(rates.velocity_loop_ticks) * tick_s;
   const float count_rad = 2.0F * pi / static_cast<float>(motor.counts_per_revolution);
 
-  // Half a velocity period each for the difference and the hold; the current loop's first order as its delay.
+  // The current loop's first order as its delay. Half a velocity period each for the difference and the hold is what
+  // the two filters, exact for held inputs, are quicker than their continuous prototypes.
   const float current_pole = std::exp(-2.0F * pi * bandwidths.current_hz * tick_s);
-  const float delay_s = velocity_period_s + tick_s * (1.0F / (1.0F - current_pole) - 0.5F);
+  const float delay_s = tick_s * (1.0F / (1.0F - current_pole) - 0.5F);
   const float filter_lag = std::atan(1.0F / velocity_filter_ratio) + std::atan(1.0F / torque_filter_ratio);
   const float lag_available = pi / 2.0F - phase_margin - filter_lag;
 
   const float by_delay = (lag_available - least_integral_lag) / delay_s;
   const float by_encoder =
       std::sqrt(torque_per_count * motor.rated_torque_nm / (velocity_filter_ratio * motor.inertia_kgm2 * count_rad));
-  const float crossover = std::min({2.0F * pi * bandwidths.velocity_hz, by_delay, by_encoder});
+  const float velocity_rate_hz = 1.0F / (static_cast<float>(rates.velocity_loop_ticks) * tick_s);
+  const float by_rate = 2.0F * pi * 0.5F * velocity_rate_hz / torque_filter_ratio;
+  const float crossover = std::min({2.0F * pi * bandwidths.velocity_hz, by_delay, by_encoder, by_rate});
   const float integral_ratio = std::tan(std::min(lag_available - crossover * delay_s, most_integral_lag));
 
   // The magnitude at the crossover is that of the integrator 1 / (J s) times PI and filters.

@@ -44,9 +44,10 @@ struct Bandwidths {
 };
 
 // Gains for the inertia in `motor`. Current: PI that cancels the winding's pole. Velocity: PI and filters placed around
-// the crossover so that all delays together leave a phase margin of 55 degrees. The crossover is lowered where the
-// delays do not allow it, or where one count of a coarse encoder would make more than a tenth of the rated torque;
-// position_kp is held at or below a fifth of it.
+// the crossover so that all delays together leave a phase margin of 55 degrees by design. The crossover is lowered
+// where the delays do not allow it, where the filters would lie beyond half the velocity loop's rate, or where one
+// count of a coarse encoder would make more than a tenth of the rated torque; position_kp is held at or below a fifth
+// of it.
 Gains default_gains(const MotorData& motor, Rates rates, const Bandwidths& bandwidths);
 
 }  // namespace servodrome::drive

@@ -1,0 +1,150 @@
+#include <gtest/gtest.h>
+
+#include "loops_support.hpp"
+
+namespace servodrome::drive::test {
+namespace {
+
+// With the zero of the PI on the winding's pole, the samples of the closed loop are those of a first order:
+// i(k) = I (1 - p^k), p = exp(-bandwidth * tick), from the first tick after the step, whatever the winding.
+TEST(CurrentLoop, StepResponseIsTheDesignedFirstOrder) {
+  for (const double inductance_h : {1.0e-3, 4.5e-3, 20.0e-3}) {
+    for (const float bandwidth_hz : {300.0F, 1000.0F, 2000.0F}) {
+      plant::Parameters parameters = frictionless(131072);
+      parameters.motor.direct_inductance_h = parameters.motor.quadrature_inductance_h = inductance_h;
+      Axis axis(parameters);
+      axis.plant.lock_rotor(true);
+      axis.gains.current_bandwidth_hz = bandwidth_hz;
+      axis.gains.torque_filter_hz = 0.0F;
+      axis.configure();
+      axis.demand.loop = Loop::torque;
+      axis.demand.torque = 0.2F;
+      const double target_a = 0.2 * static_cast<double>(axis.motor.rated_torque_nm) /
+                              static_cast<double>(axis.motor.torque_constant_nm_per_a);
+      const double pole = std::exp(-2.0 * pi * static_cast<double>(bandwidth_hz) * tick_seconds);
+      for (int k = 1; k <= 80; ++k) {
+        axis.tick();
+        ASSERT_NEAR(axis.plant.current_a(), target_a * (1.0 - std::pow(pole, k)), 2.0e-4 * target_a)
+            << "tick " << k << ", " << inductance_h << " H, " << bandwidth_hz << " Hz";
+        ASSERT_NEAR(axis.plant.direct_current_a(), 0.0, 2.0e-4 * target_a);
+        ASSERT_FALSE(axis.cascade.state().voltage_limited);
+      }
+    }
+  }
+}
+
+// The torque is right wherever the rotor stands: commutation offset, pole pairs, transforms.
+TEST(CurrentLoop, TorqueAtEveryAngle) {
+  for (const double offset_turns : {0.0, 0.37, 0.9}) {
+    for (int position = 0; position < 131072; position += 131072 / 45) {
+      plant::Parameters parameters = frictionless(131072);
+      parameters.encoder.commutation_offset_turns = offset_turns;
+      parameters.encoder.start_position_counts = position - 65536;
+      Axis axis(parameters);
+      axis.plant.lock_rotor(true);
+      axis.demand.loop = Loop::torque;
+      axis.demand.torque = -0.5F;
+      axis.run_seconds(0.01);
+      ASSERT_NEAR(axis.plant.torque_nm(), -0.5 * parameters.motor.rated_torque_nm, 1.0e-3) << position;
+      ASSERT_NEAR(static_cast<double>(axis.cascade.state().torque), -0.5, 1.0e-3);
+    }
+  }
+}
+
+// At speed, decoupling and the half-tick advance keep the d current small while the q current steps; what remains comes
+// from the rotation within a tick.
+TEST(CurrentLoop, AxesStayDecoupledAtSpeed) {
+  plant::Parameters parameters = frictionless(1 << 20);
+  parameters.load.inertia_kgm2 = 0.01;  // speed stands
+  Axis axis(parameters);
+  axis.demand.loop = Loop::velocity;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(3000.0));
+  axis.plant.set_external_torque_nm(-3000.0 / 60.0 * 2.0 * pi * (0.01 + 0.28e-4) / tick_seconds);
+  axis.actuation.pwm_enabled = false;
+  axis.tick();
+  axis.plant.set_external_torque_nm(0.0);
+  axis.actuation.pwm_enabled = true;
+  axis.cascade.enable(axis.feedback);
+  axis.demand.loop = Loop::torque;
+  axis.run_seconds(0.05);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 3000.0, 5.0);
+  EXPECT_NEAR(axis.plant.current_a(), 0.0, 0.02);
+  axis.demand.torque = 1.0F;
+  double largest_direct_a = 0.0;
+  for (int k = 0; k < 80; ++k) {
+    axis.tick();
+    largest_direct_a = std::max(largest_direct_a, std::fabs(axis.plant.direct_current_a()));
+  }
+  RecordProperty("largest_direct_ma", static_cast<int>(1000.0 * largest_direct_a));
+  EXPECT_LT(largest_direct_a, 0.03 * static_cast<double>(axis.motor.rated_current_a));
+  EXPECT_NEAR(
+      axis.plant.current_a(),
+      static_cast<double>(axis.motor.rated_torque_nm) / static_cast<double>(axis.motor.torque_constant_nm_per_a), 0.01);
+}
+
+// On a low DC link the axis runs as fast as the voltage lets it, |v| = vdc / sqrt(3), and comes back at once when asked
+// for less: nothing has wound up.
+TEST(CurrentLoop, VoltageLimitsTheSpeed) {
+  plant::Parameters parameters = frictionless(131072);
+  parameters.supply.volts = 60.0;
+  parameters.load.viscous_friction_nms = 1.0e-4;
+  Axis axis(parameters);
+  axis.demand.loop = Loop::velocity;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(6000.0));
+  axis.demand.torque_limit_positive = axis.demand.torque_limit_negative = 1.0F;
+  axis.run_seconds(2.0);
+
+  // Steady state: viscous torque gives iq; vd = -w L iq, vq = R iq + w flux.
+  const double flux = plant::flux_linkage_vs(parameters.motor);
+  const double available_v = axis.plant.dc_link_v() / std::sqrt(3.0);
+  double low = 0.0;
+  double high = 1000.0;
+  for (int i = 0; i < 60; ++i) {
+    const double speed = 0.5 * (low + high);
+    const double current_a = 1.0e-4 * speed / (1.5 * 5.0 * flux);
+    const double electrical = 5.0 * speed;
+    const double volts =
+        std::hypot(electrical * 4.5e-3 * current_a, parameters.motor.resistance_ohm * current_a + electrical * flux);
+    (volts < available_v ? low : high) = speed;
+  }
+  EXPECT_TRUE(axis.cascade.state().voltage_limited);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), low * 30.0 / pi, 0.01 * low * 30.0 / pi);
+
+  const double before_rpm = axis.plant.velocity_rpm();
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(0.5 * before_rpm));
+  // A rated torque takes this long; a tenth more and the axis must be there.
+  const double inertia = static_cast<double>(axis.motor.inertia_kgm2);
+  const double brake_s = 0.5 * before_rpm * pi / 30.0 * inertia / parameters.motor.rated_torque_nm;
+  double lowest_rpm = before_rpm;
+  const auto ticks = std::lround((1.1 * brake_s + 0.01) / tick_seconds);
+  for (long i = 0; i < ticks; ++i) axis.tick();
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 0.5 * before_rpm, 0.04 * before_rpm);
+  for (int i = 0; i < 4000; ++i) {
+    axis.tick();
+    lowest_rpm = std::min(lowest_rpm, axis.plant.velocity_rpm());
+  }
+  EXPECT_GT(lowest_rpm, 0.45 * before_rpm);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 0.5 * before_rpm, 1.0);
+}
+
+TEST(CurrentLoop, DisabledOrOffThereIsNoVoltage) {
+  Axis axis(frictionless(131072));
+  axis.demand.loop = Loop::torque;
+  axis.demand.torque = 0.5F;
+  axis.run_seconds(0.001);
+  EXPECT_NE(axis.actuation.phase_voltage_v[1], 0.0F);
+  axis.demand.loop = Loop::off;
+  axis.run_seconds(0.001);
+  EXPECT_EQ(axis.actuation.phase_voltage_v, (std::array<float, 3>{}));
+  EXPECT_EQ(axis.cascade.state().torque_reference, 0.0F);
+  axis.demand.loop = Loop::torque;
+  axis.run_seconds(0.001);
+  EXPECT_NE(axis.actuation.phase_voltage_v[1], 0.0F);
+  axis.cascade.disable();
+  axis.cascade.tick(axis.feedback, axis.actuation);
+  EXPECT_EQ(axis.actuation.phase_voltage_v, (std::array<float, 3>{}));
+  EXPECT_FALSE(axis.cascade.enabled());
+}
+
+}  // namespace
+}  // namespace servodrome::drive::test

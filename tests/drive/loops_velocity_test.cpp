@@ -1,0 +1,270 @@
+#include <array>
+#include <complex>
+#include <gtest/gtest.h>
+
+#include "loops_support.hpp"
+
+namespace servodrome::drive::test {
+namespace {
+
+// The continuous model the velocity loop was designed as: inertia, first-order current loop, PI, two low passes. The
+// sampled loop adds half a period each for the difference of positions and for the hold; its low passes, exact for a
+// held input, are half a period quicker than their prototypes each: the delays cancel to first order. A step that falls
+// on a sample is not delayed by the hold, so that it comes half a period early.
+struct ContinuousVelocityLoop {
+  double kp_nms, ki_nm, weight, inertia_kgm2, current_rad_s, velocity_filter_rad_s, torque_filter_rad_s;
+  double reference_rad_s;
+
+  // speed, filtered speed, integral, filtered torque, torque
+  using State = std::array<double, 5>;
+  State derivative(const State& x) const {
+    const double error = reference_rad_s - x[1];
+    const double torque = kp_nms * (weight * reference_rad_s - x[1]) + x[2];
+    return {x[4] / inertia_kgm2, velocity_filter_rad_s * (x[0] - x[1]), ki_nm * error,
+            torque_filter_rad_s * (torque - x[3]), current_rad_s * (x[3] - x[4])};
+  }
+  State stepped(const State& x, double h) const {
+    const auto plus = [](const State& a, double scale, const State& b) {
+      State sum;
+      for (std::size_t i = 0; i < sum.size(); ++i) sum[i] = a[i] + scale * b[i];
+      return sum;
+    };
+    const State k1 = derivative(x);
+    const State k2 = derivative(plus(x, h / 2.0, k1));
+    const State k3 = derivative(plus(x, h / 2.0, k2));
+    const State k4 = derivative(plus(x, h, k3));
+    State next = x;
+    for (std::size_t i = 0; i < next.size(); ++i) next[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+    return next;
+  }
+};
+
+// Runge-Kutta at a sixteenth of a tick: its own error is below 1e-9 of the step.
+TEST(VelocityLoop, StepFollowsTheContinuousModel) {
+  for (const float bandwidth_hz : {40.0F, 100.0F}) {
+    for (const float weight : {1.0F, 0.4F}) {
+      Axis axis(frictionless(1 << 23), {2, 8}, {1000.0F, bandwidth_hz, 100.0F});
+      axis.gains.velocity_setpoint_weight = weight;
+      axis.configure();
+      const double step_rad_s = 10.0;
+      const auto kt = static_cast<double>(axis.motor.torque_constant_nm_per_a);
+      const ContinuousVelocityLoop model{
+          .kp_nms = static_cast<double>(axis.gains.velocity_kp) * kt,
+          .ki_nm = static_cast<double>(axis.gains.velocity_ki) * kt,
+          .weight = static_cast<double>(weight),
+          .inertia_kgm2 = static_cast<double>(axis.motor.inertia_kgm2),
+          .current_rad_s = 2.0 * pi * 1000.0,
+          .velocity_filter_rad_s = 2.0 * pi * static_cast<double>(axis.gains.velocity_filter_hz),
+          .torque_filter_rad_s = 2.0 * pi * static_cast<double>(axis.gains.torque_filter_hz),
+          .reference_rad_s = step_rad_s};
+      ContinuousVelocityLoop::State x{};
+      for (int i = 0; i < 16; ++i) x = model.stepped(x, tick_seconds / 16.0);  // half a velocity period
+      axis.demand.loop = Loop::velocity;
+      axis.demand.velocity = static_cast<float>(step_rad_s * axis.counts_per_rad);
+      double worst = 0.0;
+      for (int k = 0; k < 3200; ++k) {
+        axis.tick();
+        for (int i = 0; i < 16; ++i) x = model.stepped(x, tick_seconds / 16.0);
+        worst = std::max(worst, std::fabs(axis.plant.velocity_rpm() * pi / 30.0 - x[0]));
+      }
+      EXPECT_LT(worst, 0.02 * step_rad_s) << bandwidth_hz << " Hz, weight " << weight;
+      EXPECT_NEAR(axis.plant.velocity_rpm() * pi / 30.0, step_rad_s, 1.0e-3 * step_rad_s);
+    }
+  }
+}
+
+// Open-loop response at one frequency, measured in the closed loop: measured velocity over velocity error, both as the
+// controller sees them, at the end of each velocity period.
+std::complex<double> open_loop(Axis& axis, double frequency_hz, double offset_rpm, double amplitude_rpm) {
+  const double period_s = tick_seconds * axis.rates.velocity_loop_ticks;
+  axis.demand.loop = Loop::velocity;
+  std::complex<double> error = 0.0;
+  std::complex<double> measured = 0.0;
+  const int settle_periods = static_cast<int>(0.3 / period_s);
+  // Whole cycles, so that the offset drops out.
+  const int cycles = static_cast<int>(std::ceil(0.5 * frequency_hz));
+  const int periods = static_cast<int>(std::lround(cycles / (frequency_hz * period_s)));
+  const double w = 2.0 * pi * cycles / periods;
+  for (int k = 0; k < settle_periods + periods; ++k) {
+    axis.demand.velocity =
+        static_cast<float>(axis.counts_per_s(offset_rpm + amplitude_rpm * std::sin(w * (k - settle_periods))));
+    for (int i = 0; i < axis.rates.velocity_loop_ticks; ++i) axis.tick();
+    if (k < settle_periods) continue;
+    const CascadeState& state = axis.cascade.state();
+    const auto turn = std::polar(1.0, -w * k);
+    const auto velocity = static_cast<double>(state.velocity_counts_per_s);
+    error += turn * (static_cast<double>(state.velocity_reference_counts_per_s) - velocity);
+    measured += turn * velocity;
+  }
+  return measured / error;
+}
+
+struct Margin {
+  double crossover_hz;
+  double phase_degrees;
+};
+
+Margin margin(const plant::Parameters& parameters, Rates rates, Bandwidths bandwidths, double designed_hz) {
+  double low_hz = 0.3 * designed_hz;
+  double high_hz = 3.0 * designed_hz;
+  std::complex<double> response;
+  for (int i = 0; i < 8; ++i) {
+    const double frequency_hz = std::sqrt(low_hz * high_hz);
+    Axis axis(parameters, rates, bandwidths);
+    response = open_loop(axis, frequency_hz, 300.0, 20.0);
+    (std::abs(response) > 1.0 ? low_hz : high_hz) = frequency_hz;
+  }
+  return {std::sqrt(low_hz * high_hz), 180.0 + std::arg(response) * 180.0 / pi};
+}
+
+TEST(VelocityLoop, CrossoverAndPhaseMarginAreTheDesigned) {
+  for (const Rates rates : {Rates{2, 8}, Rates{4, 16}}) {
+    for (const float bandwidth_hz : {30.0F, 60.0F, 100.0F}) {
+      for (const double inertia_ratio : {1.0, 10.0}) {
+        plant::Parameters parameters = frictionless(1 << 20);
+        parameters.load.inertia_kgm2 = inertia_ratio * parameters.motor.rotor_inertia_kgm2;
+        const Margin found =
+            margin(parameters, rates, {1000.0F, bandwidth_hz, 100.0F}, static_cast<double>(bandwidth_hz));
+        EXPECT_NEAR(found.crossover_hz, static_cast<double>(bandwidth_hz), 0.15 * static_cast<double>(bandwidth_hz));
+        EXPECT_GT(found.phase_degrees, 50.0);
+        EXPECT_LT(found.phase_degrees, 70.0);
+      }
+    }
+  }
+}
+
+// Asked for more than the delays allow, default_gains gives what keeps the margin.
+TEST(VelocityLoop, TooHighABandwidthIsLowered) {
+  const plant::Parameters parameters = frictionless(1 << 20);
+  const Bandwidths wanted{1000.0F, 1000.0F, 1000.0F};
+  const Gains gains = default_gains(motor_data(parameters), {}, wanted);
+  const double given_hz = static_cast<double>(gains.velocity_filter_hz) / 12.0;
+  EXPECT_LT(given_hz, 300.0);
+  EXPECT_FLOAT_EQ(gains.position_kp, static_cast<float>(2.0 * pi * given_hz / 5.0));
+  const Margin found = margin(parameters, {}, wanted, given_hz);
+  EXPECT_NEAR(found.crossover_hz, given_hz, 0.15 * given_hz);
+  EXPECT_GT(found.phase_degrees, 50.0);
+}
+
+// A coarse encoder's count may not make more torque than a tenth of the rated.
+TEST(VelocityLoop, ACoarseEncoderLowersTheBandwidth) {
+  const MotorData motor = motor_data(frictionless(2500));
+  const Gains gains = default_gains(motor, {}, {});
+  const float count_rad_s = 2.0F * static_cast<float>(pi) / 2500.0F * 8000.0F;
+  const float velocity_rad_s = count_rad_s * low_pass_gain(gains.velocity_filter_hz, 125.0e-6F);
+  EXPECT_LT(gains.velocity_kp * velocity_rad_s * motor.torque_constant_nm_per_a, 0.1F * motor.rated_torque_nm);
+  EXPECT_GT(gains.velocity_filter_hz / 12.0F, 30.0F);
+}
+
+// A large step accelerates with the torque limit, then ends without the overshoot of an integral wound up on the way.
+TEST(VelocityLoop, NoWindUpAtTheTorqueLimit) {
+  for (const float limit : {0.3F, 1.0F, 2.5F}) {
+    Axis axis(frictionless(131072));
+    axis.demand.loop = Loop::velocity;
+    axis.demand.torque_limit_positive = limit;
+    axis.demand.velocity = static_cast<float>(axis.counts_per_s(2000.0));
+    const double acceleration_rpm_s =
+        static_cast<double>(limit * axis.motor.rated_torque_nm / axis.motor.inertia_kgm2) * 30.0 / pi;
+    const double ramp_s = 2000.0 / acceleration_rpm_s;
+    axis.run_seconds(0.5 * ramp_s);
+    EXPECT_TRUE(axis.cascade.state().torque_limited);
+    EXPECT_NEAR(axis.plant.torque_nm(), static_cast<double>(limit * axis.motor.rated_torque_nm),
+                0.015 * static_cast<double>(limit));
+    double largest_rpm = 0.0;
+    for (double t = 0.5 * ramp_s; t < ramp_s + 0.3; t += tick_seconds) {
+      axis.tick();
+      largest_rpm = std::max(largest_rpm, axis.plant.velocity_rpm());
+    }
+    // The same PI on a step that does not saturate overshoots by less than a fifth: of the part of the step that the
+    // limit leaves to it, limit * rated / kp, no more than that may be seen.
+    const double linear_rpm =
+        static_cast<double>(
+            limit / (axis.gains.velocity_kp * axis.motor.torque_constant_nm_per_a / axis.motor.rated_torque_nm)) *
+        30.0 / pi;
+    EXPECT_LT(largest_rpm, 2000.0 + 0.2 * linear_rpm);
+    EXPECT_NEAR(axis.plant.velocity_rpm(), 2000.0, 1.0);
+    EXPECT_FALSE(axis.cascade.state().torque_limited);
+  }
+}
+
+// Held by a load above the limit, then let go: the integral has not gone anywhere meanwhile.
+TEST(VelocityLoop, NoWindUpWhileStalled) {
+  Axis axis(frictionless(131072));
+  axis.demand.loop = Loop::velocity;
+  axis.demand.torque_limit_positive = 1.0F;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(100.0));
+  axis.plant.lock_rotor(true);
+  axis.run_seconds(5.0);
+  EXPECT_TRUE(axis.cascade.state().torque_limited);
+  axis.plant.lock_rotor(false);
+  axis.demand.velocity = 0.0F;
+  double largest_rpm = 0.0;
+  for (int i = 0; i < 8000; ++i) {
+    axis.tick();
+    largest_rpm = std::max(largest_rpm, axis.plant.velocity_rpm());
+  }
+  // What the limit itself had stored: seven tenths of the rated torque, taken back with the integral's time constant.
+  EXPECT_LT(largest_rpm, 300.0);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 0.5);
+}
+
+// A lowered limit takes the integral along: no torque from before comes back when it is raised again.
+TEST(VelocityLoop, HoldsALoadAndYieldsToALoweredLimit) {
+  plant::Parameters parameters = frictionless(131072);
+  parameters.load.gravity_torque_nm = 0.5;
+  Axis axis(parameters);
+  axis.demand.loop = Loop::velocity;
+  axis.run_seconds(1.0);
+  EXPECT_NEAR(axis.plant.torque_nm(), 0.5, 0.01);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 0.2);
+  axis.demand.torque_limit_positive = 0.2F;
+  axis.run_seconds(0.05);
+  EXPECT_TRUE(axis.cascade.state().torque_limited);
+  EXPECT_NEAR(axis.plant.torque_nm(), 0.2 * parameters.motor.rated_torque_nm, 2.0e-3);
+  EXPECT_LT(axis.plant.velocity_rpm(), -50.0);
+}
+
+TEST(VelocityLoop, ReferenceIsClippedAndStandstillIsExactlyZero) {
+  plant::Parameters parameters;
+  parameters.supply.charged_at_start = true;
+  parameters.encoder.counts_per_revolution = 2500;
+  Axis axis(parameters);
+  axis.demand.loop = Loop::velocity;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(3000.0));
+  axis.demand.velocity_limit_positive = static_cast<float>(axis.counts_per_s(500.0));
+  axis.run_seconds(0.5);
+  EXPECT_TRUE(axis.cascade.state().velocity_limited);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 500.0, 5.0);
+  axis.demand.velocity = 0.0F;
+  axis.run_seconds(0.5);
+  EXPECT_FALSE(axis.cascade.state().velocity_limited);
+  EXPECT_EQ(axis.cascade.state().velocity_counts_per_s, 0.0F);
+  EXPECT_EQ(axis.plant.velocity_rpm(), 0.0);
+  const float torque = axis.cascade.state().torque_reference;
+  axis.run_seconds(1.0);
+  EXPECT_EQ(axis.cascade.state().torque_reference, torque);
+}
+
+// A turning axis is enabled without a jolt: velocity and back-EMF are known at once.
+TEST(VelocityLoop, EnablesOnATurningAxis) {
+  Axis axis(frictionless(131072));
+  axis.demand.loop = Loop::velocity;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(1500.0));
+  axis.run_seconds(0.5);
+  axis.cascade.disable();
+  axis.actuation.pwm_enabled = false;
+  axis.run_seconds(0.1);
+  EXPECT_NEAR(axis.measured_rpm(), 1500.0, 5.0);
+  axis.actuation.pwm_enabled = true;
+  axis.cascade.enable(axis.feedback);
+  double largest_a = 0.0;
+  for (int i = 0; i < 1600; ++i) {
+    axis.tick();
+    largest_a = std::max(largest_a, std::fabs(axis.plant.current_a()));
+  }
+  EXPECT_LT(largest_a, 0.1 * static_cast<double>(axis.motor.rated_current_a));
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 1500.0, 2.0);
+}
+
+}  // namespace
+}  // namespace servodrome::drive::test
