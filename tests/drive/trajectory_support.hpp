@@ -85,6 +85,7 @@ inline Deviation examine(const Trajectory& trajectory, const MotionState& start,
                             (third ? std::max(limits.acceleration, limits.deceleration) / limits.jerk : 0.0));
 
   MotionState before{0.0, start.velocity, third ? start.acceleration : 0.0};
+  EXPECT_LE(list.count, 12U);
   double time = 0.0;
   for (std::size_t i = 0; i <= list.count; ++i) {
     MotionState after{end.position - start.position, end.velocity, end.acceleration};

@@ -12,6 +12,6 @@ struct Quartic {
 /// bounds; a guess within a factor of two needs three or four steps, and there are never more than `quartic_steps`.
 double quartic_root(const Quartic& q, double low, double high, double guess);
 
-inline constexpr int quartic_steps = 24;
+inline constexpr int quartic_steps = 16;
 
 }  // namespace servodrome::drive

@@ -39,23 +39,25 @@ struct TrajectorySegment {
 
 /// The pieces of a trajectory in order of time, each beginning where the one before it ends.
 struct SegmentList {
-  static constexpr std::size_t capacity = 16;  ///< The longest plan has 12 pieces.
+  static constexpr std::size_t capacity =
+      16;  ///< The longest plan, through velocity 0 with separate limits, has 12 pieces.
   std::array<TrajectorySegment, capacity> segments{};
   std::size_t count = 0;
 };
 
 /// A planned motion: a value without heap, a function of the time since it was planned.
 ///
-/// Planning takes bounded time: everything is in closed form but one root of a convex function of the jerk-limited
-/// position plan, which is polished by a fixed greatest number of steps.
+/// Planning takes bounded time: everything is in closed form but one root of a convex quartic in some of the
+/// jerk-limited position plans, which takes a fixed greatest number of steps (quartic.hpp).
 ///
 /// What is optimal. linear is time-optimal for every start velocity; the start acceleration is ignored (the velocity is
 /// continuous). sin2 and jerk_free are the linear plan with the limits divided by pi/2 and 15/8, so that the peak of
-/// each ramp meets the limit. jerk_limited is time-optimal among all motions that bring a start outside the limits
-/// inside as directly as the jerk allows; that includes overshooting and coming back. With acceleration != deceleration
-/// it is so for motion in one direction; where the velocity changes sign, the ramp through zero is the fastest ramp the
-/// two limits allow, followed by the optimal motion from there: within the limits, exact and continuous, but not proven
-/// optimal as a whole.
+/// each ramp meets the limit. jerk_limited is time-optimal from every start that can keep the limits if acceleration ==
+/// deceleration, also where it has to overshoot and come back, and if not, as long as the axis does not change
+/// direction. Where it does, with separate limits, the ramp through velocity 0 is the fastest the two limits allow, and
+/// what follows is optimal; the limits are kept and the end is exact, but the whole is not proven optimal. A start
+/// outside the limits is brought inside as directly as the jerk allows: acceleration first; a velocity too high comes
+/// down to the limit without falling below it.
 class Trajectory {
  public:
   enum class Result : std::uint8_t {
