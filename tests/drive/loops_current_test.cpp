@@ -33,12 +33,13 @@ TEST(CurrentLoop, StepResponseIsTheDesignedFirstOrder) {
   }
 }
 
-// The torque is right wherever the rotor stands: commutation offset, pole pairs, transforms.
+// The torque is right wherever the rotor stands: commutation offset, pole pairs, order of the phases, transforms.
 TEST(CurrentLoop, TorqueAtEveryAngle) {
   for (const double offset_turns : {0.0, 0.37, 0.9}) {
-    for (int position = 0; position < 131072; position += 131072 / 45) {
+    for (int position = 0; position < 131072; position += 2913) {
       plant::Parameters parameters = frictionless(131072);
       parameters.encoder.commutation_offset_turns = offset_turns;
+      parameters.encoder.direction = position % 2 == 0 ? 1 : -1;
       parameters.encoder.start_position_counts = position - 65536;
       Axis axis(parameters);
       axis.plant.lock_rotor(true);
@@ -47,6 +48,7 @@ TEST(CurrentLoop, TorqueAtEveryAngle) {
       axis.run_seconds(0.01);
       ASSERT_NEAR(axis.plant.torque_nm(), -0.5 * parameters.motor.rated_torque_nm, 1.0e-3) << position;
       ASSERT_NEAR(static_cast<double>(axis.cascade.state().torque), -0.5, 1.0e-3);
+      ASSERT_NEAR(static_cast<double>(axis.cascade.state().current_q_a), -0.5 * std::sqrt(2.0) * 2.7, 0.02);
     }
   }
 }
@@ -80,6 +82,18 @@ TEST(CurrentLoop, AxesStayDecoupledAtSpeed) {
   EXPECT_NEAR(
       axis.plant.current_a(),
       static_cast<double>(axis.motor.rated_torque_nm) / static_cast<double>(axis.motor.torque_constant_nm_per_a), 0.01);
+}
+
+TEST(CurrentLoop, RunsWithThePhasesReversed) {
+  plant::Parameters parameters = frictionless(131072);
+  parameters.encoder.direction = -1;
+  Axis axis(parameters);
+  axis.demand.loop = Loop::velocity;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(2500.0));
+  axis.run_seconds(0.3);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 2500.0, 1.0);
+  EXPECT_NEAR(axis.plant.direct_current_a(), 0.0, 0.02);
+  EXPECT_FALSE(axis.cascade.state().voltage_limited);
 }
 
 // On a low DC link the axis runs as fast as the voltage lets it, |v| = vdc / sqrt(3), and comes back at once when asked

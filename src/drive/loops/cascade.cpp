@@ -31,17 +31,21 @@ float clip(float value, float low, float high) { return std::min(std::max(value,
 void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates) {
   const auto counts = static_cast<float>(motor.counts_per_revolution);
   const auto pole_pairs = static_cast<float>(motor.pole_pairs);
+  // With the phases reversed the electrical angle runs against the counts, and so does the torque of a q current.
+  const float sense = motor.phase_order_reversed ? -1.0F : 1.0F;
+  sense_ = sense;
   const float velocity_period_s = static_cast<float>(rates.velocity_loop_ticks) * tick_s;
   velocity_mask_ = rates.velocity_loop_ticks - 1U;
   position_mask_ = rates.position_loop_ticks - 1U;
   velocity_periods_per_s_ = 1.0F / velocity_period_s;
 
   phase_scale_ = (std::uint64_t{motor.pole_pairs} << 48) / motor.counts_per_revolution;
+  if (motor.phase_order_reversed) phase_scale_ = 0 - phase_scale_;
   const float offset = motor.commutation_offset_turns - std::floor(motor.commutation_offset_turns);
   commutation_phase_ = static_cast<std::uint32_t>(static_cast<std::int64_t>(offset * 4294967296.0F));
   flux_linkage_vs_ = motor.torque_constant_nm_per_a / (1.5F * pole_pairs);
-  electrical_rad_per_count_ = 2.0F * pi * pole_pairs / counts;
-  half_tick_turns_ = 0.5F * tick_s * pole_pairs / counts;
+  electrical_rad_per_count_ = sense * 2.0F * pi * pole_pairs / counts;
+  half_tick_turns_ = sense * 0.5F * tick_s * pole_pairs / counts;
 
   // The winding, v held for a tick: i' = a i + (1 - a) v / R, a = exp(-R T / L). With the zero of the PI on a, the
   // closed loop is i' = p i + (1 - p) reference, p = exp(-bandwidth T): a first order without overshoot.
@@ -55,12 +59,13 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   place(direct_, motor.inductance_d_h);
   place(quadrature_, motor.inductance_q_h);
 
-  torque_per_ampere_ = motor.torque_constant_nm_per_a / motor.rated_torque_nm;
+  const float torque_per_ampere = motor.torque_constant_nm_per_a / motor.rated_torque_nm;
+  torque_per_ampere_ = sense * torque_per_ampere;
   ampere_per_torque_ = 1.0F / torque_per_ampere_;
-  peak_torque_ = motor.peak_current_a * torque_per_ampere_;
+  peak_torque_ = motor.peak_current_a * torque_per_ampere;
   const float rad_per_count = 2.0F * pi / counts;
-  velocity_kp_ = gains.velocity_kp * torque_per_ampere_ * rad_per_count;
-  velocity_ki_ = gains.velocity_ki * torque_per_ampere_ * rad_per_count * velocity_period_s;
+  velocity_kp_ = gains.velocity_kp * torque_per_ampere * rad_per_count;
+  velocity_ki_ = gains.velocity_ki * torque_per_ampere * rad_per_count * velocity_period_s;
   setpoint_weight_ = gains.velocity_setpoint_weight;
   inertia_torque_ = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * gains.acceleration_feed_forward;
   limiter_ki_ = limiter_share * velocity_ki_;
@@ -158,10 +163,10 @@ void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
   const SinCos angle = sin_cos_turns(static_cast<float>(phase >> 8) * (1.0F / 16777216.0F));
   const DirectQuadrature current = to_rotor_frame(feedback.phase_current_a, angle);
   state_.current_d_a = current.d;
-  state_.current_q_a = current.q;
+  state_.current_q_a = current.q * sense_;
   state_.torque = current.q * torque_per_ampere_;
   if (active) {
-    run_current_loop(feedback, angle, actuation);
+    run_current_loop(current, angle, feedback.dc_link_v, actuation);
   } else {
     actuation.phase_voltage_v = {};
   }
@@ -266,8 +271,7 @@ float Cascade::torque_controller() {
   return torque;
 }
 
-void Cascade::run_current_loop(const Feedback& feedback, SinCos angle, Actuation& actuation) {
-  const DirectQuadrature current{state_.current_d_a, state_.current_q_a};
+void Cascade::run_current_loop(DirectQuadrature current, SinCos angle, float dc_link_v, Actuation& actuation) {
   const float error_d = -current.d;
   const float error_q = current_reference_a_ - current.q;
   const float speed = electrical_rad_per_s_;
@@ -276,7 +280,7 @@ void Cascade::run_current_loop(const Feedback& feedback, SinCos angle, Actuation
       quadrature_.kp * error_q + quadrature_.integral_v + speed * (direct_.inductance_h * current.d + flux_linkage_vs_);
 
   // A sinusoidal phase voltage of up to 1/sqrt(3) of the DC link; d first, which keeps the field where it belongs.
-  const float available = feedback.dc_link_v * one_over_sqrt3;
+  const float available = dc_link_v * one_over_sqrt3;
   DirectQuadrature voltage{wanted_d, wanted_q};
   state_.voltage_limited = wanted_d * wanted_d + wanted_q * wanted_q > available * available;
   if (state_.voltage_limited) {

@@ -39,8 +39,8 @@ struct CascadeState {
   float torque_reference = 0.0F;                 // fraction of rated, after limits and filters
   float torque = 0.0F;                           // fraction of rated, from the measured currents
   float current_d_a = 0.0F;                      // measured, amplitude
-  float current_q_a = 0.0F;
-  Counts following_error_counts = 0;  // position demand minus actual position; 0 out of the position loop
+  float current_q_a = 0.0F;                      // positive with the torque
+  Counts following_error_counts = 0;             // position demand minus actual position; 0 out of the position loop
   bool torque_limited = false;
   bool velocity_limited = false;  // the velocity reference is clipped, or the torque loop's speed limiter acts
   bool voltage_limited = false;   // the DC link does not give the voltage the current loop asks for
@@ -80,7 +80,7 @@ class Cascade {
   void run_velocity_loop();
   float velocity_controller();
   float torque_controller();
-  void run_current_loop(const Feedback& feedback, SinCos angle, Actuation& actuation);
+  void run_current_loop(DirectQuadrature current, SinCos angle, float dc_link_v, Actuation& actuation);
 
   // One axis of the current loop: a discrete PI whose zero lies on the winding's pole.
   struct CurrentController {
@@ -120,7 +120,8 @@ class Cascade {
   std::uint64_t phase_scale_ = 0;        // electrical turns per count, in 2^-48
   std::uint32_t commutation_phase_ = 0;  // 2^-32 turns
   float flux_linkage_vs_ = 0.0F;
-  float torque_per_ampere_ = 0.0F;  // fraction of rated per A
+  float sense_ = 1.0F;              // -1 with the phases reversed: angle against counts, torque against the q current
+  float torque_per_ampere_ = 0.0F;  // fraction of rated per A, with its sense
   float ampere_per_torque_ = 0.0F;
   float peak_torque_ = 0.0F;                // fraction of rated at the peak current
   float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
