@@ -8,6 +8,7 @@
 #include "drive/loops/cascade.hpp"
 #include "drive/loops/gains.hpp"
 #include "drive/policy.hpp"
+#include "drive/touch_probe.hpp"
 
 namespace servodrome::drive {
 
@@ -37,10 +38,12 @@ struct Configuration {
   Gains gains{};
   Monitors monitors{};
   InputMap inputs{};
-  std::uint32_t brake_release_ms = 0;                 // from power on to the first motion
-  std::uint32_t brake_engage_ms = 0;                  // from brake command to power off
-  RampShape velocity_stop_shape = RampShape::linear;  // stopping in the velocity modes
-  double torque_mode_velocity_positive = 0.0;         // counts/s, 0: the motor's greatest speed
+  TouchProbeCapability touch_probe{};
+  std::uint32_t remote_outputs = 0xFFFFFFFF;   // outputs that 60FEh may drive, bit n for output n
+  std::uint32_t brake_release_ms = 0;          // from power on to the first motion
+  std::uint32_t brake_engage_ms = 0;           // from brake command to power off
+  std::int16_t velocity_stop_shape = 0;        // ramp type of stopping in the velocity modes, as 6086h counts them
+  double torque_mode_velocity_positive = 0.0;  // counts/s, 0: the motor's greatest speed
   double torque_mode_velocity_negative = 0.0;
   float homing_stall_torque = 0.5F;  // fraction of rated torque
   std::uint32_t homing_stall_ms = 50;
@@ -100,7 +103,10 @@ struct Axis {
     if (raised == Cause::none) raised = cause;
   }
 
-  RampShape shape() const { return static_cast<RampShape>(std::clamp<int>(objects.motion_profile_type, 0, 3)); }
+  static RampShape shape_of(std::int16_t type) { return static_cast<RampShape>(std::clamp<int>(type, 0, 3)); }
+  RampShape shape() const { return shape_of(objects.motion_profile_type); }
+  RampShape velocity_stop_shape() const { return shape_of(configuration.velocity_stop_shape); }
+  bool has_shape(std::int16_t type) const { return type >= 0 && type < 8 && (policy.ramp_shapes >> type & 1) != 0; }
   double rpm_to_counts_per_s(double rpm) const { return rpm / 60.0 * units.counts_per_revolution; }
 
   // The speed nobody may exceed: 607Fh (where `profile`), 6080h, the motor. counts/s.

@@ -14,7 +14,7 @@ Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
     : policy_(policy),
       objects_base_(objects_base),
       axis_{.objects = objects, .policy = policy},
-      touch_probe_(policy.touch_probe) {
+      touch_probe_(TouchProbeCapability{}) {
   axis_.cycle_s = policy.position_loop_ticks * tick_seconds;
   axis_.loops = &cascade_.state();
 }
@@ -44,32 +44,36 @@ void Drive::objects_loaded() {
 }
 
 void Drive::power_on(const Feedback& feedback) {
+  axis_.homed = false;
+  axis_.offset = 0;
+  dc_link_cycles_ = 0;
+  brake_closed_cycles_ = 0;
+  outputs_ = {};
+  tick_in_cycle_ = 0;
+  edge_count_ = 0;
+  wires_ = feedback.inputs;
+  axis_.encoder_position = feedback.position_counts;
+  supervision_.reset(axis_);
+  restart();
+}
+
+void Drive::restart() {
   state_ = PowerState::not_ready_to_switch_on;
   mode_ = Mode::none;
   pending_ = {};
   stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
   stage_ = Stage::off;
-  brake_closed_cycles_ = 0;
-  dc_link_cycles_ = 0;
   active_.clear();
   newest_fault_ = nullptr;
   axis_.objects.error_code = 0;
   axis_.raised = Cause::none;
-  axis_.homed = false;
   axis_.demand = {};
   axis_.synchronised = axis_.new_set_point = axis_.following_error = axis_.limited = false;
   cascade_.disable();
-  supervision_.reset(axis_);
-  touch_probe_ = TouchProbe(policy_.touch_probe);
+  touch_probe_ = TouchProbe(axis_.configuration.touch_probe);
   configure(axis_.configuration);
   objects_loaded();
-  tick_in_cycle_ = 0;
-  edge_count_ = 0;
-  wires_ = feedback.inputs;
-  last_inputs_ = ~wires_;
-  axis_.encoder_position = feedback.position_counts;
   axis_.generator.reset(axis_.position());
-  outputs_ = {};
 }
 
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
@@ -262,7 +266,7 @@ void Drive::write_actuation() {
   dc_link_cycles_ = outputs_.dc_link_connected ? dc_link_cycles_ + 1 : 0;
   outputs_.chopper_on = supervision_.chopper();
   outputs_.outputs = (axis_.objects.physical_outputs & axis_.objects.output_mask) >> policy_.first_output_bit &
-                     ((1u << policy_.output_count) - 1u);
+                     ((1u << policy_.output_count) - 1u) & axis_.configuration.remote_outputs;
 }
 
 std::uint16_t Drive::statusword() const {

@@ -43,6 +43,8 @@ class Drive final : public dictionary::Listener {
 
   // Everything volatile is as after switching the control supply on. The objects have their values already.
   void power_on(const Feedback& feedback);
+  // The same without the supply having been off: NMT reset node. Encoder, coordinates and wires stay.
+  void restart();
 
   // One base tick: 62.5 us. True when it ran a position-loop cycle.
   bool tick(const Feedback& feedback, Actuation& actuation);

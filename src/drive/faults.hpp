@@ -83,6 +83,10 @@ enum class Cause : std::uint8_t {
   first_product_cause = 128
 };
 
+// Names as the bench API writes them: those of the enumerators. An unknown name is Cause::none.
+const char* name(Cause cause);
+Cause cause_from_name(const char* name);
+
 enum class Reaction : std::uint8_t {
   option_code,  // fault reaction option code 605Eh
   power_off,    // the motor cannot be controlled any more: power stage off at once

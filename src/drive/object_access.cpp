@@ -39,6 +39,7 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
     case 0x6060:
       return legal(number == 0 || (number > 0 && number <= 10 &&
                                    (policy_.supported_modes & mode_bit(static_cast<Mode>(number))) != 0));
+    case 0x6086: return legal(policy_.zero_values_are_faults || axis_.has_shape(static_cast<std::int16_t>(number)));
     case 0x6098:
       return legal(policy_.homing_errors_are_faults ||
                    find_method(policy_.homing_methods, static_cast<std::int8_t>(number)) != nullptr);
@@ -148,7 +149,7 @@ void Drive::refresh(const Entry& entry) {
     case 0x60BC:
     case 0x60BD: {
       const std::size_t slot = entry.index - 0x60BAU;
-      const bool deviation = policy_.touch_probe.index_value == TouchProbeCapability::IndexValue::deviation;
+      const bool deviation = axis_.configuration.touch_probe.index_value == TouchProbeCapability::IndexValue::deviation;
       const Counts counts = touch_probe_.position(slot);
       objects.touch_probe_position[slot] = wrapped(deviation ? counts : axis_.to_user_position(counts + axis_.offset));
       break;

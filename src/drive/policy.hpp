@@ -8,7 +8,6 @@
 #include "drive/io/signals.hpp"
 #include "drive/loops/motor_data.hpp"
 #include "drive/objects.hpp"
-#include "drive/touch_probe.hpp"
 #include "drive/units.hpp"
 
 // Where products differ, as data. A drive is constructed with one Policy and never asks which product it is.
@@ -74,6 +73,7 @@ struct Policy {
   std::uint8_t set_point_queue = 1;       // set-points that wait behind the running one
   bool halt_discards_set_points = false;  // the job must be triggered again after halt
   bool jerk_limited_only_from_standstill = false;
+  std::uint8_t ramp_shapes = 0b1111;    // 6086h: bit n for type n
   bool zero_values_are_faults = false;  // zero profile values raise the planning causes
   OutOfLimits out_of_limits = OutOfLimits::clip;
   bool limit_switches_stop = true;  // outside homing, a limit switch ends motion towards it
@@ -87,7 +87,6 @@ struct Policy {
   bool homing_errors_are_faults = false;
 
   // Terminals
-  TouchProbeCapability touch_probe{};
   std::span<const DigitalInputBit> digital_inputs;
   std::uint8_t first_output_bit = 16;  // of 60FEh
   std::uint8_t output_count = 4;

@@ -67,7 +67,7 @@ ProfilePosition::SetPoint ProfilePosition::pop() {
 
 Cause ProfilePosition::planning_fault(const Axis& axis, const SetPoint& set_point) const {
   const Objects& objects = axis.objects;
-  if (objects.motion_profile_type < 0 || objects.motion_profile_type > 3) return Cause::motion_profile_type;
+  if (!axis.has_shape(objects.motion_profile_type)) return Cause::motion_profile_type;
   const bool limits_set = objects.min_position_limit != 0 || objects.max_position_limit != 0;
   const bool range_set = objects.min_position_range_limit != 0 || objects.max_position_range_limit != 0;
   if (range_set && objects.min_position_range_limit >= objects.max_position_range_limit)

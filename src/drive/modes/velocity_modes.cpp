@@ -16,7 +16,8 @@ void ProfileVelocity::enter(Axis& axis) {
 
 Cause ProfileVelocity::planning_fault(const Axis& axis) const {
   const Objects& objects = axis.objects;
-  if (objects.motion_profile_type < 0 || objects.motion_profile_type > 3) return Cause::motion_profile_type;
+  if (!axis.has_shape(objects.motion_profile_type)) return Cause::motion_profile_type;
+  if (!axis.has_shape(axis.configuration.velocity_stop_shape)) return Cause::velocity_ramp_type;
   if (axis.policy.zero_values_are_faults) {
     if (objects.profile_acceleration == 0) return Cause::profile_acceleration_zero;
     if (objects.profile_deceleration == 0 || objects.quick_stop_deceleration == 0) {
@@ -48,7 +49,7 @@ void ProfileVelocity::step(Axis& axis) {
     MotionLimits limits = axis.profile_limits();
     limits.velocity = allowed;
     const bool stopping = request.target == 0;
-    axis.generator.run_at(target, limits, stopping ? axis.configuration.velocity_stop_shape : axis.shape());
+    axis.generator.run_at(target, limits, stopping ? axis.velocity_stop_shape() : axis.shape());
     window_.reset();
   }
   axis.generator.step(axis.cycle_s);

@@ -104,7 +104,7 @@ void Drive::begin_stop(Stop stop) {
   RampShape shape = RampShape::linear;
   if (stop == Stop::slow_down_ramp) {
     deceleration = with_mode(*this, [&](auto& mode) { return mode.deceleration(axis_); });
-    shape = axis_.demand.loop == Loop::velocity ? axis_.configuration.velocity_stop_shape : axis_.shape();
+    shape = axis_.demand.loop == Loop::velocity ? axis_.velocity_stop_shape() : axis_.shape();
   } else if (stop == Stop::quick_stop_ramp) {
     deceleration = mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_)
                                            : objects.quick_stop_deceleration * axis_.units.acceleration;

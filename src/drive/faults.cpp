@@ -1,0 +1,101 @@
+#include "drive/faults.hpp"
+
+#include <array>
+
+namespace servodrome::drive {
+
+namespace {
+
+struct NamedCause {
+  Cause cause;
+  const char* name;
+};
+
+constexpr auto names = std::to_array<NamedCause>({
+    {Cause::bus_overcurrent, "bus_overcurrent"},
+    {Cause::overcurrent_u, "overcurrent_u"},
+    {Cause::overcurrent_v, "overcurrent_v"},
+    {Cause::overcurrent_w, "overcurrent_w"},
+    {Cause::short_circuit, "short_circuit"},
+    {Cause::phase_loss, "phase_loss"},
+    {Cause::over_voltage, "over_voltage"},
+    {Cause::under_voltage, "under_voltage"},
+    {Cause::gate_supply, "gate_supply"},
+    {Cause::internal_hardware, "internal_hardware"},
+    {Cause::ambient_hot, "ambient_hot"},
+    {Cause::ambient_cold, "ambient_cold"},
+    {Cause::power_stage_hot, "power_stage_hot"},
+    {Cause::motor_hot, "motor_hot"},
+    {Cause::motor_contact, "motor_contact"},
+    {Cause::encoder_hot, "encoder_hot"},
+    {Cause::encoder_connection, "encoder_connection"},
+    {Cause::encoder_crc, "encoder_crc"},
+    {Cause::encoder_delimiter, "encoder_delimiter"},
+    {Cause::encoder_multi_turn, "encoder_multi_turn"},
+    {Cause::encoder_count, "encoder_count"},
+    {Cause::encoder_count_overflow, "encoder_count_overflow"},
+    {Cause::hall_wiring, "hall_wiring"},
+    {Cause::hall_state, "hall_state"},
+    {Cause::index_deviation, "index_deviation"},
+    {Cause::profile_duration, "profile_duration"},
+    {Cause::profile_end_velocity_above_start, "profile_end_velocity_above_start"},
+    {Cause::profile_multi_point, "profile_multi_point"},
+    {Cause::profile_value_zero, "profile_value_zero"},
+    {Cause::end_velocity_above_profile, "end_velocity_above_profile"},
+    {Cause::end_velocity_unreachable, "end_velocity_unreachable"},
+    {Cause::software_limits_wrong, "software_limits_wrong"},
+    {Cause::range_limits_wrong, "range_limits_wrong"},
+    {Cause::velocity_ramp_type, "velocity_ramp_type"},
+    {Cause::motion_profile_type, "motion_profile_type"},
+    {Cause::torque_profile_type, "torque_profile_type"},
+    {Cause::jerk_limited_while_moving, "jerk_limited_while_moving"},
+    {Cause::position_deceleration_zero, "position_deceleration_zero"},
+    {Cause::profile_velocity_zero, "profile_velocity_zero"},
+    {Cause::profile_acceleration_zero, "profile_acceleration_zero"},
+    {Cause::interpolation_period_zero, "interpolation_period_zero"},
+    {Cause::velocity_deceleration_zero, "velocity_deceleration_zero"},
+    {Cause::homing_state, "homing_state"},
+    {Cause::homing_wrong_limit, "homing_wrong_limit"},
+    {Cause::homing_method, "homing_method"},
+    {Cause::homing_timeout, "homing_timeout"},
+    {Cause::over_speed, "over_speed"},
+    {Cause::velocity_error, "velocity_error"},
+    {Cause::following_error, "following_error"},
+    {Cause::position_limit, "position_limit"},
+    {Cause::i2t, "i2t"},
+    {Cause::external, "external"},
+    {Cause::brake, "brake"},
+    {Cause::calibration, "calibration"},
+    {Cause::not_calibrated, "not_calibrated"},
+    {Cause::angle_jitter, "angle_jitter"},
+    {Cause::angle_no_motion, "angle_no_motion"},
+    {Cause::angle_excess, "angle_excess"},
+    {Cause::angle_timeout, "angle_timeout"},
+    {Cause::phase_sequence, "phase_sequence"},
+    {Cause::communication_lost, "communication_lost"},
+    {Cause::sync_lost, "sync_lost"},
+});
+static_assert(names.size() + 1 == static_cast<std::size_t>(Cause::count_of_causes));
+
+constexpr bool equal(const char* a, const char* b) {
+  while (*a != '\0' && *a == *b) ++a, ++b;
+  return *a == *b;
+}
+
+}  // namespace
+
+const char* name(Cause cause) {
+  for (const NamedCause& row : names) {
+    if (row.cause == cause) return row.name;
+  }
+  return "none";
+}
+
+Cause cause_from_name(const char* name) {
+  for (const NamedCause& row : names) {
+    if (equal(row.name, name)) return row.cause;
+  }
+  return Cause::none;
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,142 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "canopen/301/communication_section.hpp"
+#include "canopen/node.hpp"
+#include "dictionary/store.hpp"
+#include "drive/drive.hpp"
+#include "products/device.hpp"
+
+namespace servodrome::products {
+
+// A CANopen servo drive put together from a product's tables. `Product` derives from CanDevice<Product, ...> and gives
+//   Objects                        plain struct with members `communication` and `drive`
+//   table, policy, profile, length_aborts           the product as data
+//   factory_node_id, factory_bit_rate
+//   void prepare(Objects&)         values that are not defaults: identity, nameplate
+//   drive::Configuration configuration() const      from the present objects and the motor
+//   std::uint8_t chosen_node_id() const, std::uint32_t chosen_bit_rate() const     what the objects ask for
+//   product_check, product_written, product_refresh for objects of Owner::product
+template <typename Product, typename ProductObjects, std::size_t SdoBufferBytes = 64>
+class CanDevice : public Device,
+                  protected canopen::DeviceEvents,
+                  protected drive::DriveEvents,
+                  protected dictionary::Listener {
+ public:
+  using Communication = decltype(ProductObjects::communication);
+
+  explicit CanDevice(const Settings& settings)
+      : settings_(settings),
+        dictionary_(Product::table, std::as_writable_bytes(std::span(&objects_, 1)), Product::length_aborts),
+        drive_(Product::policy, objects_.drive, offsetof(ProductObjects, drive)),
+        node_(dictionary_, Product::profile, *this, storage_.memory()) {
+    drive_.set_events(this);
+    dictionary_.set_listener(dictionary::Owner::drive, &drive_);
+    dictionary_.set_listener(dictionary::Owner::product, this);
+  }
+  CanDevice(const CanDevice&) = delete;
+  CanDevice& operator=(const CanDevice&) = delete;
+
+  void power_on(const drive::Feedback& feedback, Time now) override {
+    objects_ = {};
+    load_objects(dictionary::Area::all, settings_.node_id != 0 ? settings_.node_id : Product::factory_node_id);
+    // The node id may itself be a saved value, and defaults depend on it.
+    node_id_ = product().chosen_node_id();
+    bit_rate_ = product().chosen_bit_rate();
+    load_objects(dictionary::Area::all, node_id_);
+    drive_.configure(product().configuration());
+    drive_.power_on(feedback);
+    node_.start(node_id_, now);
+  }
+  void power_off() override {
+    canopen::Frame frame;
+    while (node_.take(frame)) {
+    }
+  }
+
+  void cycle(Time now) override { node_.process_image_updated(now); }
+  void receive(const canopen::Frame& frame, Time now) override { node_.receive(frame, now); }
+  void poll(Time now) override { node_.poll(now); }
+  Time next_deadline() const override { return node_.next_deadline(); }
+  bool take(canopen::Frame& frame) override { return node_.take(frame); }
+
+  drive::Drive& drive() override { return drive_; }
+  dictionary::Dictionary& dictionary() override { return dictionary_; }
+  canopen::Node& node() override { return node_; }
+  std::uint8_t node_id() const override { return node_.node_id(); }
+  std::uint32_t bit_rate() const override { return bit_rate_; }
+
+ protected:
+  ~CanDevice() = default;
+
+  const Settings& settings() const { return settings_; }
+  ProductObjects& objects() { return objects_; }
+  const ProductObjects& objects() const { return objects_; }
+  void reconfigure() { drive_.configure(product().configuration()); }
+
+  // Saves an area at once, as products do with values that a user need not store himself.
+  dictionary::AbortCode save(dictionary::Area areas) {
+    if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
+    return dictionary::Store(*settings_.store).save(dictionary_, areas);
+  }
+
+  // --- canopen::DeviceEvents
+  void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override {
+    load_objects(restore, node_id);
+    drive_.configure(product().configuration());
+    if (command == canopen::NmtCommand::reset_node) {
+      drive_.restart();
+    } else {
+      drive_.objects_loaded();
+    }
+  }
+  dictionary::AbortCode store(dictionary::Area areas) override { return save(areas); }
+  dictionary::AbortCode restore_defaults(dictionary::Area areas) override {
+    if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
+    return dictionary::Store(*settings_.store).restore_defaults(areas);
+  }
+  void sync(std::uint8_t, canopen::Time) override { drive_.synchronise(); }
+  canopen::LossReaction communication_lost(canopen::LossCause, canopen::LossReaction standard) override {
+    drive_.communication_lost();
+    return standard;
+  }
+
+  // --- drive::DriveEvents
+  void fault_raised(const drive::FaultRow& fault) override {
+    // The node reports a lost master itself, with the code of what was lost.
+    if (fault.cause != drive::Cause::communication_lost) node_.raise(fault.code, fault.error_register);
+  }
+  void faults_reset() override { node_.clear(0); }
+
+  // --- dictionary::Listener for Owner::product
+  dictionary::AbortCode check(const dictionary::Entry&, std::span<const std::byte>) override {
+    return dictionary::AbortCode::none;
+  }
+
+ private:
+  Product& product() { return static_cast<Product&>(*this); }
+
+  void load_objects(dictionary::Area areas, std::uint8_t node_id) {
+    dictionary_.load_defaults(areas, node_id);
+    product().prepare();
+    if (settings_.store != nullptr && !dictionary::Store(*settings_.store).load(dictionary_, areas)) {
+      dictionary_.load_defaults(areas, node_id);  // nothing saved, or the memory failed halfway
+      product().prepare();
+    }
+  }
+
+  Settings settings_;
+  ProductObjects objects_{};
+  dictionary::Dictionary dictionary_;
+  drive::Drive drive_;
+  canopen::NodeStorage<Communication::rpdo_count, Communication::tpdo_count, Communication::mapping_entries,
+                       Communication::heartbeat_consumer_count, SdoBufferBytes>
+      storage_{};
+  canopen::Node node_;
+  std::uint8_t node_id_ = Product::factory_node_id;
+  std::uint32_t bit_rate_ = Product::factory_bit_rate;
+};
+
+}  // namespace servodrome::products

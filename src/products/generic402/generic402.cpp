@@ -1,0 +1,166 @@
+#include "products/generic402/generic402.hpp"
+
+#include <cmath>
+
+namespace servodrome::products {
+
+namespace generic402 {
+
+namespace {
+
+// 60A9h: SI unit velocity. Revolutions per minute or second instead of position units per second.
+constexpr std::uint32_t unit_numerator_revolution = 0xB4;
+constexpr std::uint32_t unit_denominator_minute = 0x47;
+constexpr std::uint32_t unit_denominator_second = 0x03;
+
+double velocity_unit(std::uint32_t si_unit, double counts_per_position_unit, double counts_per_shaft_revolution) {
+  const auto exponent = static_cast<std::int8_t>(si_unit >> 24);
+  const std::uint32_t numerator = si_unit >> 16 & 0xFF;
+  const std::uint32_t denominator = si_unit >> 8 & 0xFF;
+  if (numerator != unit_numerator_revolution) return counts_per_position_unit;
+  const double prefix = std::pow(10.0, exponent);
+  if (denominator == unit_denominator_minute) return prefix * counts_per_shaft_revolution / 60.0;
+  if (denominator == unit_denominator_second) return prefix * counts_per_shaft_revolution;
+  return counts_per_position_unit;
+}
+
+}  // namespace
+
+bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units) {
+  using drive::Ratio;
+  const Ratio encoder = Ratio::reduced(objects.position_encoder_increments, objects.position_encoder_motor_revolutions);
+  const Ratio gear = Ratio::reduced(objects.gear_motor_revolutions, objects.gear_shaft_revolutions);
+  const Ratio feed = Ratio::reduced(objects.feed, objects.feed_shaft_revolutions);
+  if (!encoder.valid() || !gear.valid() || !feed.valid()) return false;
+  // Counts per position unit = (608Fh) x (6091h) / (6092h).
+  const Ratio shaft = encoder * gear;
+  if (!shaft.valid()) return false;
+  const Ratio position = shaft * feed.inverse();
+  if (!position.valid()) return false;
+  const auto factor = [](std::uint32_t numerator, std::uint32_t divisor) {
+    return static_cast<double>(numerator) / static_cast<double>(divisor);
+  };
+  units.position = position;
+  units.velocity = velocity_unit(objects.si_unit_velocity, position.value(), shaft.value()) *
+                   factor(objects.velocity_factor_numerator, objects.velocity_factor_divisor);
+  units.acceleration =
+      position.value() * factor(objects.acceleration_factor_numerator, objects.acceleration_factor_divisor);
+  units.jerk = units.acceleration;
+  units.counts_per_revolution = motor.counts_per_revolution;
+  units.position_inverted = (objects.polarity & 0x80) != 0;
+  units.velocity_inverted = (objects.polarity & 0x40) != 0;
+  return true;
+}
+
+}  // namespace generic402
+
+namespace {
+
+struct BitTiming {
+  std::uint8_t index;  // CiA 305 table 1
+  std::uint32_t bit_rate;
+};
+constexpr auto bit_timings = std::to_array<BitTiming>(
+    {{0, 1000000}, {1, 800000}, {2, 500000}, {3, 250000}, {4, 125000}, {6, 50000}, {7, 20000}, {8, 10000}});
+
+}  // namespace
+
+void Generic402::prepare() {
+  generic402::Objects& own = objects();
+  const drive::MotorData& motor = settings().motor;
+  own.communication.serial_number = settings().serial_number;
+  if (settings().node_id != 0) own.manufacturer.node_id = settings().node_id;
+  if (settings().bit_rate != 0) own.manufacturer.bit_rate = settings().bit_rate;
+  // The nameplate and the encoder are those of the motor that is connected; one position unit is one increment.
+  own.drive.position_encoder_increments = motor.counts_per_revolution;
+  own.drive.feed = motor.counts_per_revolution;
+  own.drive.motor_rated_current_ma =
+      static_cast<std::uint32_t>(std::lround(static_cast<double>(motor.rated_current_a) / std::sqrt(2.0) * 1000.0));
+  own.drive.motor_rated_torque_mnm =
+      static_cast<std::uint32_t>(std::lround(static_cast<double>(motor.rated_torque_nm) * 1000.0));
+}
+
+drive::Configuration Generic402::configuration() const {
+  const generic402::Manufacturer& own = objects().manufacturer;
+  drive::Configuration configuration;
+  configuration.motor = settings().motor;
+  configuration.motor.inertia_kgm2 *= static_cast<float>(own.inertia_ratio) * 0.001F;
+  drive::Gains gains =
+      drive::default_gains(configuration.motor, {policy.velocity_loop_ticks, policy.position_loop_ticks},
+                           {.current_hz = static_cast<float>(own.current_bandwidth_hz),
+                            .velocity_hz = static_cast<float>(own.velocity_bandwidth_hz)});
+  const auto override_with = [](float& gain, std::uint32_t value, float unit) {
+    if (value != 0) gain = static_cast<float>(value) * unit;
+  };
+  override_with(gains.position_kp, own.position_kp, 0.01F);
+  override_with(gains.velocity_kp, own.velocity_kp, 1e-6F);
+  override_with(gains.velocity_ki, own.velocity_ki, 1e-6F);
+  override_with(gains.velocity_filter_hz, own.velocity_filter_hz, 1.0F);
+  override_with(gains.torque_filter_hz, own.torque_filter_hz, 1.0F);
+  gains.velocity_feed_forward = static_cast<float>(own.velocity_feed_forward) * 0.001F;
+  gains.acceleration_feed_forward = static_cast<float>(own.acceleration_feed_forward) * 0.001F;
+  for (std::size_t i = 0; i < gains.notches.size(); ++i) {
+    gains.notches[i] = {.frequency_hz = static_cast<float>(own.notch_frequency_hz[i]),
+                        .width_hz = static_cast<float>(own.notch_width_hz[i]),
+                        .depth = static_cast<float>(own.notch_depth[i]) * 0.001F};
+  }
+  configuration.gains = gains;
+  configuration.monitors.over_voltage_v = own.over_voltage_v;
+  configuration.monitors.under_voltage_v = own.under_voltage_v;
+  configuration.monitors.motor_hot_c = own.motor_hot_c;
+  configuration.monitors.power_stage_hot_c = own.power_stage_hot_c;
+  configuration.monitors.over_speed_rpm = static_cast<float>(own.over_speed_rpm);
+  for (std::size_t i = 0; i < own.input_function.size(); ++i) {
+    configuration.inputs[i] = {static_cast<drive::Signal>(own.input_function[i]), (own.input_polarity >> i & 1) != 0};
+  }
+  configuration.touch_probe = drive::full_touch_probe;
+  configuration.brake_release_ms = own.brake_release_ms;
+  configuration.brake_engage_ms = own.brake_engage_ms;
+  configuration.homing_stall_torque = static_cast<float>(own.stall_torque) * 0.001F;
+  configuration.homing_stall_ms = own.stall_time_ms;
+  configuration.homing_retraction = own.stall_retraction;
+  configuration.homing_timeout_ms = own.homing_timeout_ms;
+  return configuration;
+}
+
+dictionary::AbortCode Generic402::check(const dictionary::Entry& entry, std::span<const std::byte> value) {
+  using dictionary::AbortCode;
+  const std::int64_t number = dictionary::decode_number(entry.type, value);
+  if (entry.index == 0x2F00 && number > 127 && number != canopen::unconfigured_node_id) return AbortCode::value_invalid;
+  if (entry.index == 0x2F01) {
+    const bool known = std::any_of(bit_timings.begin(), bit_timings.end(),
+                                   [number](const BitTiming& timing) { return timing.bit_rate == number; });
+    if (!known) return AbortCode::value_invalid;
+  }
+  return AbortCode::none;
+}
+
+void Generic402::written(const dictionary::Entry& entry) {
+  if (entry.index < 0x2F00) reconfigure();
+}
+
+void Generic402::refresh(const dictionary::Entry& entry) {
+  if (entry.index == 0x2060) {
+    objects().manufacturer.i2t_utilisation =
+        static_cast<std::uint16_t>(std::min(65535.0, std::round(drive().i2t_utilisation_percent())));
+  }
+}
+
+std::span<const std::byte> Generic402::domain(const dictionary::Entry&) { return settings().description; }
+
+bool Generic402::lss_bit_timing_supported(std::uint8_t index) {
+  return std::any_of(bit_timings.begin(), bit_timings.end(),
+                     [index](const BitTiming& row) { return row.index == index; });
+}
+
+canopen::LssStore Generic402::lss_store(std::uint8_t node_id, std::uint8_t bit_timing_index) {
+  objects().manufacturer.node_id = node_id;
+  for (const BitTiming& row : bit_timings) {
+    if (row.index == bit_timing_index) objects().manufacturer.bit_rate = row.bit_rate;
+  }
+  if (settings().store == nullptr) return canopen::LssStore::not_supported;
+  return save(dictionary::Area::manufacturer) == dictionary::AbortCode::none ? canopen::LssStore::done
+                                                                             : canopen::LssStore::failed;
+}
+
+}  // namespace servodrome::products

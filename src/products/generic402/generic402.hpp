@@ -1,0 +1,37 @@
+#pragma once
+
+#include "products/can_device.hpp"
+#include "products/generic402/objects.hpp"
+
+namespace servodrome::products {
+
+// The reference drive: CiA 301, 305 and 402-2 to the letter, with every mode, homing method and service.
+class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024> {
+ public:
+  static constexpr std::span<const dictionary::Entry> table{generic402::object_table};
+  static constexpr drive::Policy policy = generic402::make_policy();
+  static constexpr dictionary::LengthAborts length_aborts{};
+  static constexpr canopen::Profile profile{};
+  static constexpr std::uint8_t factory_node_id = 2;
+  static constexpr std::uint32_t factory_bit_rate = 1'000'000;
+
+  explicit Generic402(const Settings& settings) : CanDevice(settings) {}
+
+ private:
+  friend CanDevice;
+
+  void prepare();
+  drive::Configuration configuration() const;
+  std::uint8_t chosen_node_id() const { return objects().manufacturer.node_id; }
+  std::uint32_t chosen_bit_rate() const { return objects().manufacturer.bit_rate; }
+
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
+  void written(const dictionary::Entry& entry) override;
+  void refresh(const dictionary::Entry& entry) override;
+  std::span<const std::byte> domain(const dictionary::Entry& entry) override;
+
+  bool lss_bit_timing_supported(std::uint8_t index) override;
+  canopen::LssStore lss_store(std::uint8_t node_id, std::uint8_t bit_timing_index) override;
+};
+
+}  // namespace servodrome::products
