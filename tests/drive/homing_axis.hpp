@@ -47,6 +47,17 @@ struct World {
   }
 };
 
+// The method with index that finds the same edge: 17 is 1 without index, 18 is 2 ...
+constexpr int pattern(int number) { return number >= 17 && number <= 30 ? number - 16 : number; }
+
+inline HomingConfig plain_config() {
+  return {.fast = 20000.0, .slow = 2000.0, .acceleration = 1.0e6, .stall_torque = 1.5F, .stall_cycles = 5};
+}
+
+// Nothing but limit switches.
+inline constexpr World bare{
+    .negative_limit = -5000, .positive_limit = 5000, .index_width = 0, .low_stop = -9000, .high_stop = 9000};
+
 struct Outcome {
   bool finished = false;
   HomingError error = HomingError::none;
