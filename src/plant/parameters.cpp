@@ -1,5 +1,6 @@
 #include "plant/parameters.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <string_view>
@@ -53,6 +54,16 @@ void check_motor(std::vector<std::string>& messages, const Parameters& p) {
   const Motor& motor = p.motor;
   check(messages, "motor.quadrature_inductance_h / motor.direct_inductance_h",
         motor.quadrature_inductance_h / motor.direct_inductance_h, 0.1, 10.0);
+  // Rotor against winding, an oscillation of p flux sqrt(1.5 / (J L)): some 500 to 4000 rad/s in real motors. Beyond
+  // the tick's reach it would no longer be this motor that is simulated.
+  const double flux = flux_linkage_vs(motor) * motor.pole_pairs;
+  const double inductance = std::min(motor.direct_inductance_h, motor.quadrature_inductance_h);
+  if (!(drive::tick_seconds * flux * std::sqrt(1.5 / (motor.rotor_inertia_kgm2 * inductance)) <= 1.0)) {
+    messages.emplace_back(
+        "motor.torque_constant_nm_per_a: too large for this rotor inertia and inductance (together they would "
+        "oscillate "
+        "faster than the base tick shows)");
+  }
   // Cogging is evaluated at mid-tick, which needs its own oscillation to be slow against the tick.
   const double rate = drive::tick_seconds * std::sqrt(motor.cogging_torque_nm * motor.cogging_periods_per_revolution /
                                                       motor.rotor_inertia_kgm2);
@@ -152,7 +163,7 @@ std::vector<std::string> validate(const Parameters& p) {
   for (const Check& one : checks) check(messages, one.name, one.value, one.least, one.most);
   if (e.direction != 1 && e.direction != -1) messages.emplace_back("encoder.direction: must be 1 or -1");
   if (!is_position(e.start_position_counts)) messages.emplace_back("encoder.start_position_counts: beyond 2^61");
-  check_motor(messages, p);
+  if (messages.empty()) check_motor(messages, p);  // what depends on several parameters together
   check_load(messages, p);
   check_switches(messages, p);
   return messages;

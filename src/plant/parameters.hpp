@@ -15,19 +15,19 @@ namespace servodrome::plant {
 
 // Permanent-magnet synchronous motor. Phase values are line to neutral (half the line-to-line figure of a data sheet).
 struct Motor {
-  double rated_torque_nm = 1.27;                    // (0, 1e5]: for the per-unit figures of users; not used by the step
-  double rated_current_a = 2.7;                     // (0, 1e4] A rms: likewise
-  double rated_speed_rpm = 3000.0;                  // (0, 1e5]: likewise
-  int pole_pairs = 5;                               // [1, 100]
-  double resistance_ohm = 1.1;                      // [1e-3, 1e3] at 25 degC
-  double direct_inductance_h = 4.5e-3;              // [1e-6, 1]
-  double quadrature_inductance_h = 4.5e-3;          // [1e-6, 1], ratio to the direct one within [0.1, 10]
-  double torque_constant_nm_per_a = 0.47;           // [1e-4, 1e3] per A rms; also the back-EMF: see flux_linkage_vs
-  double rotor_inertia_kgm2 = 0.28e-4;              // [1e-8, 10]
-  double viscous_friction_nms = 0.0;                // [0, 1e3] Nm per rad/s, bearings
-  double coulomb_friction_nm = 0.0;                 // [0, 1e5] bearings
-  double cogging_torque_nm = 0.0;                   // [0, 1e3] amplitude
-  int cogging_periods_per_revolution = 30;          // [1, 1000]; with the amplitude: see validate
+  double rated_torque_nm = 1.27;            // (0, 1e5]: for the per-unit figures of users; not used by the step
+  double rated_current_a = 2.7;             // (0, 1e4] A rms: likewise
+  double rated_speed_rpm = 3000.0;          // (0, 1e5]: likewise
+  int pole_pairs = 5;                       // [1, 100]
+  double resistance_ohm = 1.1;              // [1e-3, 1e3] at 25 degC
+  double direct_inductance_h = 4.5e-3;      // [1e-6, 1]
+  double quadrature_inductance_h = 4.5e-3;  // [1e-6, 1], ratio to the direct one within [0.1, 10]
+  double torque_constant_nm_per_a = 0.47;   // [1e-4, 1e3] per A rms; limited by inertia and inductance: see validate
+  double rotor_inertia_kgm2 = 0.28e-4;      // [1e-8, 10]
+  double viscous_friction_nms = 0.0;        // [0, 1e3] Nm per rad/s, bearings
+  double coulomb_friction_nm = 0.0;         // [0, 1e5] bearings
+  double cogging_torque_nm = 0.0;           // [0, 1e3] amplitude
+  int cogging_periods_per_revolution = 30;  // [1, 1000]; with the amplitude: see validate
   double copper_temperature_coefficient = 3.93e-3;  // [0, 0.01] per K
   double brake_torque_nm = 0.0;                     // [0, 1e5] static holding torque; 0: no brake fitted
   double brake_release_ms = 30.0;                   // [0, 1e4] from command to no torque

@@ -11,6 +11,7 @@ namespace {
 
 constexpr double h = drive::tick_seconds;
 constexpr double two_pi = 2.0 * std::numbers::pi;
+constexpr double largest_fraction = 0x1.fffffffffffffp-1;
 
 constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
 
@@ -89,29 +90,30 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
 
   Excitation excitation;
   const double link_v = dc_link_.volts();
-  if (actuation.pwm_enabled && !actuation.short_circuit && faulty_phases_ == 0) [[likely]] {
-    const double u = static_cast<double>(actuation.phase_voltage_v[0]);
-    const double v = static_cast<double>(actuation.phase_voltage_v[1]);
-    const double w = static_cast<double>(actuation.phase_voltage_v[2]);
-    const double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
-    double scale = mean_factor;
-    if (!(range <= link_v)) [[unlikely]]
-      scale *= range > link_v ? link_v / range : 0.0;  // the hexagon; not a number
-    const double alpha = (2.0 * u - v - w) * (scale * (1.0 / 3.0));
-    const double beta = (v - w) * (scale * 0.57735026918962576);
+  const double u = static_cast<double>(actuation.phase_voltage_v[0]);
+  const double v = static_cast<double>(actuation.phase_voltage_v[1]);
+  const double w = static_cast<double>(actuation.phase_voltage_v[2]);
+  const double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
+  const bool finite = u + v + w - (u + v + w) == 0.0;
+  if (actuation.pwm_enabled && !actuation.short_circuit && faulty_phases_ == 0 && range <= link_v && finite)
+      [[likely]] {
+    const double alpha = (2.0 * u - v - w) * (mean_factor * (1.0 / 3.0));
+    const double beta = (v - w) * (mean_factor * 0.57735026918962576);
     excitation.direct_v = alpha * cosine + beta * sine;
     excitation.quadrature_v = beta * cosine - alpha * sine;
   } else {
-    excitation = unusual_excitation(actuation, sine, cosine);
+    excitation = unusual_excitation(actuation, sine, cosine, mean_factor);
   }
 
-  WindingTick windings = solve_windings(excitation, response);
   ShaftTick shaft;
+  WindingTick windings;
   if (shaft_.elastic()) {
+    windings.torque_nm = torque_nm_;
     shaft = solve_general(excitation, rotor_torque, windings);
-  } else if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]] {
-    windings = solve_windings(excitation, shaft_.response_as(shaft.direction, other_torque));
-    shaft_.slide(windings.torque_nm + other_torque, shaft);
+  } else if (windings = solve_windings(excitation, response); !shaft_.slide(windings.torque_nm + other_torque, shaft))
+      [[unlikely]] {
+    shaft = settle(excitation, windings, shaft,
+                   [&](double torque, bool) { return shaft_.slide_freely(torque + other_torque); });
   }
   double moved = fraction_ + shaft.mean * counts_per_speed_;
   std::int64_t whole = floor_of(moved);
@@ -129,7 +131,8 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   torque_nm_ = windings.torque_nm;
   shaft_.elastic() ? shaft_.commit_general(shaft) : shaft_.commit(shaft);
   position_ = position;
-  fraction_ = moved - static_cast<double>(whole);
+  // A hair below zero plus one rounds to one.
+  fraction_ = std::min(moved - static_cast<double>(whole), largest_fraction);
   single_turn_ += whole;
   if (static_cast<std::uint64_t>(single_turn_) >= static_cast<std::uint64_t>(counts_per_revolution_))
     wrap_single_turn();
@@ -200,18 +203,77 @@ std::uint32_t Plant::overcurrent_bits(const drive::Feedback& feedback) const {
   return bits;
 }
 
-WindingTick Plant::solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const {
+WindingTick Plant::solve_windings(const Excitation& excitation, const ShaftResponse& shaft, const Guess& guess) const {
   if (excitation.bridge == Bridge::driven) [[likely]] {
-    return windings_.driven(excitation.direct_v, excitation.quadrature_v, shaft, torque_nm_);
+    return windings_.driven(excitation.direct_v, excitation.quadrature_v, shaft, guess);
   }
-  if (excitation.bridge == Bridge::freewheeling) {
-    return windings_.freewheeling(dc_link_.volts(), shaft, torque_nm_);
-  }
+  if (excitation.bridge == Bridge::freewheeling) return windings_.freewheeling(dc_link_.volts(), shaft, guess);
   if (excitation.axis.direct == 0.0 && excitation.axis.quadrature == 0.0) return {};
-  return windings_.along(excitation.axis, excitation.along_v, excitation.blocked, shaft, torque_nm_);
+  return windings_.along(excitation.axis, excitation.along_v, excitation.blocked, shaft, guess);
 }
 
-Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation, double sine, double cosine) const {
+WindingTick Plant::solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const {
+  Guess guess{torque_nm_, windings_.direct_a};
+  WindingTick tick = solve_windings(excitation, shaft, guess);
+  for (int pass = 0; !windings_.settled(tick, shaft, guess); ++pass) {
+    if (pass == 8) {
+      return solve_bracketed(excitation, [&](double torque) { return shaft.offset_rad_s + shaft.slope * torque; });
+    }
+    guess = {tick.torque_nm, tick.mean_direct_a};
+    tick = solve_windings(excitation, shaft, guess);
+  }
+  return tick;
+}
+
+// The torque at which windings and shaft agree, when nothing faster finds it: torque - torque(speed(torque)) changes
+// sign because the windings' torque is bounded.
+template <typename MeanSpeed>
+WindingTick Plant::solve_bracketed(const Excitation& excitation, MeanSpeed mean_speed) const {
+  WindingTick tick;
+  const auto excess = [&](double torque) {
+    tick = solve_windings(excitation, {mean_speed(torque), 0.0}, {torque, windings_.direct_a});
+    return torque - tick.torque_nm;
+  };
+  double reach = std::abs(excess(torque_nm_)) + 1.0e-6;
+  double low = torque_nm_ - reach;
+  double high = torque_nm_ + reach;
+  for (int i = 0; i < 200 && excess(low) > 0.0; ++i) low -= reach *= 2.0;
+  for (int i = 0; i < 200 && excess(high) < 0.0; ++i) high += reach *= 2.0;
+  for (int i = 0; i < 80; ++i) {
+    const double middle = 0.5 * (low + high);
+    (excess(middle) > 0.0 ? high : low) = middle;
+  }
+  return tick;
+}
+
+// Windings and shaft together where the shaft has more states than one: its response is taken at the torque known, the
+// currents are solved with it, and again if contact or friction turned out otherwise.
+template <typename SolveShaft>
+ShaftTick Plant::settle(const Excitation& excitation, WindingTick& windings, ShaftTick tick,
+                        SolveShaft solve_shaft) const {
+  double torque = windings.torque_nm;
+  for (int pass = 0; pass < 6; ++pass) {
+    const ShaftResponse response{tick.mean - tick.slope * torque, tick.slope};
+    windings = solve_windings(excitation, response);
+    torque = windings.torque_nm;
+    const double expected = response.offset_rad_s + response.slope * torque;
+    tick = solve_shaft(torque, false);
+    if (std::abs(tick.mean - expected) <= 1.0e-9 * (1.0 + std::abs(expected))) return tick;
+  }
+  windings = solve_bracketed(excitation, [&](double trial) { return solve_shaft(trial, true).mean; });
+  return solve_shaft(windings.torque_nm, true);
+}
+
+ShaftTick Plant::solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const {
+  const StopDistance stops = stop_distance();
+  const auto solve_shaft = [&](double torque, bool freely) {
+    return shaft_.solve(torque, rotor_torque_nm, stops, freely);
+  };
+  return settle(excitation, windings, solve_shaft(windings.torque_nm, false), solve_shaft);
+}
+
+Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation, double sine, double cosine,
+                                            double mean_factor) const {
   const double link_v = dc_link_.volts();
   const bool freewheeling = !actuation.pwm_enabled && !actuation.short_circuit;
   Excitation excitation;
@@ -222,15 +284,15 @@ Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation, d
       volts[phase] = std::isfinite(wanted) ? wanted : 0.0;
     }
     const auto [least, most] = std::minmax({volts[0], volts[1], volts[2]});
-    const double scale = most - least > link_v ? link_v / (most - least) : 1.0;
+    const double scale = most - least > link_v ? link_v / (most - least) : 1.0;  // the hexagon
     const double middle = 0.5 * (most + least);
     for (std::size_t phase = 0; phase < 3; ++phase) {
       volts[phase] = scale * (volts[phase] - middle);  // the terminals, against the middle of the DC link
       if ((faulty_phases_ >> (short_shift + phase) & 1u) != 0) volts[phase] = -0.5 * link_v;
     }
   }
-  const double alpha = (2.0 * volts[0] - volts[1] - volts[2]) * (1.0 / 3.0);
-  const double beta = (volts[1] - volts[2]) * 0.57735026918962576;
+  const double alpha = (2.0 * volts[0] - volts[1] - volts[2]) * (mean_factor * (1.0 / 3.0));
+  const double beta = (volts[1] - volts[2]) * (mean_factor * 0.57735026918962576);
   excitation.direct_v = alpha * cosine + beta * sine;
   excitation.quadrature_v = beta * cosine - alpha * sine;
   excitation.blocked = freewheeling;
@@ -246,22 +308,6 @@ Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation, d
   excitation.axis = {axis_alpha * cosine + axis_beta * sine, axis_beta * cosine - axis_alpha * sine};
   excitation.along_v = freewheeling ? link_v * 0.57735026918962576 : alpha * axis_alpha + beta * axis_beta;
   return excitation;
-}
-
-// Coupling and stops have no closed response; it is taken at the torque known, the current solved with it, and again if
-// contact or friction turned out otherwise.
-ShaftTick Plant::solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const {
-  const StopDistance stops = stop_distance();
-  double torque = torque_nm_;
-  ShaftTick tick = shaft_.solve(torque, rotor_torque_nm, stops);
-  for (int pass = 0; pass < 3; ++pass) {
-    windings = solve_windings(excitation, {tick.mean - tick.slope * torque, tick.slope});
-    torque = windings.torque_nm;
-    const double slope = tick.slope;
-    tick = shaft_.solve(torque, rotor_torque_nm, stops);
-    if (tick.slope == slope) break;  // the same state of all contacts: solved
-  }
-  return tick;
 }
 
 StopDistance Plant::stop_distance() const {

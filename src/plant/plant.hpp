@@ -93,7 +93,13 @@ class Plant {
   };
 
   WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const;
-  Excitation unusual_excitation(const drive::Actuation& actuation, double sine, double cosine) const;
+  WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft, const Guess& guess) const;
+  Excitation unusual_excitation(const drive::Actuation& actuation, double sine, double cosine,
+                                double mean_factor) const;
+  template <typename MeanSpeed>
+  WindingTick solve_bracketed(const Excitation& excitation, MeanSpeed mean_speed) const;
+  template <typename SolveShaft>
+  ShaftTick settle(const Excitation& excitation, WindingTick& windings, ShaftTick tick, SolveShaft solve_shaft) const;
   ShaftTick solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const;
   void apply_load();
   void queue_edge(int wire);

@@ -53,7 +53,7 @@ void Shaft::prepare() {
   stops_ = load_.low_stop_counts != no_low_limit || load_.high_stop_counts != no_high_limit;
   load_torque_ = -(load_.gravity_torque_nm + load_.external_torque_nm);
   const double held = locked_ ? locked_nm : rotor_coulomb_ + brake_torque_;
-  rotor_friction_ = {held, held};
+  rotor_friction_nm_ = held;
   total_friction_ = {held + load_.static_friction_nm, held + load_.coulomb_friction_nm};
 
   const double inertia = rotor_inertia_ + load_.inertia_kgm2;
@@ -62,6 +62,11 @@ void Shaft::prepare() {
   old_weight_ = 1.0 - new_weight_;
   momentum_ = inertia / h - viscous * old_weight_;
   admittance_ = 1.0 / (inertia / h + viscous * new_weight_);
+  // Friction opposes the new speed. When that differs in sign from the old one, only backward Euler makes sure that it
+  // takes energy.
+  turning_weight_ = total_friction_.sliding_nm > 0.0 ? 1.0 : new_weight_;
+  turning_momentum_ = inertia / h - viscous * (1.0 - turning_weight_);
+  turning_admittance_ = 1.0 / (inertia / h + viscous * turning_weight_);
 
   if (elastic_) {
     // The trapezoidal rule keeps a vibration's energy and its frequency to (w h)^2 / 12. What is too fast or too
@@ -82,22 +87,14 @@ void Shaft::set_direction(std::int8_t direction) {
   friction_nm_ = direction * total_friction_.sliding_nm;
 }
 
-ShaftResponse Shaft::response_as(int direction, double other_torque_nm) const {
-  if (direction == 0) return {old_weight_ * speed_, 0.0};
-  const double mobility = new_weight_ * admittance_;
-  return {
-      old_weight_ * speed_ + mobility * (momentum_ * speed_ + other_torque_nm - direction * total_friction_.sliding_nm),
-      mobility};
-}
-
-bool Shaft::slide_anew(double drive, ShaftTick& tick) const {
-  const bool standing = direction_ == 0;
-  const double holding = standing ? total_friction_.held_nm : total_friction_.sliding_nm;
-  const bool held = std::abs(drive) <= holding;
+bool Shaft::slide_anew(double torque_nm, double holding_nm, ShaftTick& tick) const {
+  const double drive = turning_momentum_ * speed_ + torque_nm;
+  const bool held = std::abs(drive) <= holding_nm;
   tick.direction = static_cast<std::int8_t>(held ? 0 : sign_of(drive));
-  tick.end = held ? 0.0 : limited((drive - tick.direction * total_friction_.sliding_nm) * admittance_);
-  tick.mean = old_weight_ * speed_ + new_weight_ * tick.end;
-  return held && standing;
+  tick.end = held ? 0.0 : limited((drive - tick.direction * total_friction_.sliding_nm) * turning_admittance_);
+  tick.mean = (1.0 - turning_weight_) * speed_ + turning_weight_ * tick.end;
+  tick.slope = held ? 0.0 : turning_weight_ * turning_admittance_;
+  return held && direction_ == 0;
 }
 
 void Shaft::commit_general(const ShaftTick& tick) {
@@ -108,21 +105,27 @@ void Shaft::commit_general(const ShaftTick& tick) {
   load_direction_ = tick.load_direction;
 }
 
-ShaftTick Shaft::solve(double motor_torque_nm, double rotor_torque_nm, const StopDistance& stops) const {
-  if (elastic_) return solve_elastic(motor_torque_nm + rotor_torque_nm, stops);
-  return solve_rigid(motor_torque_nm + rotor_torque_nm + load_torque_, stops);
+ShaftTick Shaft::solve(double motor_torque_nm, double rotor_torque_nm, const StopDistance& stops, bool freely) const {
+  if (elastic_) return solve_elastic(motor_torque_nm + rotor_torque_nm, stops, freely);
+  return solve_rigid(motor_torque_nm + rotor_torque_nm + load_torque_, stops, freely);
 }
 
 // In contact the step is backward Euler: a stop is there to end a motion, not to throw it back.
-ShaftTick Shaft::solve_rigid(double torque_nm, const StopDistance& stops) const {
+ShaftTick Shaft::solve_rigid(double torque_nm, const StopDistance& stops, bool freely) const {
+  const int side = stops.high >= stops.low ? 1 : -1;
+  const ShaftTick tick = solve_contact(torque_nm, side, side > 0 ? stops.high : stops.low, freely);
+  // Thrown from one stop right through the other.
+  const double other = (side > 0 ? stops.low : stops.high) - side * h * tick.end;
+  return other > 0.0 ? solve_contact(torque_nm, -side, side > 0 ? stops.low : stops.high, freely) : tick;
+}
+
+ShaftTick Shaft::solve_contact(double torque_nm, int side, double penetration, bool freely) const {
   const double inertia_rate = (rotor_inertia_ + load_.inertia_kgm2) / h;
   const double viscous = rotor_viscous_ + load_.viscous_friction_nms;
   const double contact = load_.stop_stiffness_nm_per_rad * h + load_.stop_damping_nms;  // Nm per rad/s of end speed
-  const int side = stops.high >= stops.low ? 1 : -1;
-  const double penetration = side > 0 ? stops.high : stops.low;
   const double spring = load_.stop_stiffness_nm_per_rad * penetration;
   const double drive = inertia_rate * speed_ + torque_nm;
-  const double holding = direction_ == 0 ? total_friction_.held_nm : total_friction_.sliding_nm;
+  const double holding = direction_ == 0 && !freely ? total_friction_.held_nm : total_friction_.sliding_nm;
 
   ShaftTick tick;
   const double held_drive = drive - side * std::max(spring, 0.0);
@@ -150,7 +153,7 @@ Shaft::Coupling Shaft::coupling_of(double twist_rad) const {
   return {half == 0.0, twist_};
 }
 
-double Shaft::solve_pair(double rotor_torque_nm, double weight, const Coupling& coupling, const Stop& stop,
+double Shaft::solve_pair(double rotor_torque_nm, double weight, const Coupling& coupling, const Stop& stop, bool freely,
                          ShaftTick& best) const {
   const double old = 1.0 - weight;
   const double stiffness = coupling.engaged ? load_.stiffness_nm_per_rad : 0.0;
@@ -172,15 +175,14 @@ double Shaft::solve_pair(double rotor_torque_nm, double weight, const Coupling& 
   const double determinant = m11 * m22 - m12 * m12;
 
   // What held each mass in the last tick is tried first; a standing one may hold more than a sliding one.
-  const double rotor_hold = direction_ == 0 ? rotor_friction_.held_nm : rotor_friction_.sliding_nm;
-  const double load_hold = load_direction_ == 0 ? load_.static_friction_nm : load_.coulomb_friction_nm;
+  const double load_hold = load_direction_ == 0 && !freely ? load_.static_friction_nm : load_.coulomb_friction_nm;
   const std::array<int, 3> rotor_order{direction_, direction_ == 0 ? 1 : 0, direction_ == 0 ? -1 : -direction_};
   const std::array<int, 3> load_order{load_direction_, load_direction_ == 0 ? 1 : 0,
                                       load_direction_ == 0 ? -1 : -load_direction_};
   double least = -1.0;
   for (const int s : rotor_order) {
     for (const int t : load_order) {
-      const double p = rotor_drive - s * rotor_friction_.sliding_nm;
+      const double p = rotor_drive - s * rotor_friction_nm_;
       const double q = load_drive - t * load_.coulomb_friction_nm;
       double w = 0.0;
       double v = 0.0;
@@ -196,7 +198,7 @@ double Shaft::solve_pair(double rotor_torque_nm, double weight, const Coupling& 
         v = q / m22;
       }
       // Violations as torques, so that they compare.
-      const double rotor_violation = s != 0 ? -s * w * m11 : std::abs(rotor_drive - m12 * v) - rotor_hold;
+      const double rotor_violation = s != 0 ? -s * w * m11 : std::abs(rotor_drive - m12 * v) - rotor_friction_nm_;
       const double load_violation = t != 0 ? -t * v * m22 : std::abs(load_drive - m12 * w) - load_hold;
       const double violation = std::max({rotor_violation, load_violation, 0.0});
       if (least >= 0.0 && violation >= least) continue;
@@ -214,46 +216,60 @@ double Shaft::solve_pair(double rotor_torque_nm, double weight, const Coupling& 
   return least;
 }
 
-ShaftTick Shaft::solve_elastic(double rotor_torque_nm, const StopDistance& stops) const {
-  const int side = stops.high >= stops.low ? 1 : -1;
-  const double penetration = side > 0 ? stops.high : stops.low;
+ShaftTick Shaft::solve_elastic(double rotor_torque_nm, const StopDistance& stops, bool freely) const {
   const Coupling now = coupling_of(twist_);
   ShaftTick tick;
-  const auto gap_after = [&] { return penetration + side * h * tick.load_mean; };
   const auto twist_after = [&] { return twist_ + h * (tick.mean - tick.load_mean); };
-  const auto same = [](const Coupling& a, const Coupling& b) {
-    return a.engaged == b.engaged && a.deflection_rad == b.deflection_rad;
-  };
+  const auto gap_after = [&](int side) { return (side > 0 ? stops.high : stops.low) + side * h * tick.load_mean; };
 
-  // Free of the stop, the coupling engaged (or not) throughout the tick: by far the most usual.
-  if (penetration <= 0.0) {
-    solve_pair(rotor_torque_nm, coupling_weight_, now, {0, 0.0}, tick);
-    if (gap_after() <= 0.0 && same(coupling_of(twist_after()), now)) return tick;
+  // Free of the stops, the coupling engaged (or not) and friction as it was throughout the tick: by far the most usual.
+  if (stops.high <= 0.0 && stops.low <= 0.0 && !freely) {
+    solve_pair(rotor_torque_nm, coupling_weight_, now, {0, 0.0}, freely, tick);
+    const Coupling then = coupling_of(twist_after());
+    const bool same = then.engaged == now.engaged && then.deflection_rad == now.deflection_rad;
+    // Friction that turns around needs backward Euler, see prepare().
+    const bool steady =
+        (rotor_friction_nm_ == 0.0 || speed_ == 0.0 || tick.direction == direction_) &&
+        (load_.coulomb_friction_nm == 0.0 || load_speed_ == 0.0 || tick.load_direction == load_direction_);
+    if (same && steady && gap_after(1) <= 0.0 && gap_after(-1) <= 0.0) return tick;
   }
+
   // A contact opens or closes: backward Euler, and of the combinations of contacts the one that agrees with its own
-  // outcome.
+  // outcome. What touches must push; what does not touch must not overlap, unless it is already being pulled apart.
   const double half = 0.5 * load_.backlash_rad;
-  const std::array<Coupling, 3> couplings{now, Coupling{true, twist_ - half}, Coupling{true, twist_ + half}};
-  const Coupling apart{false, twist_};
+  const std::array<int, 3> flanks{now.engaged ? sign_of(twist_) : 0, now.engaged ? 0 : 1,
+                                  now.engaged ? -sign_of(twist_) : -1};
+  const auto flank_push = [&](int flank) {
+    return load_.stiffness_nm_per_rad * (flank * twist_after() - half) +
+           load_.damping_nms * flank * (tick.mean - tick.load_mean);
+  };
+  const auto stop_push = [&](int side) {
+    return load_.stop_stiffness_nm_per_rad * gap_after(side) + load_.stop_damping_nms * side * tick.load_mean;
+  };
   ShaftTick best;
   double least = -1.0;
-  for (const int contact : {0, side}) {
-    for (int choice = 0; choice < (half > 0.0 ? 4 : 1); ++choice) {
-      const Coupling& coupling = choice < 3 ? couplings[static_cast<std::size_t>(choice)] : apart;
-      double violation = solve_pair(rotor_torque_nm, 1.0, coupling, {contact, penetration}, tick);
-      // A coupling must still push the way it was taken to, a stop must push inwards.
-      if (!same(coupling_of(twist_after()), coupling)) {
-        const double after = twist_after();
-        const double excess =
-            coupling.engaged ? std::abs(coupling.deflection_rad + (after - twist_)) : std::abs(after) - half;
-        violation += load_.stiffness_nm_per_rad * std::abs(excess);
+  for (const int contact : {0, 1, -1}) {
+    for (std::size_t choice = 0; choice < (half > 0.0 ? 3 : 1); ++choice) {
+      const int flank = flanks[choice];
+      const Coupling coupling = half == 0.0  ? now
+                                : flank == 0 ? Coupling{false, twist_}
+                                             : Coupling{true, twist_ - flank * half};
+      const Stop stop{contact, contact > 0 ? stops.high : stops.low};
+      double violation = solve_pair(rotor_torque_nm, 1.0, coupling, stop, freely, tick);
+      for (const int side : {1, -1}) {
+        if (half > 0.0) {
+          const double push = flank_push(side);
+          const bool overlaps = side * twist_after() > half && push > 0.0;
+          if (flank == side ? push < 0.0 : overlaps) violation += std::abs(push);
+        }
+        const double push = stop_push(side);
+        const bool overlaps = gap_after(side) > 0.0 && push > 0.0;
+        if (contact == side ? push < 0.0 : overlaps) violation += std::abs(push);
       }
-      const double push =
-          load_.stop_stiffness_nm_per_rad * gap_after() + load_.stop_damping_nms * side * tick.load_mean;
-      if (contact == 0 ? push > 0.0 && gap_after() > 0.0 : push < 0.0) violation += std::abs(push);
       if (least >= 0.0 && violation >= least) continue;
       least = violation;
       best = tick;
+      if (violation == 0.0) return best;
     }
   }
   return best;

@@ -44,25 +44,32 @@ class Shaft {
   }
 
   // The rigid shaft away from its stops under the sum of all torques but friction. True: `tick` is in the friction
-  // state of the last tick, as response() took it. False: friction begins or ends to hold; ask for the
-  // response again with resume(tick.direction) if the torque depends on it.
+  // state of the last tick, as response() took it. False: friction begins or ends to hold, and the torque found with
+  // that response no longer belongs to it.
   bool slide(double torque_nm, ShaftTick& tick) const {
-    const double drive = momentum_ * speed_ + torque_nm;
     if (direction_ != 0) [[likely]] {
-      const double end = (drive - friction_nm_) * admittance_;
+      const double end = (momentum_ * speed_ + torque_nm - friction_nm_) * admittance_;
       if (end * direction_ > 0.0) [[likely]] {
         tick.end = limited(end);
         tick.mean = old_weight_ * speed_ + new_weight_ * tick.end;
+        tick.slope = mobility_;
         tick.direction = direction_;
         return true;
       }
     }
-    return slide_anew(drive, tick);
+    return slide_anew(torque_nm, direction_ == 0 ? total_friction_.held_nm : total_friction_.sliding_nm, tick);
   }
-  ShaftResponse response_as(int direction, double other_torque_nm) const;
+  // The same once friction is known to have given way: what held more than it brakes while sliding does so no longer,
+  // which makes the speed a continuous function of the torque.
+  ShaftTick slide_freely(double torque_nm) const {
+    ShaftTick tick;
+    slide_anew(torque_nm, total_friction_.sliding_nm, tick);
+    return tick;
+  }
 
-  // General solution at the torque given: coupling and stops included.
-  ShaftTick solve(double motor_torque_nm, double rotor_torque_nm, const StopDistance& stops) const;
+  // General solution at the torque given: coupling and stops included. `freely` as above; the speed is then
+  // continuous over opening and closing contacts as well.
+  ShaftTick solve(double motor_torque_nm, double rotor_torque_nm, const StopDistance& stops, bool freely) const;
 
   void commit(const ShaftTick& tick) {
     speed_ = tick.end;
@@ -103,14 +110,15 @@ class Shaft {
     return speed > largest_speed_rad_s ? largest_speed_rad_s
                                        : (speed < -largest_speed_rad_s ? -largest_speed_rad_s : speed);
   }
-  bool slide_anew(double drive, ShaftTick& tick) const;
+  bool slide_anew(double torque_nm, double holding_nm, ShaftTick& tick) const;
   void set_direction(std::int8_t direction);
   void prepare();
-  ShaftTick solve_rigid(double torque_nm, const StopDistance& stops) const;
-  ShaftTick solve_elastic(double rotor_torque_nm, const StopDistance& stops) const;
+  ShaftTick solve_rigid(double torque_nm, const StopDistance& stops, bool freely) const;
+  ShaftTick solve_contact(double torque_nm, int side, double penetration, bool freely) const;
+  ShaftTick solve_elastic(double rotor_torque_nm, const StopDistance& stops, bool freely) const;
   // Both masses with coupling and stop as given; picks the friction states. The return is by how much the friction
   // condition is violated, 0: solved.
-  double solve_pair(double rotor_torque_nm, double weight, const Coupling& coupling, const Stop& stop,
+  double solve_pair(double rotor_torque_nm, double weight, const Coupling& coupling, const Stop& stop, bool freely,
                     ShaftTick& tick) const;
   Coupling coupling_of(double twist_rad) const;
 
@@ -133,7 +141,10 @@ class Shaft {
   double load_speed_ = 0.0;
   double twist_ = 0.0;
   Friction total_friction_{};
-  Friction rotor_friction_{};
+  double turning_weight_ = 1.0;  // new_weight_ of a tick in which the friction turns around, and what follows from it
+  double turning_momentum_ = 0.0;
+  double turning_admittance_ = 0.0;
+  double rotor_friction_nm_ = 0.0;  // with the brake
   double rotor_inertia_;
   double rotor_viscous_;
   double rotor_coulomb_;

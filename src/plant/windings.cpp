@@ -38,8 +38,9 @@ void Windings::set_resistance_ohm(double resistance_ohm) {
   quadrature_memory_ = quadrature_inductance_ / (quadrature_weight * h);
 }
 
-WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft, double torque_nm) const {
-  const double effective_flux = flux_ + saliency_ * direct_a;
+WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft, const Guess& guess) const {
+  const double torque_nm = guess.torque_nm;
+  const double effective_flux = flux_ + saliency_ * guess.direct_a;
   const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
   const double coupling = pole_pairs_ * shaft.slope * effective_flux;
   const double direct = direct_inductance_ / h * direct_a;
@@ -74,7 +75,8 @@ WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft,
 }
 
 WindingTick Windings::along(Axis axis, double voltage_v, bool freewheeling, const ShaftResponse& shaft,
-                            double torque_nm) const {
+                            const Guess& guess) const {
+  const double torque_nm = guess.torque_nm;
   // With i = n y and n fixed to the stator, dn/dt = -we J n in the rotor frame; the inductance along n is
   // Ln = Ld nd^2 + Lq nq^2 and changes as the rotor turns.
   const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
@@ -82,7 +84,7 @@ WindingTick Windings::along(Axis axis, double voltage_v, bool freewheeling, cons
   const double inductance =
       direct_inductance_ * axis.direct * axis.direct + quadrature_inductance_ * axis.quadrature * axis.quadrature;
   const double old = axis.direct * direct_a + axis.quadrature * quadrature_a;
-  const double flux_q = axis.quadrature * (flux_ + saliency_ * axis.direct * old);
+  const double flux_q = axis.quadrature * (flux_ + saliency_ * guess.direct_a);
   const double coupling = pole_pairs_ * shaft.slope * flux_q;
   const double memory = inductance / h;
   const double impedance = std::max(memory + resistance_ + 2.0 * speed * product * saliency_, resistance_) +

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cmath>
+
+#include "drive/hardware.hpp"
 #include "plant/parameters.hpp"
 
 // The electrical side of the motor in the rotor frame (d on the magnet, amplitude-invariant):
@@ -17,14 +20,19 @@ struct ShaftResponse {
   double slope = 0.0;         // rad/s per Nm; 0 while the rotor stands still
 };
 
+struct Guess {
+  double torque_nm = 0.0;
+  double direct_a;
+};
+
 // Rotor-frame quantities of one tick.
 struct WindingTick {
-  double mean_direct_a;  // the mean current: it makes the torque and the heat
-  double mean_quadrature_a;
-  double end_direct_a;
-  double end_quadrature_a;
-  double power_w;  // from the inverter into the motor
-  double torque_nm;
+  double mean_direct_a = 0.0;  // the mean current: it makes the torque and the heat
+  double mean_quadrature_a = 0.0;
+  double end_direct_a = 0.0;
+  double end_quadrature_a = 0.0;
+  double power_w = 0.0;  // from the inverter into the motor
+  double torque_nm = 0.0;
 };
 
 // A direction across the rotor frame: of the only current that flows while one phase is open.
@@ -40,9 +48,12 @@ class Windings {
   void set_resistance_ohm(double resistance_ohm);
   double resistance_ohm() const { return resistance_; }
 
-  // Voltage applied by the inverter; `torque_nm` is the torque of the last tick.
-  WindingTick driven(double direct_v, double quadrature_v, const ShaftResponse& shaft, double torque_nm) const {
-    const double effective_flux = flux_ + saliency_ * direct_a;
+  // Voltage applied by the inverter. `guess` is where the product of speed and current is linearised: the last tick.
+  // With a round rotor (Ld = Lq) the result does not depend on it; a salient one may need a better guess, see
+  // settled().
+  WindingTick driven(double direct_v, double quadrature_v, const ShaftResponse& shaft, const Guess& guess) const {
+    const double torque_nm = guess.torque_nm;
+    const double effective_flux = flux_ + saliency_ * guess.direct_a;
     const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
     const double coupling = pole_pairs_ * shaft.slope * effective_flux;
     const double direct = direct_v + direct_memory_ * direct_a;
@@ -65,11 +76,20 @@ class Windings {
   // All switches open: the current flows through the diodes against the DC link until it is gone, and again when the
   // back-EMF is higher than the link. The bridge is taken as a voltage of magnitude dc_link_v / sqrt(3) (the smallest
   // line-to-line peak at which it conducts) opposing the current vector; backward Euler, so that it ends at nothing.
-  WindingTick freewheeling(double dc_link_v, const ShaftResponse& shaft, double torque_nm) const;
+  WindingTick freewheeling(double dc_link_v, const ShaftResponse& shaft, const Guess& guess) const;
 
   // One phase open: current only along `axis` (a unit vector, at mid-tick). `voltage_v` lies along it, or,
   // freewheeling, is the magnitude that opposes the current.
-  WindingTick along(Axis axis, double voltage_v, bool freewheeling, const ShaftResponse& shaft, double torque_nm) const;
+  WindingTick along(Axis axis, double voltage_v, bool freewheeling, const ShaftResponse& shaft,
+                    const Guess& guess) const;
+
+  // Whether the speed that made the currents is the speed their torque makes, to 1e-7 electrical rad in the tick.
+  bool settled(const WindingTick& tick, const ShaftResponse& shaft, const Guess& guess) const {
+    const double missed =
+        std::abs(tick.torque_nm - guess.torque_nm) +
+        std::abs(torque_per_flux_ * saliency_ * (tick.mean_direct_a - guess.direct_a) * tick.mean_quadrature_a);
+    return saliency_ == 0.0 || std::abs(pole_pairs_ * shaft.slope) * missed * drive::tick_seconds < 1.0e-7;
+  }
 
   void commit(const WindingTick& tick) {
     direct_a = tick.end_direct_a;

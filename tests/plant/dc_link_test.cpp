@@ -1,0 +1,115 @@
+#include <gtest/gtest.h>
+
+#include "plant/rig.hpp"
+
+namespace servodrome::plant::test {
+namespace {
+
+TEST(DcLink, PrechargesAfterTheRelayCloses) {
+  Parameters p = bare_motor();
+  p.supply.charged_at_start = false;
+  p.supply.bleeder_resistance_ohm = 1.0e9;
+  Rig rig(p);
+  rig.actuation.dc_link_connected = false;
+  rig.run(1600);
+  EXPECT_EQ(rig.plant.dc_link_v(), 0.0);
+  rig.actuation.dc_link_connected = true;
+  for (int tick = 1; tick <= 480; ++tick) {  // 30 ms: one time constant
+    rig.step();
+    ASSERT_NEAR(rig.plant.dc_link_v(), 310.0 * (1.0 - std::exp(-tick * h / 0.03)), 0.01);
+  }
+  rig.run(1600);
+  EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 0.1);
+}
+
+TEST(DcLink, BleederDischargesItWithTheRelayOpen) {
+  Parameters p = bare_motor();
+  Rig rig(p);
+  rig.actuation.dc_link_connected = false;
+  rig.run(16000);
+  const double tau = p.supply.bleeder_resistance_ohm * p.supply.capacitance_f;
+  EXPECT_NEAR(rig.plant.dc_link_v(), 310.0 * std::exp(-1.0 / tau), 0.01);
+}
+
+TEST(DcLink, SagsByTheSourceResistance) {
+  Parameters p = bare_motor();
+  p.supply.source_resistance_ohm = 5.0;
+  p.supply.bleeder_resistance_ohm = 1.0e9;
+  p.supply.bus_overcurrent_a = 1.0e3;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  for (int i = 0; i < 8000; ++i) rig.step_voltage(0.0, 16.5);  // 15 A: 371 W
+  const double power = 1.5 * 16.5 * 15.0;
+  const double current = (310.0 - std::sqrt(310.0 * 310.0 - 4.0 * 5.0 * power)) / 10.0;
+  EXPECT_NEAR(rig.plant.dc_link_v(), 310.0 - 5.0 * current, 0.02);
+}
+
+// What braking takes out of the rotor beyond the windings' heat must be found in the capacitor or the chopper.
+TEST(DcLink, RegenerationRaisesItAndTheChopperHoldsIt) {
+  for (const bool with_chopper : {false, true}) {
+    Parameters p = bare_motor();
+    p.load.inertia_kgm2 = 1.0e-3;
+    Rig rig(p);
+    rig.spin_up(3000.0);
+    const Energy before = rig.plant.energy();
+    double highest = 0.0;
+    bool chopping = false;
+    while (rig.plant.velocity_rpm() > 1000.0) {
+      // A plain current law: enough for about -4 A.
+      const double we = 5.0 * rig.speed_rad_s();
+      const double flux = flux_linkage_vs(p.motor);
+      rig.step_voltage(we * 4.5e-3 * 4.0, we * flux - 1.1 * 4.0);
+      highest = std::max(highest, rig.plant.dc_link_v());
+      if (with_chopper) {
+        if (rig.plant.dc_link_v() > 380.0) chopping = true;
+        if (rig.plant.dc_link_v() < 370.0) chopping = false;
+        rig.actuation.chopper_on = chopping;
+      }
+    }
+    const Energy after = rig.plant.energy();
+    const double given = (before.kinetic_j - after.kinetic_j) - (after.copper_j - before.copper_j) -
+                         (after.magnetic_j - before.magnetic_j);
+    const double found = (after.link_stored_j - before.link_stored_j) + (after.chopped_j - before.chopped_j) -
+                         (after.supplied_j - before.supplied_j);
+    EXPECT_GT(given, 30.0);
+    EXPECT_NEAR(found, given, 1.0e-3 * given);
+    if (with_chopper) {
+      EXPECT_LT(highest, 383.0);
+      EXPECT_GT(after.chopped_j - before.chopped_j, 10.0);
+    } else {
+      EXPECT_GT(highest, 420.0);
+    }
+  }
+}
+
+TEST(DcLink, BrokenChopperAndLostSupply) {
+  Rig rig(bare_motor());
+  rig.plant.inject(Injection::supply_loss, true);
+  rig.plant.inject(Injection::chopper_broken, true);
+  rig.actuation.chopper_on = true;
+  rig.run(160);
+  EXPECT_GT(rig.plant.dc_link_v(), 309.0);
+  rig.plant.inject(Injection::chopper_broken, false);
+  rig.run(160);
+  EXPECT_NEAR(rig.plant.dc_link_v(), 310.0 * std::exp(-0.01 / (40.0 * 680.0e-6)), 0.5);
+  rig.plant.inject(Injection::supply_loss, false);
+  rig.actuation.chopper_on = false;
+  rig.run(8000);
+  EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 0.1);
+  rig.plant.discharge_dc_link();
+  EXPECT_EQ(rig.plant.dc_link_v(), 0.0);
+}
+
+TEST(DcLink, BusComparator) {
+  Parameters p = bare_motor();
+  p.supply.bus_overcurrent_a = 0.5;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 11.0);  // 165 W: 0.53 A
+  EXPECT_EQ(rig.feedback.hardware_faults, static_cast<std::uint32_t>(drive::HardwareFault::bus_overcurrent));
+  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 10.0);
+  EXPECT_EQ(rig.feedback.hardware_faults, 0u);
+}
+
+}  // namespace
+}  // namespace servodrome::plant::test

@@ -1,0 +1,192 @@
+#include <gtest/gtest.h>
+
+#include "plant/rig.hpp"
+
+// The motor's electrical side against closed forms and a reference integrated in 1 us steps.
+namespace servodrome::plant::test {
+namespace {
+
+TEST(Windings, LockedRotorCurrentRisesExponentially) {
+  for (const double resistance : {0.01, 1.1, 50.0, 1000.0}) {
+    Parameters p = bare_motor();
+    p.motor.resistance_ohm = resistance;
+    p.supply.overcurrent_a = 1.0e5;
+    p.supply.source_resistance_ohm = 1.0e-4;
+    Rig rig(p);
+    rig.plant.lock_rotor(true);
+    const double volts = std::min(20.0, resistance * 10.0);
+    for (int tick = 1; tick <= 400; ++tick) {
+      rig.step_voltage(0.0, volts);
+      const double exact =
+          volts / resistance * (1.0 - std::exp(-tick * h * resistance / p.motor.quadrature_inductance_h));
+      ASSERT_NEAR(rig.plant.current_a(), exact, 2.0e-6 * volts / resistance) << resistance << " ohm, tick " << tick;
+    }
+    EXPECT_EQ(rig.plant.velocity_rpm(), 0.0);
+    EXPECT_EQ(rig.plant.position_counts(), 0);
+  }
+}
+
+TEST(Windings, TorqueConstantIsPerAmpereRms) {
+  Rig rig(bare_motor());
+  rig.plant.lock_rotor(true);
+  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 1.1 * 2.7 * std::sqrt(2.0));
+  EXPECT_NEAR(rig.plant.current_a() / std::sqrt(2.0), 2.7, 1e-4);
+  EXPECT_NEAR(rig.plant.torque_nm(), 2.7 * 0.47, 1e-4);
+}
+
+// A stationary-frame voltage that turns and swells; free rotor. Salient and round rotors, both encoder directions.
+TEST(Windings, FollowsTheContinuousEquations) {
+  for (const double ratio : {1.0, 1.6}) {
+    for (const int direction : {1, -1}) {
+      Parameters p = bare_motor();
+      p.motor.quadrature_inductance_h = ratio * p.motor.direct_inductance_h;
+      p.load.inertia_kgm2 = 0.28e-4;
+      p.load.viscous_friction_nms = 1.0e-4;
+      p.supply.source_resistance_ohm = 1.0e-4;
+      p.encoder.direction = direction;
+      Rig rig(p);
+      ReferenceMotor reference(p);
+      rig.actuation.pwm_enabled = true;
+      double worst_current = 0.0;
+      double peak_current = 0.0;
+      double worst_speed = 0.0;
+      double angle = 0.0;
+      double frequency = 0.0;
+      for (int tick = 0; tick < 8000; ++tick) {
+        frequency = std::min(150.0, frequency + 0.02);  // electrical Hz: 1800 rpm at the end
+        angle += 2.0 * std::numbers::pi * frequency * h;
+        const double amplitude = 8.0 + 0.3 * frequency;
+        const double alpha = amplitude * std::cos(angle);
+        const double beta = amplitude * std::sin(angle);
+        rig.actuation.phase_voltage_v = {static_cast<float>(alpha),
+                                         static_cast<float>(-0.5 * alpha + std::sqrt(0.75) * beta),
+                                         static_cast<float>(-0.5 * alpha - std::sqrt(0.75) * beta)};
+        rig.step();
+        reference.advance(h, alpha, beta);
+        worst_current = std::max(worst_current, std::hypot(rig.plant.direct_current_a() - reference.state[0],
+                                                           direction * rig.plant.current_a() - reference.state[1]));
+        peak_current = std::max(peak_current, std::hypot(reference.state[0], reference.state[1]));
+        worst_speed = std::max(worst_speed, std::abs(direction * rig.speed_rad_s() - reference.state[2]));
+      }
+      EXPECT_GT(std::abs(reference.state[2]), 150.0);  // it did run up
+      EXPECT_LT(worst_current, 0.001 * peak_current);
+      EXPECT_LT(worst_speed, 0.001 * 188.0);
+    }
+  }
+}
+
+TEST(Windings, NoLoadSpeedIsWhereTheDcLinkEnds) {
+  Parameters p = bare_motor();
+  p.motor.viscous_friction_nms = 1.0e-6;
+  Rig rig(p);
+  for (int i = 0; i < 40000; ++i) rig.step_voltage(0.0, 1.0e3);  // as much as there is
+  // Fundamental of the hexagon the limit follows: between its inner circle Vdc/sqrt(3) and its corners 2/3 Vdc.
+  const double flux_speed = flux_linkage_vs(p.motor) * p.motor.pole_pairs;
+  const double lowest = 310.0 / std::sqrt(3.0) / flux_speed / rad_s_per_rpm;
+  const double highest = 310.0 * 2.0 / 3.0 / flux_speed / rad_s_per_rpm;
+  EXPECT_GT(rig.plant.velocity_rpm(), lowest);
+  EXPECT_LT(rig.plant.velocity_rpm(), highest);
+}
+
+TEST(Windings, ShortCircuitBrakesAsTheEquationsSay) {
+  Parameters p = bare_motor();
+  p.load.inertia_kgm2 = 1.0e-3;  // heavy, so that each speed is close to steady
+  Rig shorted(p);
+  Rig coasting(p);
+  shorted.spin_up(3000.0);
+  coasting.spin_up(3000.0);
+  const double start = coasting.plant.velocity_rpm();
+  ReferenceMotor reference(p);
+  reference.state[2] = shorted.speed_rad_s();
+  shorted.actuation.short_circuit = true;
+  for (int tick = 0; tick < 16000; ++tick) {
+    shorted.step();
+    coasting.step();
+    reference.advance(h, 0.0, 0.0);
+    ASSERT_NEAR(shorted.speed_rad_s(), reference.state[2], 0.001 * 314.0) << tick;
+    if (tick == 800) {
+      // Steady braking torque: 3/2 p flux^2 we R / (R^2 + (we L)^2).
+      const double we = 5.0 * shorted.speed_rad_s();
+      const double x = we * p.motor.direct_inductance_h;
+      const double flux = flux_linkage_vs(p.motor);
+      const double exact = -1.5 * 5.0 * flux * flux * we * 1.1 / (1.1 * 1.1 + x * x);
+      EXPECT_NEAR(shorted.plant.torque_nm(), exact, 0.01 * std::abs(exact));
+    }
+  }
+  EXPECT_EQ(coasting.plant.velocity_rpm(), start);  // nothing brakes it: below the DC link's voltage
+  EXPECT_LT(shorted.plant.velocity_rpm(), 10.0);
+}
+
+TEST(Windings, OpenPhaseCarriesNothing) {
+  const std::array open{Injection::open_phase_u, Injection::open_phase_v, Injection::open_phase_w};
+  for (std::size_t phase = 0; phase < 3; ++phase) {
+    Rig rig(bare_motor());
+    rig.plant.lock_rotor(true);
+    rig.plant.inject(open[phase], true);
+    rig.actuation.pwm_enabled = true;
+    rig.actuation.phase_voltage_v = {2.0F, -5.0F, 3.0F};
+    for (int tick = 0; tick < 2000; ++tick) {
+      rig.step();
+      ASSERT_EQ(rig.feedback.phase_current_a[phase], 0.0F);
+    }
+    // The two others in series: half the voltage between them over the resistance of one.
+    const std::size_t a = (phase + 1) % 3;
+    const std::size_t b = (phase + 2) % 3;
+    const float between = rig.actuation.phase_voltage_v[a] - rig.actuation.phase_voltage_v[b];
+    EXPECT_NEAR(rig.feedback.phase_current_a[a], between / 2.2F, 1e-3);
+    EXPECT_NEAR(rig.feedback.phase_current_a[b], -between / 2.2F, 1e-3);
+    rig.plant.inject(open[(phase + 1) % 3], true);
+    rig.step();
+    for (const float current : rig.feedback.phase_current_a) EXPECT_EQ(current, 0.0F);
+  }
+}
+
+TEST(Windings, ShortedPhaseTripsItsComparator) {
+  Rig rig(bare_motor());
+  rig.plant.lock_rotor(true);
+  rig.actuation.pwm_enabled = true;
+  rig.run(10);
+  EXPECT_EQ(rig.feedback.hardware_faults, 0u);
+  rig.plant.inject(Injection::short_phase_u, true);
+  int ticks = 0;
+  while (rig.feedback.hardware_faults == 0 && ++ticks < 100) rig.step();
+  // 103 V across 4.5 mH: 20 A within 0.9 ms, out of phase U first.
+  EXPECT_NEAR(ticks, 14, 2);
+  EXPECT_EQ(rig.feedback.hardware_faults, static_cast<std::uint32_t>(drive::HardwareFault::overcurrent_u));
+  EXPECT_LT(rig.feedback.phase_current_a[0], -20.0F);
+}
+
+TEST(Windings, CurrentsDieThroughTheDiodes) {
+  Parameters p = bare_motor();
+  p.supply.capacitance_f = 0.1;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  for (int i = 0; i < 2000; ++i) rig.step_voltage(0.0, 11.0);
+  EXPECT_NEAR(rig.plant.current_a(), 10.0, 1e-3);
+  const double before = rig.plant.energy().to_motor_j;
+  rig.actuation.pwm_enabled = false;
+  // L di/dt = -R i - Vdc / sqrt(3): 10 A in 0.25 ms.
+  rig.run(2);
+  const double bridge_a = 310.0 / std::sqrt(3.0) / 1.1;
+  EXPECT_NEAR(rig.plant.current_a(), (10.0 + bridge_a) * std::exp(-2.0 * h * 1.1 / 4.5e-3) - bridge_a, 0.05);
+  rig.run(4);
+  EXPECT_EQ(rig.plant.current_a(), 0.0);
+  EXPECT_LT(rig.plant.energy().to_motor_j, before - 0.2);  // most of 0.34 J went back to the link
+}
+
+TEST(Windings, BackEmfAboveTheLinkFeedsIt) {
+  Parameters p = bare_motor();
+  p.supply.volts = 48.0;
+  p.load.inertia_kgm2 = 1.0e-3;
+  Rig rig(p);
+  rig.spin_up(3000.0);
+  rig.run(3200);
+  const double emf_peak = flux_linkage_vs(p.motor) * 5.0 * rig.speed_rad_s() * std::sqrt(3.0);
+  // Charged at once, while the shaft still turned faster; nothing flows back since.
+  EXPECT_GT(rig.plant.dc_link_v(), emf_peak);
+  EXPECT_LT(rig.plant.dc_link_v(), 1.05 * emf_peak);
+  EXPECT_LT(rig.plant.velocity_rpm(), 3000.0);
+}
+
+}  // namespace
+}  // namespace servodrome::plant::test
