@@ -457,6 +457,10 @@ TEST_F(CanBusTest, AdvanceFromAReceiverIsAnError) {
   b.answer = [&](const Frame&, Time at) { bus.advance(at); };
   bus.transmit(pa, make(0x1), Time{});
   EXPECT_THROW(bus.advance(seconds(1)), std::logic_error);
+  b.answer = nullptr;
+  bus.transmit(pa, make(0x2), Time{});
+  bus.advance(seconds(1));
+  EXPECT_EQ(b.ids(), (std::vector<std::uint32_t>{0x1, 0x2}));
 }
 
 TEST(MemoryPort, KeepsABoundedInbox) {

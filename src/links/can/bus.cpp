@@ -94,7 +94,11 @@ Time CanBus::next_event() const {
 
 void CanBus::advance(Time now) {
   if (advancing_) throw std::logic_error("CanBus::advance() called by a receiver");
-  advancing_ = true;
+  // Also when a receiver or an observer throws, the bus stays usable.
+  struct Guard {
+    bool& flag;
+    ~Guard() { flag = false; }
+  } guard{advancing_ = true};
   for (Time next = next_event(); next <= now; next = next_event()) {
     now_ = std::max(now_, next);
     recover_ports(now_);
@@ -106,7 +110,6 @@ void CanBus::advance(Time now) {
     }
   }
   now_ = std::max(now_, now);
-  advancing_ = false;
 }
 
 Time CanBus::duration(std::uint64_t bits) const {

@@ -238,7 +238,6 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
 SocketcandServer::SocketcandServer(const SocketcandName& name, CanBus& bus, boost::asio::io_context& io, LineHost& host)
     : name_(name),
       bus_(bus),
-      io_(io),
       host_(host),
       port_(bus.attach(*this, link_queue_depth)),
       acceptor_(io),

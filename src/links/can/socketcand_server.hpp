@@ -14,6 +14,8 @@ namespace servodrome::links {
 // them share one port, as programs on one computer share its CAN interface; a client's frame is shown to the others
 // once it has been sent. There is no UDP beacon: who wants this bus knows where it is.
 //
+// The port takes part in the bus, and acknowledges, also while nobody is connected.
+//
 // A client that does not read loses frames (256 KiB may wait for it), never the line its time.
 class SocketcandServer final : public CanLink, private Receiver {
  public:
@@ -42,7 +44,6 @@ class SocketcandServer final : public CanLink, private Receiver {
 
   SocketcandName name_;
   CanBus& bus_;
-  boost::asio::io_context& io_;
   LineHost& host_;
   PortId port_;
   boost::asio::ip::tcp::acceptor acceptor_;
