@@ -107,12 +107,8 @@ void Plant::set_position_counts(std::int64_t position_counts) {
   Parameters changed = parameters_;
   changed.encoder.start_position_counts = position_counts;
   accept(changed);  // the range and the hard stops
-  position_ = position_counts;
-  fraction_ = 0.0;
   shaft_.stop();
-  travel_.place(position_);
-  wrap_single_turn();
-  update_angle();
+  place(position_counts);
 }
 
 void Plant::lock_rotor(bool locked) {
@@ -158,8 +154,6 @@ void Plant::inject(Injection injection, bool on) {
   if (injection == Injection::brake_stuck && brake_countdown_ == 0) brake_countdown_ = 1;  // ask the brake again
   update_readings();
 }
-
-bool Plant::injected(Injection injection) const { return (injections_ & bit(injection)) != 0; }
 
 void Plant::discharge_dc_link() { dc_link_.discharge(); }
 

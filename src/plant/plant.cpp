@@ -29,10 +29,53 @@ const Parameters& valid(const Parameters& parameters) {
 
 }  // namespace
 
+// Of every tick; here so that step() may take them in.
+[[gnu::always_inline]] inline void Plant::update_angle() {
+  const double turns = (static_cast<double>(single_turn_) + fraction_) * turns_per_count_ + commutation_offset_turns_;
+  const drive::SinCos angle = drive::sin_cos_turns(static_cast<float>(turns - static_cast<double>(floor_of(turns))));
+  sine_ = static_cast<double>(angle.sine);
+  cosine_ = static_cast<double>(angle.cosine);
+}
+
+[[gnu::always_inline]] inline void Plant::fill(drive::Feedback& feedback) const {
+  feedback.position_counts = position_;
+  feedback.single_turn_counts = static_cast<std::uint32_t>(single_turn_);
+  if (encoder_frozen_) [[unlikely]] {
+    feedback.position_counts = frozen_position_;
+    const std::int64_t remainder = frozen_position_ % counts_per_revolution_;
+    feedback.single_turn_counts =
+        static_cast<std::uint32_t>(remainder < 0 ? remainder + counts_per_revolution_ : remainder);
+  }
+  const auto direct = windings_.direct_a;
+  const auto quadrature = windings_.quadrature_a;
+  const double alpha = direct * cosine_ - quadrature * sine_;
+  const double beta = direct * sine_ + quadrature * cosine_;
+  const double across = 0.86602540378443865 * beta;
+  feedback.phase_current_a[0] = static_cast<float>(alpha);
+  feedback.phase_current_a[1] = static_cast<float>(across - 0.5 * alpha);
+  feedback.phase_current_a[2] = static_cast<float>(-0.5 * alpha - across);
+  if ((faulty_phases_ >> open_shift & 7u) != 0) [[unlikely]] {
+    for (unsigned phase = 0; phase < 3; ++phase) {
+      if ((faulty_phases_ >> (open_shift + phase) & 1u) != 0) feedback.phase_current_a[phase] = 0.0F;
+    }
+  }
+  feedback.dc_link_v = static_cast<float>(dc_link_.volts());
+  feedback.inputs = travel_.inputs();
+  feedback.index_level = travel_.index();
+  feedback.encoder_faults = encoder_faults_;
+  feedback.hardware_faults = hardware_faults_;
+  if (alpha * alpha + beta * beta > overcurrent_squared_) [[unlikely]] {
+    feedback.hardware_faults |= overcurrent_bits(feedback);
+  }
+  feedback.winding_temperature_c = winding_reading_c_;
+  feedback.power_stage_temperature_c = stage_reading_c_;
+  feedback.encoder_temperature_c = encoder_reading_c_;
+  feedback.ambient_temperature_c = ambient_reading_c_;
+}
+
 Plant::Plant(const Parameters& parameters)
     : windings_(valid(parameters).motor, parameters.encoder.direction),
       half_angle_per_speed_(0.5 * h * windings_.pole_pairs()),
-      position_(parameters.encoder.start_position_counts),
       counts_per_speed_(h * parameters.encoder.counts_per_revolution / two_pi),
       turns_per_count_(windings_.pole_pairs() / parameters.encoder.counts_per_revolution),
       commutation_offset_turns_(parameters.encoder.commutation_offset_turns),
@@ -46,12 +89,18 @@ Plant::Plant(const Parameters& parameters)
       heat_(parameters.thermal),
       parameters_(parameters) {
   travel_.set_stops(parameters.load.low_stop_counts, parameters.load.high_stop_counts);
-  travel_.place(position_);
-  wrap_single_turn();
-  update_angle();
+  place(parameters.encoder.start_position_counts);
   update_brake();
   update_resistance();
   update_readings();
+}
+
+void Plant::place(std::int64_t position_counts) {
+  position_ = position_counts;
+  fraction_ = 0.0;
+  travel_.place(position_);
+  wrap_single_turn();
+  update_angle();
 }
 
 void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
@@ -88,39 +137,42 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   const double sine = sine_ * turn_cosine + cosine_ * turn_sine;
   const double cosine = cosine_ * turn_cosine - sine_ * turn_sine;
 
-  Excitation excitation;
   const double link_v = dc_link_.volts();
   const double u = static_cast<double>(actuation.phase_voltage_v[0]);
   const double v = static_cast<double>(actuation.phase_voltage_v[1]);
   const double w = static_cast<double>(actuation.phase_voltage_v[2]);
   const double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
-  const bool finite = u + v + w - (u + v + w) == 0.0;
-  if (actuation.pwm_enabled && !actuation.short_circuit && faulty_phases_ == 0 && range <= link_v && finite)
-      [[likely]] {
-    const double alpha = (2.0 * u - v - w) * (mean_factor * (1.0 / 3.0));
-    const double beta = (v - w) * (mean_factor * 0.57735026918962576);
-    excitation.direct_v = alpha * cosine + beta * sine;
-    excitation.quadrature_v = beta * cosine - alpha * sine;
-  } else {
-    excitation = unusual_excitation(actuation, sine, cosine, mean_factor);
-  }
+  const double sum = u + v + w;
+  const bool usual = actuation.pwm_enabled && !actuation.short_circuit && faulty_phases_ == 0 && range <= link_v &&
+                     sum - sum == 0.0;  // finite
+  const double alpha = (2.0 * u - v - w) * (mean_factor * (1.0 / 3.0));
+  const double beta = (v - w) * (mean_factor * 0.57735026918962576);
+  const double direct_v = alpha * cosine + beta * sine;
+  const double quadrature_v = beta * cosine - alpha * sine;
+  const auto excitation = [&] {
+    if (usual) return Excitation{.direct_v = direct_v, .quadrature_v = quadrature_v};
+    return unusual_excitation(actuation, sine, cosine, mean_factor);
+  };
 
+  // The usual tick is these two lines each with its exception: currents, then motion.
+  const Guess guess{torque_nm_, windings_.direct_a};
+  WindingTick windings = windings_.driven(direct_v, quadrature_v, response, guess);
+  if (!usual || !windings_.settled(windings, response, guess)) [[unlikely]] {
+    windings = solve_windings(excitation(), response);
+  }
   ShaftTick shaft;
-  WindingTick windings;
   if (shaft_.elastic()) {
     windings.torque_nm = torque_nm_;
-    shaft = solve_general(excitation, rotor_torque, windings);
-  } else if (windings = solve_windings(excitation, response); !shaft_.slide(windings.torque_nm + other_torque, shaft))
-      [[unlikely]] {
-    shaft = settle(excitation, windings, shaft,
-                   [&](double torque, bool) { return shaft_.slide_freely(torque + other_torque); });
+    shaft = solve_general(excitation(), rotor_torque, windings);
+  } else if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]] {
+    shaft = solve_turning(excitation(), other_torque, windings, shaft);
   }
   double moved = fraction_ + shaft.mean * counts_per_speed_;
   std::int64_t whole = floor_of(moved);
   std::int64_t position = position_ + whole;
   if (!travel_.quiet(position)) [[unlikely]] {
     if (!shaft_.elastic() && travel_.beyond_stop(position)) {
-      shaft = solve_general(excitation, rotor_torque, windings);
+      shaft = solve_general(excitation(), rotor_torque, windings);
       moved = fraction_ + shaft.mean * counts_per_speed_;
       whole = floor_of(moved);
       position = position_ + whole;
@@ -156,42 +208,6 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
 void Plant::sample(drive::Feedback& feedback) const {
   feedback.edge_count = 0;
   fill(feedback);
-}
-
-void Plant::fill(drive::Feedback& feedback) const {
-  feedback.position_counts = position_;
-  feedback.single_turn_counts = static_cast<std::uint32_t>(single_turn_);
-  if (encoder_frozen_) [[unlikely]] {
-    feedback.position_counts = frozen_position_;
-    const std::int64_t remainder = frozen_position_ % counts_per_revolution_;
-    feedback.single_turn_counts =
-        static_cast<std::uint32_t>(remainder < 0 ? remainder + counts_per_revolution_ : remainder);
-  }
-  const auto direct = windings_.direct_a;
-  const auto quadrature = windings_.quadrature_a;
-  const double alpha = direct * cosine_ - quadrature * sine_;
-  const double beta = direct * sine_ + quadrature * cosine_;
-  const double across = 0.86602540378443865 * beta;
-  feedback.phase_current_a[0] = static_cast<float>(alpha);
-  feedback.phase_current_a[1] = static_cast<float>(across - 0.5 * alpha);
-  feedback.phase_current_a[2] = static_cast<float>(-0.5 * alpha - across);
-  if ((faulty_phases_ >> open_shift & 7u) != 0) [[unlikely]] {
-    for (unsigned phase = 0; phase < 3; ++phase) {
-      if ((faulty_phases_ >> (open_shift + phase) & 1u) != 0) feedback.phase_current_a[phase] = 0.0F;
-    }
-  }
-  feedback.dc_link_v = static_cast<float>(dc_link_.volts());
-  feedback.inputs = travel_.inputs();
-  feedback.index_level = travel_.index();
-  feedback.encoder_faults = encoder_faults_;
-  feedback.hardware_faults = hardware_faults_;
-  if (alpha * alpha + beta * beta > overcurrent_squared_) [[unlikely]] {
-    feedback.hardware_faults |= overcurrent_bits(feedback);
-  }
-  feedback.winding_temperature_c = winding_reading_c_;
-  feedback.power_stage_temperature_c = stage_reading_c_;
-  feedback.encoder_temperature_c = encoder_reading_c_;
-  feedback.ambient_temperature_c = ambient_reading_c_;
 }
 
 std::uint32_t Plant::overcurrent_bits(const drive::Feedback& feedback) const {
@@ -262,6 +278,12 @@ ShaftTick Plant::settle(const Excitation& excitation, WindingTick& windings, Sha
   }
   windings = solve_bracketed(excitation, [&](double trial) { return solve_shaft(trial, true).mean; });
   return solve_shaft(windings.torque_nm, true);
+}
+
+ShaftTick Plant::solve_turning(const Excitation& excitation, double other_torque_nm, WindingTick& windings,
+                               const ShaftTick& tick) const {
+  return settle(excitation, windings, tick,
+                [&](double torque, bool) { return shaft_.slide_freely(torque + other_torque_nm); });
 }
 
 ShaftTick Plant::solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const {
@@ -337,13 +359,6 @@ double Plant::cogging_torque_nm() const {
 void Plant::wrap_single_turn() {
   const std::int64_t remainder = position_ % counts_per_revolution_;
   single_turn_ = remainder < 0 ? remainder + counts_per_revolution_ : remainder;
-}
-
-void Plant::update_angle() {
-  const double turns = (static_cast<double>(single_turn_) + fraction_) * turns_per_count_ + commutation_offset_turns_;
-  const drive::SinCos angle = drive::sin_cos_turns(static_cast<float>(turns - static_cast<double>(floor_of(turns))));
-  sine_ = static_cast<double>(angle.sine);
-  cosine_ = static_cast<double>(angle.cosine);
 }
 
 void Plant::operate_brake(bool released) {

@@ -51,7 +51,7 @@ class Plant {
   void force_input(int wire, bool level);  // wire 0..31; a change of level gives an edge at the present position
   void release_input(int wire);            // back to the geometry
   void inject(Injection injection, bool on);
-  bool injected(Injection injection) const;
+  bool injected(Injection injection) const { return (injections_ >> static_cast<unsigned>(injection) & 1u) != 0; }
 
   // Power cycle of the drive's electronics: the DC link is emptied, injections and forced inputs stay.
   void discharge_dc_link();
@@ -100,6 +100,8 @@ class Plant {
   WindingTick solve_bracketed(const Excitation& excitation, MeanSpeed mean_speed) const;
   template <typename SolveShaft>
   ShaftTick settle(const Excitation& excitation, WindingTick& windings, ShaftTick tick, SolveShaft solve_shaft) const;
+  ShaftTick solve_turning(const Excitation& excitation, double other_torque_nm, WindingTick& windings,
+                          const ShaftTick& tick) const;
   ShaftTick solve_general(const Excitation& excitation, double rotor_torque_nm, WindingTick& windings) const;
   void apply_load();
   void queue_edge(int wire);
@@ -112,6 +114,7 @@ class Plant {
   void update_readings();
   void update_angle();
   void wrap_single_turn();
+  void place(std::int64_t position_counts);
   std::uint32_t overcurrent_bits(const drive::Feedback& feedback) const;
   void fill(drive::Feedback& feedback) const;
 
