@@ -1,0 +1,83 @@
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "canopen/device_events.hpp"
+#include "host/canopen/bus.hpp"
+#include "host/canopen/emergency.hpp"
+
+namespace servodrome::host {
+
+using canopen::NmtCommand;
+using canopen::NmtState;
+
+// "pre-operational" and so on.
+const char* name(NmtState state);
+
+// What is known of a node from what it sends by itself.
+struct NodeHealth {
+  std::optional<NmtState> state;  // by heartbeat, boot-up or guarding
+  Time heard{};                   // when, last
+  unsigned boot_ups = 0;
+  std::optional<Emergency> emergency;  // the latest, error resets included
+};
+
+// The network's master: commands the NMT states, listens to heartbeats, boot-ups and EMCYs of all nodes, produces SYNC
+// and heartbeat, sends and receives PDOs as they are. CiA 301 7.2.8, 7.2.5, 7.2.7, 7.2.2.
+class Master {
+ public:
+  explicit Master(Bus& bus);
+
+  // To one node, or to all (0).
+  void command(NmtCommand command, std::uint8_t node_id = 0);
+  // Commands and waits until the node's heartbeat or boot-up confirms it. Throws HostError if it does not within
+  // `timeout`; a node without heartbeat confirms resets only.
+  void command_and_wait(NmtCommand command, std::uint8_t node_id, Time timeout);
+
+  const NodeHealth& health(std::uint8_t node_id) const { return nodes_[node_id & 0x7F]; }
+  // False: not within `timeout`.
+  bool wait_for_state(std::uint8_t node_id, NmtState state, Time timeout);
+  bool wait_for_boot_up(std::uint8_t node_id, Time timeout);
+
+  // Handlers are called while the bus runs.
+  void on_state(std::function<void(std::uint8_t node_id, NmtState)> handler) { on_state_ = std::move(handler); }
+  void on_boot_up(std::function<void(std::uint8_t node_id)> handler) { on_boot_up_ = std::move(handler); }
+  void on_emergency(std::function<void(const Emergency&)> handler) { on_emergency_ = std::move(handler); }
+
+  void send_sync();
+  // With the counter of object 1019h: 1..overflow (2..240), or none (0).
+  [[nodiscard]] Bus::Subscription produce_sync(Time period, std::uint8_t counter_overflow = 0);
+  [[nodiscard]] Bus::Subscription produce_heartbeat(std::uint8_t own_node_id, Time period,
+                                                    NmtState state = NmtState::operational);
+
+  void send_pdo(std::uint32_t can_id, std::span<const std::uint8_t> data);
+  // Asks for a TPDO by remote frame; `length` is the requested one.
+  void request_pdo(std::uint32_t can_id, std::uint8_t length);
+  // The next frame with this identifier, or nothing within `timeout`.
+  std::optional<Frame> wait_for_pdo(std::uint32_t can_id, Time timeout);
+
+  struct GuardAnswer {
+    bool toggle = false;
+    NmtState state{};
+  };
+  // Node guarding by remote frame. A node with life guarding (100Ch, 100Dh) expects this again and again from then on.
+  std::optional<GuardAnswer> guard(std::uint8_t node_id, Time timeout);
+
+  Bus& bus() { return bus_; }
+
+ private:
+  void receive(const Frame& frame);
+  void receive_error_control(std::uint8_t node_id, const Frame& frame);
+
+  Bus& bus_;
+  std::array<NodeHealth, 128> nodes_{};
+  std::function<void(std::uint8_t, NmtState)> on_state_;
+  std::function<void(std::uint8_t)> on_boot_up_;
+  std::function<void(const Emergency&)> on_emergency_;
+  std::uint8_t sync_counter_ = 0;
+  Bus::Subscription listening_;
+};
+
+}  // namespace servodrome::host

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace servodrome::host {
+
+// The one error type of this library: what happened, where (link, node, object), and what to do about it. what() is the
+// three in one sentence.
+class HostError : public std::runtime_error {
+ public:
+  HostError(std::string happened, std::string where, std::string remedy)
+      : std::runtime_error(where + ": " + happened + "; " + remedy),
+        happened_(std::move(happened)),
+        where_(std::move(where)),
+        remedy_(std::move(remedy)) {}
+
+  const std::string& happened() const { return happened_; }
+  const std::string& where() const { return where_; }
+  const std::string& remedy() const { return remedy_; }
+
+ private:
+  std::string happened_;
+  std::string where_;
+  std::string remedy_;
+};
+
+}  // namespace servodrome::host
