@@ -141,6 +141,57 @@ TEST(CurrentLoop, VoltageLimitsTheSpeed) {
   EXPECT_NEAR(axis.plant.velocity_rpm(), 0.5 * before_rpm, 1.0);
 }
 
+// Whatever is asked for, the voltage vector stays within what the DC link gives.
+TEST(CurrentLoop, VoltageStaysWithinTheDcLink) {
+  plant::Parameters parameters = frictionless(131072);
+  parameters.supply.volts = 100.0;
+  Axis axis(parameters);
+  axis.demand.loop = Loop::velocity;
+  double largest_share = 0.0;
+  int limited = 0;
+  for (const double rpm : {4000.0, -4000.0}) {
+    axis.demand.velocity = static_cast<float>(axis.counts_per_s(rpm));
+    for (int i = 0; i < 8000; ++i) {
+      const auto available_v = static_cast<double>(axis.feedback.dc_link_v) / std::sqrt(3.0);
+      axis.tick();
+      const std::array<float, 3>& v = axis.actuation.phase_voltage_v;
+      const auto alpha_v = static_cast<double>(2.0F * v[0] - v[1] - v[2]) / 3.0;
+      const auto beta_v = static_cast<double>(v[1] - v[2]) / std::sqrt(3.0);
+      largest_share = std::max(largest_share, std::hypot(alpha_v, beta_v) / available_v);
+      limited += axis.cascade.state().voltage_limited ? 1 : 0;
+    }
+  }
+  EXPECT_GT(limited, 1000);
+  EXPECT_NEAR(largest_share, 1.0, 1.0e-5);
+}
+
+// Just above the speed the voltage allows, with torque to spare: the velocity integral waits too.
+TEST(CurrentLoop, NothingWindsUpAtTheVoltageLimit) {
+  plant::Parameters parameters = frictionless(131072);
+  parameters.supply.volts = 60.0;
+  Axis axis(parameters);
+  axis.demand.loop = Loop::velocity;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(6000.0));
+  axis.run_seconds(1.0);
+  const double reached_rpm = axis.plant.velocity_rpm();
+  const double more_rpm = reached_rpm + 50.0;
+  Axis gentle(parameters);
+  gentle.demand.loop = Loop::velocity;
+  gentle.demand.velocity = static_cast<float>(gentle.counts_per_s(more_rpm));
+  const auto integral = [&gentle] {
+    const CascadeState& state = gentle.cascade.state();
+    const float gain = gentle.gains.velocity_kp * gentle.motor.torque_constant_nm_per_a / gentle.motor.rated_torque_nm;
+    const auto error = (state.velocity_reference_counts_per_s - state.velocity_counts_per_s) / gentle.counts_per_rad;
+    return static_cast<double>(state.torque_reference) - static_cast<double>(gain) * error;
+  };
+  gentle.run_seconds(0.5);
+  const double before = integral();
+  gentle.run_seconds(5.0);
+  EXPECT_TRUE(gentle.cascade.state().voltage_limited);
+  EXPECT_FALSE(gentle.cascade.state().torque_limited);
+  EXPECT_NEAR(integral(), before, 0.02);
+}
+
 TEST(CurrentLoop, DisabledOrOffThereIsNoVoltage) {
   Axis axis(frictionless(131072));
   axis.demand.loop = Loop::torque;

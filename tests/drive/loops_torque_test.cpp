@@ -99,6 +99,28 @@ TEST(TorqueLoop, SpeedLimitBrakesADrivingLoad) {
   EXPECT_TRUE(axis.cascade.state().velocity_limited);
 }
 
+// What the limiter has learnt of a load is forgotten away from the limit: the next run up to it does not overshoot.
+TEST(TorqueLoop, SpeedLimiterForgets) {
+  plant::Parameters parameters = frictionless(131072);
+  parameters.load.gravity_torque_nm = 0.8;
+  Axis axis = torque_axis(1.0F, 500.0, parameters);
+  axis.run_seconds(1.0);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 500.0, 1.0);
+  axis.demand.torque = -0.2F;
+  axis.plant.set_external_torque_nm(-0.8);  // takes the load away
+  axis.run_seconds(0.015);                  // slows down
+  axis.demand.torque = 0.0F;
+  axis.run_seconds(0.5);
+  axis.demand.torque = 1.0F;
+  double fastest_rpm = 0.0;
+  for (int i = 0; i < 8000; ++i) {
+    axis.tick();
+    fastest_rpm = std::max(fastest_rpm, axis.plant.velocity_rpm());
+  }
+  EXPECT_LT(fastest_rpm, 520.0);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 500.0, 1.0);
+}
+
 // From a loop to another and back the torque does not jump while the axis runs as it is asked to.
 TEST(TorqueLoop, ChangesOfLoopAreBumpless) {
   plant::Parameters parameters = frictionless(1 << 20);

@@ -222,6 +222,16 @@ TEST(VelocityLoop, HoldsALoadAndYieldsToALoweredLimit) {
   EXPECT_TRUE(axis.cascade.state().torque_limited);
   EXPECT_NEAR(axis.plant.torque_nm(), 0.2 * parameters.motor.rated_torque_nm, 2.0e-3);
   EXPECT_LT(axis.plant.velocity_rpm(), -50.0);
+
+  axis.plant.lock_rotor(true);
+  axis.run_seconds(0.1);
+  axis.demand.torque_limit_positive = 0.1F;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(100.0));
+  axis.run_seconds(0.1);
+  axis.demand.torque_limit_positive = 3.0F;
+  axis.demand.velocity = 0.0F;
+  axis.run_seconds(0.01);
+  EXPECT_NEAR(static_cast<double>(axis.cascade.state().torque_reference), 0.1, 0.01);
 }
 
 TEST(VelocityLoop, ReferenceIsClippedAndStandstillIsExactlyZero) {
