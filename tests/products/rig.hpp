@@ -29,6 +29,7 @@ inline drive::MotorData motor_data(const plant::Parameters& parameters) {
   data.inductance_q_h = static_cast<float>(motor.quadrature_inductance_h);
   data.inertia_kgm2 = static_cast<float>(motor.rotor_inertia_kgm2 + parameters.load.inertia_kgm2);
   data.commutation_offset_turns = static_cast<float>(parameters.encoder.commutation_offset_turns);
+  data.index_width_counts = static_cast<std::uint32_t>(parameters.encoder.index_width_counts);
   data.phase_order_reversed = parameters.encoder.direction < 0;
   return data;
 }

@@ -72,6 +72,7 @@ void HomingMode::start(Axis& axis) {
                       .stall_cycles = std::max<std::uint32_t>(1, axis.cycles(axis.configuration.homing_stall_ms)),
                       .retraction = axis.configuration.homing_retraction,
                       .timeout_cycles = axis.cycles(axis.configuration.homing_timeout_ms),
+                      .index_width = axis.configuration.motor.index_width_counts,
                       .reversed = axis.units.position_inverted};
   if (method->leg_count > 0 && (config.fast <= 0.0 || config.slow <= 0.0 || config.acceleration <= 0.0)) {
     return fail(axis, Cause::profile_value_zero);
