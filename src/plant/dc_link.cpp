@@ -48,7 +48,7 @@ void DcLink::end_precharge() {
 }
 
 void DcLink::set_source_resistance(double resistance_ohm) {
-  drop_factor_ = resistance_ohm;
+  source_resistance_in_use_ = resistance_ohm;
   source_keep_ = std::exp(-tick_over_capacitance_ / resistance_ohm);
 }
 

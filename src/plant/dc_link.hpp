@@ -23,7 +23,9 @@ class DcLink {
     const double keep = chopper_on ? chopper_keep_ : bleeder_keep_;
     const double kept_v = start_v * keep;
     chopped_j_ += half_capacitance_ * (start_v - kept_v) * (start_v + kept_v);
-    const double used = power_w * tick_over_capacitance_ / (kept_v * kept_v);  // half the share of energy taken
+    const double per_volt = 1.0 / std::max(kept_v, 1.0e-9);
+    const double current_a = power_w * per_volt;
+    const double used = current_a * tick_over_capacitance_ * per_volt;  // half the share of energy taken
     double free_v;
     if (std::abs(used) < 0.01) [[likely]] {
       free_v = kept_v * (1.0 - used - 0.5 * used * used);  // sqrt(1 - 2 used) to 5e-7
@@ -32,8 +34,7 @@ class DcLink {
     }
     // With the source connected the link relaxes exponentially to source - resistance * current; the rectifier lets
     // nothing back. A source of 0 V stands for the open relay.
-    const double drop_v = power_w * drop_factor_ / std::max(kept_v, 1.0e-3);
-    const double target_v = source_v_ - drop_v;
+    const double target_v = source_v_ - current_a * source_resistance_in_use_;
     const double fed_v = std::min(target_v + (kept_v - target_v) * source_keep_, source_v_);
     volts_ = std::max(free_v, fed_v);
     supplied_j_ += half_capacitance_ * (volts_ - free_v) * (volts_ + free_v);
@@ -57,7 +58,7 @@ class DcLink {
   double volts_ = 0.0;
   double source_v_ = 0.0;     // 0 while the relay is open
   double source_keep_ = 0.0;  // exp(-h / (resistance * C)) of the source resistance or of the precharge
-  double drop_factor_ = 0.0;  // its resistance
+  double source_resistance_in_use_ = 0.0;
   double bleeder_keep_;
   double chopper_keep_;
   double tick_over_capacitance_;

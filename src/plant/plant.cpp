@@ -365,7 +365,7 @@ void Plant::operate_brake(bool released) {
   if (released != brake_command_released_) {
     brake_command_released_ = released;
     const double ms = released ? parameters_.motor.brake_release_ms : parameters_.motor.brake_engage_ms;
-    brake_countdown_ = std::max(1, static_cast<std::int32_t>(ms * 1.0e-3 / h + 0.5));
+    brake_countdown_ = std::max(1, static_cast<std::int32_t>(std::lround(ms * 1.0e-3 / h)));
   }
   if (--brake_countdown_ > 0) return;
   brake_engaged_ = !released || (brake_engaged_ && injected(Injection::brake_stuck));
