@@ -28,8 +28,9 @@ const Entry* Dictionary::find(std::uint16_t index, std::uint8_t sub, AbortCode& 
     abort = AbortCode::none;
     return first;
   }
-  // The object's sub-index 0 or any other neighbour tells whether the object itself exists.
-  const bool exists = std::any_of(table_.begin(), table_.end(), [index](const Entry& e) { return e.index == index; });
+  // Every object begins with a sub-index 0 (is_valid_table), so the last entry not above the key belongs to it if it
+  // exists.
+  const bool exists = length == 1 && first->index == index;
   abort = exists ? AbortCode::sub_index_does_not_exist : AbortCode::object_does_not_exist;
   return nullptr;
 }
