@@ -49,4 +49,9 @@ class NodeStorage {
   std::array<std::byte, SdoBufferBytes> sdo_buffer_{};
 };
 
+// The same, for the CommunicationObjects<...> it goes with.
+template <typename Objects, std::size_t SdoBufferBytes = 64>
+using NodeStorageFor = NodeStorage<Objects::rpdo_count, Objects::tpdo_count, Objects::mapping_entries,
+                                   Objects::heartbeat_consumer_count, SdoBufferBytes>;
+
 }  // namespace servodrome::canopen

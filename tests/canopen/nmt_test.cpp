@@ -151,5 +151,21 @@ TEST(Storage, SignaturesAndAreas) {
   EXPECT_EQ(device->write(0x1010, 1, save, 4), AbortCode::hardware_error);
 }
 
+// CiA 301 7.5.2.23: a configuration that has changed is no longer the verified one.
+TEST(VerifyConfiguration, ForgottenWithAnyOtherChange) {
+  auto device = make_device();
+  device->start();
+  ASSERT_EQ(device->write(0x1020, 1, 0x1234, 4), AbortCode::none);
+  ASSERT_EQ(device->write(0x1020, 2, 0x5678, 4), AbortCode::none);
+  ASSERT_EQ(device->write(0x6040, 0, 6, 2), AbortCode::none);
+  EXPECT_EQ(device->objects.communication.configuration_date, 0x1234U) << "a controlword is no configuration";
+  EXPECT_EQ(device->objects.communication.configuration_time, 0x5678U);
+  EXPECT_EQ(device->write(0x1029, 1, 9, 1), AbortCode::value_invalid);
+  EXPECT_EQ(device->objects.communication.configuration_date, 0x1234U) << "refused, so unchanged";
+  ASSERT_EQ(device->write(0x1029, 1, 1, 1), AbortCode::none);
+  EXPECT_EQ(device->objects.communication.configuration_date, 0U);
+  EXPECT_EQ(device->objects.communication.configuration_time, 0U);
+}
+
 }  // namespace
 }  // namespace servodrome::canopen::test

@@ -200,6 +200,46 @@ TEST(Rpdo, RefusedValuesLeaveTheirObjectAlone) {
   EXPECT_EQ(device->objects.controlword, 2) << "the others are written";
 }
 
+TEST(Rpdo, CommandsWithoutStorageReachTheirOwner) {
+  static constexpr auto table = dictionary::make_table<[] {
+    using namespace dictionary;
+    using C = CommunicationObjects<1, 1, 2>;
+    TableBuilder<80> t;
+    t.append(general_section<C>).append(rpdo_section<C>).append(dummy_section);
+    t.add(var(0x2000, "", {Type::unsigned16}, Access::wo, Pdo::rpdo, {.owner = Owner::product}));
+    return t;
+  }>();
+  struct Owner final : dictionary::Listener {
+    AbortCode check(const dictionary::Entry&, std::span<const std::byte> value) override {
+      command = static_cast<int>(dictionary::decode_number(dictionary::Type::unsigned16, value));
+      return AbortCode::none;
+    }
+    int command = 0;
+  } owner;
+  CommunicationObjects<1, 1, 2> objects;
+  objects.rpdo_parameters[0] = {.cob_id = 0x201, .transmission_type = 255};
+  objects.rpdo_mappings[0] = {.count = 2, .objects = {0x00060010, 0x20000010}};
+  dictionary::Dictionary dictionary(table, std::as_writable_bytes(std::span(&objects, 1)));
+  dictionary.set_listener(dictionary::Owner::product, &owner);
+  const Profile profile{.starts_operational = true};
+  RecordingEvents events;
+  NodeStorageFor<CommunicationObjects<1, 1, 2>> storage;
+  Node node(dictionary, profile, events, storage.memory());
+  node.start(1, 0s);
+  node.receive(frame_of("201 # 11 11 34 12"), 0s);
+  EXPECT_EQ(owner.command, 0x1234);
+}
+
+TEST(Pdo, ObjectsBeyondTheNodesMemoryAreRefused) {
+  auto device = make_device();
+  NodeStorage<2, 2> small;
+  Node node(device->dictionary, device->profile, device->events, small.memory());
+  node.start(1, 0s);
+  EXPECT_EQ(device->dictionary.set_number(0x1401, 2, 1), AbortCode::none);
+  EXPECT_EQ(device->dictionary.set_number(0x1402, 2, 1), AbortCode::out_of_memory);
+  EXPECT_EQ(device->dictionary.set_number(0x1803, 2, 1), AbortCode::out_of_memory);
+}
+
 TEST(Rpdo, DummiesSkipOtherNodesData) {
   // ESTUN manual L2338-2356 (W25): one frame serves two nodes.
   auto device = make_device();
@@ -384,6 +424,8 @@ TEST(Tpdo, TimerOnlyTypesIgnoreChanges) {
   device->objects.statusword = 1;
   EXPECT_EQ(device->image_updated(), (Frames{"281 # 01 00"}));
   EXPECT_EQ(device->advance(20ms), (Frames{"181 # 01 00", "181 # 01 00"}));
+  ASSERT_NO_FATAL_FAILURE(device->map(0x1800, {0x60410010}, 255));
+  EXPECT_EQ(device->others, Frames{}) << "becoming valid is no event for it";
 }
 
 TEST(Tpdo, ChangeMask) {

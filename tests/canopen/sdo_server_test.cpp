@@ -46,6 +46,7 @@ TEST(SdoServer, ExpeditedFramesOfTheManuals) {
           {"short frames are no SDO", "602 # 40 61 60 00", {}},
           {"another node's", "603 # 40 61 60 00 00 00 00 00", {}},
           {"abort is not answered", "602 # 80 61 60 00 00 00 00 08", {}},
+          {"whatever its reserved bits", "602 # 9F 61 60 00 00 00 00 08", {}},
           {"segment out of the blue", "602 # 60 00 00 00 00 00 00 00", {"582 # 80 03 20 00 01 00 04 05"}},
       });
   EXPECT_EQ(device->objects.target_velocity, 1000);

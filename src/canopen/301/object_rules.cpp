@@ -47,9 +47,10 @@ AbortCode check_cob_id(std::uint32_t present, std::uint32_t value) {
 
 AbortCode Node::check(const Entry& entry, std::span<const std::byte> bytes) {
   const std::uint32_t value = unsigned_of(bytes);
+  const std::uint16_t number = number_of(entry.index);
   switch (group_of(entry.index)) {
-    case Group::rpdo: return rpdos_.check(entry, value);
-    case Group::tpdo: return tpdos_.check(entry, value);
+    case Group::rpdo: return number < rpdos_.capacity() ? rpdos_.check(entry, value) : AbortCode::out_of_memory;
+    case Group::tpdo: return number < tpdos_.capacity() ? tpdos_.check(entry, value) : AbortCode::out_of_memory;
     case Group::general: break;
   }
   if (entry.index == 0x1010 || entry.index == 0x1011) return check_signature(entry, value);
@@ -86,12 +87,16 @@ AbortCode Node::check_general(const Entry& entry, std::uint32_t value) const {
 }
 
 void Node::written(const Entry& entry) {
+  const std::uint16_t number = number_of(entry.index);
   switch (group_of(entry.index)) {
     case Group::rpdo:
-      rpdos_.configure(number_of(entry.index));
+      if (number >= rpdos_.capacity()) return;
+      rpdos_.configure(number);
       rebuild_dispatch();
       return;
-    case Group::tpdo: tpdos_.configure(number_of(entry.index)); return;
+    case Group::tpdo:
+      if (number < tpdos_.capacity()) tpdos_.configure(number);
+      return;
     case Group::general: break;
   }
   switch (entry.index) {
@@ -109,10 +114,10 @@ void Node::written(const Entry& entry) {
     case 0x1014:
     case 0x1015: emergency_.reconfigure(); break;
     case 0x1016: {
-      const auto number = static_cast<std::uint8_t>(entry.sub - 1);
-      if (number >= heartbeat_consumers_.capacity()) break;
-      if (heartbeat_consumers_[number].lost) emergency_.end(CommunicationError::heartbeat);
-      heartbeat_consumers_.configure(number);
+      const auto consumer = static_cast<std::uint8_t>(entry.sub - 1);
+      if (consumer >= heartbeat_consumers_.capacity()) break;
+      if (heartbeat_consumers_[consumer].lost) emergency_.end(CommunicationError::heartbeat);
+      heartbeat_consumers_.configure(consumer);
       rebuild_dispatch();
       break;
     }

@@ -39,7 +39,7 @@ AbortCode resolve(const dictionary::Dictionary& dictionary, const Profile& profi
   const unsigned own_bits = std::min(bits, dictionary::size_of(entry->type) * 8U);
   object.entry = entry;
   object.place = dictionary.storage(*entry);
-  object.mask = ~std::uint64_t{0} >> (64 - own_bits);
+  object.mask = own_bits < 64 ? (std::uint64_t{1} << own_bits) - 1 : ~std::uint64_t{0};
   object.shift = static_cast<std::uint8_t>(shift);
   object.bytes = dictionary::size_of(entry->type);
   object.plain = entry->owner == dictionary::Owner::none && (direction == Direction::transmit || !entry->has_range);
@@ -68,7 +68,7 @@ void unpack_checked(dictionary::Dictionary& dictionary, const MappedObject& obje
   if (dictionary.check_range(entry, bytes) != AbortCode::none) return;
   dictionary::Listener* owner = dictionary.listener(entry);
   if (owner != nullptr && owner->check(entry, bytes) != AbortCode::none) return;
-  store(object.place, value, object.bytes);
+  if (object.place != nullptr) store(object.place, value, object.bytes);
   if (owner != nullptr) owner->written(entry);
 }
 

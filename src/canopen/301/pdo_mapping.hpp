@@ -11,7 +11,7 @@ enum class Direction : std::uint8_t { receive, transmit };
 
 struct MappedObject {
   const dictionary::Entry* entry = nullptr;
-  std::byte* place = nullptr;  // nullptr: dummy (receive) or a constant without storage (transmit)
+  std::byte* place = nullptr;  // nullptr: no storage; a dummy, an owner's command, or a constant
   std::uint64_t mask = 0;      // of the object's own bits, before the shift
   std::uint8_t shift = 0;      // first bit within the PDO
   std::uint8_t bytes = 0;      // of the object in memory
@@ -74,12 +74,11 @@ inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<co
 void unpack_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value);
 inline void unpack(dictionary::Dictionary& dictionary, std::span<const MappedObject> objects, std::uint64_t word) {
   for (const MappedObject& object : objects) {
-    if (object.place == nullptr) continue;
     const std::uint64_t value = word >> object.shift & object.mask;
-    if (object.plain) {
-      store(object.place, value, object.bytes);
-    } else {
+    if (!object.plain) {
       unpack_checked(dictionary, object, value);
+    } else if (object.place != nullptr) {
+      store(object.place, value, object.bytes);
     }
   }
 }

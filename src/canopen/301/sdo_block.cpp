@@ -92,7 +92,7 @@ void SdoServer::end_block_download(const Frame& request) {
     const auto expected = static_cast<std::uint16_t>(request.data[1] | request.data[2] << 8);
     if (crc16(std::span<const std::byte>(buffer_).first(size)) != expected) code = AbortCode::crc_error;
   }
-  if (code == AbortCode::none) code = commit(size);
+  if (code == AbortCode::none) code = commit(std::span<const std::byte>(buffer_).first(size));
   if (code != AbortCode::none) return abort(code);
   reset();
   link_.transmit(response(server::block_download_ended));

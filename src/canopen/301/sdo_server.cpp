@@ -1,13 +1,19 @@
 #include "canopen/301/sdo_server.hpp"
 
 #include "canopen/301/sdo_wire.hpp"
+#include "canopen/object_access.hpp"
 
 namespace servodrome::canopen {
 
 using dictionary::AbortCode;
 using namespace sdo;
 
+namespace {
+constexpr std::uint16_t verify_configuration = 0x1020;
+}
+
 void SdoServer::configure(std::uint32_t request_can_id, std::uint32_t response_can_id) {
+  verified_ = {storage_of(dictionary_, verify_configuration, 1), storage_of(dictionary_, verify_configuration, 2)};
   request_can_id_ = request_can_id;
   response_can_id_ = response_can_id;
   index_ = 0;
@@ -18,15 +24,13 @@ void SdoServer::configure(std::uint32_t request_can_id, std::uint32_t response_c
 void SdoServer::receive(const Frame& request) {
   if (request.length != 8) return;
   const std::uint8_t command = request.data[0];
-  if (command == abort_transfer) {
-    reset();
-    return;
-  }
-  if (state_ == State::block_download_segments) {  // every byte 0 is a sequence number now
+  // Within a sub-block every byte 0 but the abort's is a sequence number.
+  if (state_ == State::block_download_segments && command != abort_transfer) {
     block_download_segment(request);
     return;
   }
   switch (specifier(command)) {
+    case client::abort: reset(); break;
     case client::initiate_upload: initiate_upload(request); break;
     case client::initiate_download: initiate_download(request); break;
     case client::upload_segment: upload_segment(request); break;
@@ -97,8 +101,15 @@ AbortCode SdoServer::check_received_size(std::uint32_t size) const {
   return size > buffer_.size() ? AbortCode::out_of_memory : AbortCode::none;
 }
 
-AbortCode SdoServer::commit(std::uint32_t size) {
-  return dictionary_.write(*entry_, std::span<const std::byte>(buffer_).first(size));
+AbortCode SdoServer::commit(std::span<const std::byte> value) {
+  const AbortCode code = dictionary_.write(*entry_, value);
+  // A changed configuration is no longer the one that 1020h vouches for (CiA 301 7.5.2.23).
+  if (code == AbortCode::none && entry_->saved && entry_->index != verify_configuration) {
+    for (std::byte* place : verified_) {
+      if (place != nullptr) std::memset(place, 0, sizeof(std::uint32_t));
+    }
+  }
+  return code;
 }
 
 void SdoServer::poll() {
@@ -130,7 +141,7 @@ void SdoServer::initiate_download(const Frame& request) {
       const std::uint32_t own = dictionary::size_of(entry_->type);
       size = own != 0 && own < 4 ? own : 4;
     }
-    code = dictionary_.write(*entry_, std::as_bytes(std::span(request.data)).subspan(4, size));
+    code = commit(std::as_bytes(std::span(request.data)).subspan(4, size));
     if (code != AbortCode::none) return abort(code);
     Frame frame = response_with_multiplexer(server::download_initiated);
     if (profile_.sdo_download_response_echoes_data) std::memcpy(&frame.data[4], &request.data[4], 4);
@@ -166,7 +177,7 @@ void SdoServer::download_segment(const Frame& request) {
   std::memcpy(buffer_.data() + received_, &request.data[1], size);
   received_ = total;
   if (last) {
-    const AbortCode code = commit(total);
+    const AbortCode code = commit(std::span<const std::byte>(buffer_).first(total));
     if (code != AbortCode::none) return abort(code);
   }
   const auto scs = static_cast<std::uint8_t>(server::segment_downloaded | (toggle_ ? toggle_bit : 0U));

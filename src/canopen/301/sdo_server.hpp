@@ -58,7 +58,7 @@ class SdoServer {
   dictionary::AbortCode find(const Frame& request);
   dictionary::AbortCode check_announced_size(std::uint32_t size) const;
   dictionary::AbortCode check_received_size(std::uint32_t size) const;
-  dictionary::AbortCode commit(std::uint32_t size);
+  dictionary::AbortCode commit(std::span<const std::byte> value);
   void respond_to_upload();
   void respond(Frame& frame);
   void abort(dictionary::AbortCode code);
@@ -88,6 +88,7 @@ class SdoServer {
   std::uint32_t block_start_ = 0;
   const dictionary::Entry* entry_ = nullptr;
   dictionary::ReadValue value_;
+  std::array<std::byte*, 2> verified_{};  // date and time of 1020h
   Time deadline_ = never;
   Time repeat_at_ = never;
 };

@@ -17,6 +17,7 @@ inline constexpr std::uint8_t download_segment = 0;
 inline constexpr std::uint8_t initiate_download = 1;
 inline constexpr std::uint8_t initiate_upload = 2;
 inline constexpr std::uint8_t upload_segment = 3;
+inline constexpr std::uint8_t abort = 4;
 inline constexpr std::uint8_t block_upload = 5;
 inline constexpr std::uint8_t block_download = 6;
 }  // namespace client

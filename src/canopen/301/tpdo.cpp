@@ -57,7 +57,8 @@ void Tpdos::configure(std::uint16_t number) {
     link_.wake_at(pdo.event_deadline);
   }
   if (!pdo.valid) pdo.waiting = false;
-  if (operational_ && pdo.valid && !was_valid) trigger(number);  // it has never been sent
+  const bool event_triggered = pdo.on_change || pdo.type == acyclic_synchronous;
+  if (operational_ && pdo.valid && !was_valid && event_triggered) trigger(number);  // it has never been sent
   rebuild_lists();
 }
 
