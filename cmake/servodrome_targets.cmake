@@ -17,8 +17,12 @@ else()
   target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fconstexpr-steps=500000000>)
 endif()
 if(SERVODROME_SANITIZE)
+  # The vptr and function checks need the type information that portable libraries are built without.
   target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE} -fno-omit-frame-pointer
-    -fno-sanitize-recover=all>)
+    -fno-sanitize-recover=all -fno-sanitize=vptr>)
+  if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fno-sanitize=function>)
+  endif()
   target_link_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE}>)
 endif()
 
