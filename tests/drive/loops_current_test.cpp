@@ -181,8 +181,8 @@ TEST(CurrentLoop, NothingWindsUpAtTheVoltageLimit) {
   const auto integral = [&gentle] {
     const CascadeState& state = gentle.cascade.state();
     const float gain = gentle.gains.velocity_kp * gentle.motor.torque_constant_nm_per_a / gentle.motor.rated_torque_nm;
-    const auto error = (state.velocity_reference_counts_per_s - state.velocity_counts_per_s) / gentle.counts_per_rad;
-    return static_cast<double>(state.torque_reference) - static_cast<double>(gain) * error;
+    const auto error = static_cast<double>(state.velocity_reference_counts_per_s - state.velocity_counts_per_s);
+    return static_cast<double>(state.torque_reference) - static_cast<double>(gain) * error / gentle.counts_per_rad;
   };
   gentle.run_seconds(0.5);
   const double before = integral();
