@@ -99,6 +99,11 @@ class Rig {
     return device.drive().state() == drive::PowerState::operation_enabled;
   }
 
+  void drain() {
+    canopen::Frame frame;
+    while (device.take(frame)) sent.push_back(frame);
+  }
+
   plant::Plant plant;
   DeviceType device;
   drive::Feedback feedback{};
@@ -109,10 +114,6 @@ class Rig {
   static products::Settings with_motor(products::Settings settings, const plant::Parameters& parameters) {
     settings.motor = motor_data(parameters);
     return settings;
-  }
-  void drain() {
-    canopen::Frame frame;
-    while (device.take(frame)) sent.push_back(frame);
   }
   std::int64_t ticks_ = 0;
 };

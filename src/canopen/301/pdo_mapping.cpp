@@ -62,14 +62,14 @@ AbortCode resolve_all(const dictionary::Dictionary& dictionary, const Profile& p
   return AbortCode::none;
 }
 
-void unpack_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value) {
+bool store_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value) {
   const auto bytes = std::as_bytes(std::span(&value, 1)).first(object.bytes);
   const Entry& entry = *object.entry;
-  if (dictionary.check_range(entry, bytes) != AbortCode::none) return;
+  if (dictionary.check_range(entry, bytes) != AbortCode::none) return false;
   dictionary::Listener* owner = dictionary.listener(entry);
-  if (owner != nullptr && owner->check(entry, bytes) != AbortCode::none) return;
+  if (owner != nullptr && owner->check(entry, bytes) != AbortCode::none) return false;
   if (object.place != nullptr) store(object.place, value, object.bytes);
-  if (owner != nullptr) owner->written(entry);
+  return true;
 }
 
 bool PdoConfiguration::is_valid(std::uint16_t parameter_index) const {

@@ -70,16 +70,25 @@ inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<co
 }
 
 // Writes the data of an RPDO to its objects. An object whose range or owner refuses the value keeps what it has; the
-// others of the PDO are written all the same.
-void unpack_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value);
+// others of the PDO are written all the same. Owners are told when all values are there, so that a controlword acts
+// with the target that came with it, wherever the mapping puts the two.
+bool store_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value);
 inline void unpack(dictionary::Dictionary& dictionary, std::span<const MappedObject> objects, std::uint64_t word) {
+  std::uint64_t to_tell = 0;  // a PDO has at most 64 objects
+  std::uint64_t bit = 1;
   for (const MappedObject& object : objects) {
     const std::uint64_t value = word >> object.shift & object.mask;
     if (!object.plain) {
-      unpack_checked(dictionary, object, value);
+      if (store_checked(dictionary, object, value)) to_tell |= bit;
     } else if (object.place != nullptr) {
       store(object.place, value, object.bytes);
     }
+    bit <<= 1;
+  }
+  for (std::size_t i = 0; to_tell != 0; ++i, to_tell >>= 1) {
+    if ((to_tell & 1) == 0) continue;
+    const dictionary::Entry& entry = *objects[i].entry;
+    if (dictionary::Listener* owner = dictionary.listener(entry)) owner->written(entry);
   }
 }
 
