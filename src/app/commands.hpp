@@ -1,0 +1,36 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <stdexcept>
+#include <string>
+
+namespace servodrome::app {
+
+// How a command ends that did not do what was asked. Caught in main.
+class Failure : public std::runtime_error {
+ public:
+  static Failure did_not_work(const std::string& message) { return {1, message}; }
+  static Failure wrong_use(const std::string& message) { return {2, message}; }
+
+  int exit_status() const { return exit_status_; }
+
+ private:
+  Failure(int exit_status, const std::string& message) : std::runtime_error(message), exit_status_(exit_status) {}
+
+  int exit_status_;
+};
+
+void add_up(CLI::App& app);
+void add_check(CLI::App& app);
+void add_products(CLI::App& app);
+void add_export(CLI::App& app);
+void add_scan(CLI::App& app);
+void add_get(CLI::App& app);
+void add_set(CLI::App& app);
+void add_home(CLI::App& app);
+void add_move(CLI::App& app);
+void add_monitor(CLI::App& app);
+void add_nmt(CLI::App& app);
+void add_prove(CLI::App& app);
+
+}  // namespace servodrome::app

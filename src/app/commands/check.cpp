@@ -1,0 +1,51 @@
+#include <fmt/format.h>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "app/commands.hpp"
+#include "line/line_file.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct Options {
+  std::string file;
+  bool json = false;
+};
+
+void check(const Options& options) {
+  const line::LineFile loaded = line::load_line_file(options.file, line::all_products());
+  if (options.json) {
+    nlohmann::ordered_json problems = nlohmann::ordered_json::array();
+    for (const line::Diagnostic& diagnostic : loaded.diagnostics) {
+      problems.push_back({{"file", diagnostic.file},
+                          {"line", diagnostic.line},
+                          {"column", diagnostic.column},
+                          {"what", diagnostic.what},
+                          {"hint", diagnostic.hint}});
+    }
+    const nlohmann::ordered_json result{{"ok", loaded.diagnostics.empty()}, {"problems", std::move(problems)}};
+    fmt::print("{}\n", result.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+  } else {
+    for (const line::Diagnostic& diagnostic : loaded.diagnostics) fmt::print("{}\n", to_string(diagnostic));
+    if (loaded.diagnostics.empty()) {
+      fmt::print("{}: {} axes on {} buses, nothing wrong\n", options.file, loaded.settings.axes.size(),
+                 loaded.settings.buses.size());
+    }
+  }
+  if (!loaded.diagnostics.empty()) {
+    throw Failure::did_not_work(fmt::format("{} has {} to correct", options.file, loaded.diagnostics.size()));
+  }
+}
+
+}  // namespace
+
+void add_check(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("check", "Say what is wrong with a line file, with line and column");
+  command->add_option("FILE", options->file, "Line file (TOML)")->required();
+  command->add_flag("--json", options->json, "Print JSON");
+  command->callback([options] { check(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,194 @@
+#include <algorithm>
+#include <boost/asio/signal_set.hpp>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <unistd.h>
+
+#include "app/commands.hpp"
+#include "app/line_files.hpp"
+#include "line/line_server.hpp"
+#include "line/nearest_name.hpp"
+#include "line/registry.hpp"
+#include "links/can/link_name.hpp"
+#include "links/link_error.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct Options {
+  std::string file;
+  std::vector<std::string> buses;
+  std::string log;
+  std::string api;
+  std::string ready_file;
+  bool virtual_time = false;
+  bool json = false;
+};
+
+// `--bus NAME=LINK` or, on a line with one bus, `--bus LINK`: replaces the bus's links of the line file. Several links
+// for a bus are several options.
+void override_links(line::LineSettings& settings, const std::vector<std::string>& options) {
+  std::vector<std::string_view> names;
+  for (const line::BusSettings& bus : settings.buses) names.push_back(bus.name);
+  std::vector<bool> cleared(settings.buses.size(), false);
+  for (const std::string& option : options) {
+    // A link name has a colon before any equals sign.
+    const std::size_t equals = option.find('=');
+    const bool named = equals < option.find(':');
+    const std::string name = named ? option.substr(0, equals) : std::string();
+    const std::string link = named ? option.substr(equals + 1) : option;
+    std::size_t bus = 0;
+    if (named) {
+      bus = static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
+      if (bus == names.size()) {
+        throw Failure::wrong_use(
+            fmt::format("--bus {}: there is no bus \"{}\"; {}", option, name, line::suggestion(name, names)));
+      }
+    } else if (names.size() != 1) {
+      throw Failure::wrong_use(fmt::format("--bus {}: the line has {} buses; write --bus NAME=LINK with one of {}",
+                                           option, names.size(), fmt::join(names, ", ")));
+    }
+    try {
+      links::parse_can_link(link);
+    } catch (const links::LinkError& error) {
+      throw Failure::wrong_use(fmt::format("--bus {}: {}", option, error.what()));
+    }
+    if (!cleared[bus]) settings.buses[bus].links.clear();
+    cleared[bus] = true;
+    settings.buses[bus].links.push_back(link);
+  }
+}
+
+line::LineSettings settings_of(const Options& options) {
+  line::LineSettings settings = load_line(options.file);
+  override_links(settings, options.buses);
+  if (options.virtual_time) settings.clock = line::ClockMode::virtual_time;
+  if (!options.api.empty()) {
+    settings.api.enabled = true;
+    const std::string problem = line::parse_api_address(options.api, settings.api);
+    if (!problem.empty()) {
+      throw Failure::wrong_use(fmt::format("--api {}: {}; write --api 127.0.0.1:8402", options.api, problem));
+    }
+  }
+  return settings;
+}
+
+// With several buses in one line each has a file of its own: trace.log becomes trace.can0.log.
+std::string log_path(const std::string& path, const line::LineSettings& settings, std::size_t bus) {
+  if (path == "-" || settings.buses.size() == 1) return path;
+  const std::size_t folder = path.rfind('/');
+  const std::size_t dot = path.rfind('.');
+  const bool has_extension = dot != std::string::npos && (folder == std::string::npos || dot > folder);
+  const std::size_t place = has_extension ? dot : path.size();
+  return fmt::format("{}.{}{}", path.substr(0, place), settings.buses[bus].name, path.substr(place));
+}
+
+std::string api_url(const line::LineServer& server, const line::LineSettings& settings) {
+  if (server.api_port() == 0) return {};
+  const bool ipv6 = settings.api.address.find(':') != std::string::npos;
+  return fmt::format("http://{}:{}/api/v1", ipv6 ? "[" + settings.api.address + "]" : settings.api.address,
+                     server.api_port());
+}
+
+nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettings& settings) {
+  nlohmann::ordered_json description{{"event", "ready"},
+                                     {"clock", settings.clock == line::ClockMode::real ? "real" : "virtual"},
+                                     {"api", api_url(server, settings)},
+                                     {"token", server.token()}};
+  description["axes"] = nlohmann::ordered_json::array();
+  for (const auto& axis : server.line().axes()) {
+    description["axes"].push_back({{"name", axis->settings().name},
+                                   {"product", axis->settings().product->name},
+                                   {"bus", settings.buses[axis->settings().bus].name},
+                                   {"node_id", axis->device().node_id()}});
+  }
+  description["buses"] = nlohmann::ordered_json::array();
+  for (const auto& bus : server.line().buses()) {
+    nlohmann::ordered_json names = nlohmann::ordered_json::array();
+    for (const auto& link : bus->links) names.push_back(link->name());
+    description["buses"].push_back({{"name", bus->settings.name}, {"bit_rate", bus->bus.bit_rate()}, {"links", names}});
+  }
+  return description;
+}
+
+void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
+  fmt::print(out, "{:<18}{:<14}{:<18}{}\n", "axis", "product", "bus", "node");
+  for (const auto& axis : ready["axes"]) {
+    fmt::print(out, "{:<18}{:<14}{:<18}{}\n", axis["name"].get<std::string>(), axis["product"].get<std::string>(),
+               axis["bus"].get<std::string>(), axis["node_id"].get<int>());
+  }
+  fmt::print(out, "\n{:<18}{:<14}{}\n", "bus", "kbit/s", "reach it with");
+  for (const auto& bus : ready["buses"]) {
+    const auto links = bus["links"].get<std::vector<std::string>>();
+    fmt::print(out, "{:<18}{:<14}{}\n", bus["name"].get<std::string>(), bus["bit_rate"].get<int>() / 1000.0,
+               links.empty() ? "-" : fmt::format("{}", fmt::join(links, "  ")));
+  }
+  const auto api = ready["api"].get<std::string>();
+  if (!api.empty()) fmt::print(out, "\nbench API         {}   token {}\n", api, ready["token"].get<std::string>());
+  fmt::print(out, "ready, {} time; Ctrl-C ends it\n", ready["clock"].get<std::string>());
+}
+
+// Appears under its name when it is complete; for the user alone, because the token is in it.
+void write_ready_file(const std::string& path, const std::string& text) {
+  const std::string part = path + ".part";
+  const int file = ::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, S_IRUSR | S_IWUSR);
+  const bool written = file >= 0 && ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+  const bool closed = file >= 0 && ::close(file) == 0;
+  if (!written || !closed || std::rename(part.c_str(), path.c_str()) != 0) {
+    throw Failure::did_not_work(fmt::format("cannot write {}: {}; choose a folder that exists and may be written to",
+                                            path, std::strerror(errno)));
+  }
+}
+
+void run(const Options& options) {
+  const line::LineSettings settings = settings_of(options);
+  std::signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away is no reason to leave symbolic links behind
+  line::LineServer server(settings);
+  boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
+  signals.async_wait([&server](const boost::system::error_code& code, int) {
+    if (!code) server.stop();
+  });
+  if (!options.log.empty()) {
+    for (std::size_t i = 0; i < settings.buses.size(); ++i) {
+      server.log(*server.line().buses()[i], log_path(options.log, settings, i));
+    }
+  }
+  const nlohmann::ordered_json ready = describe(server, settings);
+  if (!options.ready_file.empty()) write_ready_file(options.ready_file, ready.dump(2) + "\n");
+  std::FILE* out = options.log == "-" ? stderr : stdout;
+  if (options.json) {
+    fmt::print(out, "{}\n", ready.dump());
+  } else {
+    print_table(out, ready);
+  }
+  std::fflush(out);
+  server.run();
+  if (!options.ready_file.empty()) std::remove(options.ready_file.c_str());
+}
+
+}  // namespace
+
+void add_up(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("up", "Run a line of drives until Ctrl-C");
+  command->add_option("LINE", options->file, "Line file (TOML); the built-in line with two drives if not given");
+  command
+      ->add_option("--bus", options->buses,
+                   "NAME=LINK or LINK: how a bus is reached, instead of what the line file says "
+                   "(socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE)")
+      ->allow_extra_args(false);
+  command->add_option("--log", options->log, "Log each bus in candump format (FILE.pcap: pcap); - is standard output");
+  command->add_flag("--virtual", options->virtual_time, "Time passes only when the bench API advances it");
+  command->add_option("--api", options->api, "ADDRESS:PORT of the bench API; port 0 lets the system choose");
+  command->add_option("--ready-file", options->ready_file, "Write this file (JSON) when the line is ready");
+  command->add_flag("--json", options->json, "Print one JSON object when the line is ready, instead of a table");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

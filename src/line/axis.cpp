@@ -1,0 +1,155 @@
+#include "line/axis.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "canopen/node.hpp"
+#include "drive/drive.hpp"
+#include "links/file_medium.hpp"
+
+namespace servodrome::line {
+namespace {
+
+constexpr std::uint32_t store_bytes = 32 * 1024;  // two banks, each several times what a drive's saved objects take
+
+// The non-volatile memory of a drive that was given no file: outlives a power cycle, not the line.
+class KeptInMemory final : public dictionary::Medium {
+ public:
+  std::uint32_t size() const override { return medium_.size(); }
+  bool read(std::uint32_t address, std::span<std::byte> bytes) override { return medium_.read(address, bytes); }
+  bool write(std::uint32_t address, std::span<const std::byte> bytes) override { return medium_.write(address, bytes); }
+  bool flush() override { return medium_.flush(); }
+
+ private:
+  std::array<std::byte, store_bytes> memory_{};
+  dictionary::RamMedium medium_{memory_};
+};
+
+std::shared_ptr<dictionary::Medium> open_store(const std::string& path) {
+  if (path.empty()) return std::make_shared<KeptInMemory>();
+  return std::make_shared<links::FileMedium>(path, store_bytes);
+}
+
+}  // namespace
+
+Axis::Axis(const AxisSettings& settings, links::CanBus& bus)
+    : settings_(settings), bus_(bus), store_(open_store(settings.store)), plant_(settings.plant) {
+  products::Settings device_settings;
+  device_settings.node_id = settings.node_id;
+  device_settings.bit_rate = settings.bit_rate != 0 ? settings.bit_rate : bus.bit_rate();
+  device_settings.serial_number = settings.serial_number;
+  device_settings.motor = settings.motor_data;
+  device_settings.store = store_.get();
+  device_ = settings.product->make(device_settings);
+  port_ = bus_.attach(*this);
+  plant_.sample(feedback_);
+  power_on(Time{});
+}
+
+Axis::~Axis() { bus_.detach(port_); }
+
+void Axis::run_to(std::int64_t tick) {
+  if (!powered_) {
+    for (; tick_ < tick; ++tick_) plant_.step(actuation_, feedback_);
+    return;
+  }
+  while (tick_ < tick) {
+    plant_.step(actuation_, feedback_);
+    ++tick_;
+    if (device_->drive().tick(feedback_, actuation_)) {
+      if (last_cycle_ != unknown) cycle_ticks_ = tick_ - last_cycle_;
+      last_cycle_ = tick_;
+      const Time now = tick_ * tick_length;
+      device_->cycle(now);
+      send_waiting(now);
+    }
+  }
+}
+
+Time Axis::next_sending(Time now) const {
+  if (!powered_) return links::never;
+  // Until two cycles were seen their distance is not known, and any tick may be one.
+  const bool known = last_cycle_ != unknown && cycle_ticks_ != unknown;
+  const std::int64_t cycle = known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1;
+  // A device that answers a poll with a deadline in the past is polled again one tick later, not for ever.
+  Time deadline = device_->next_deadline();
+  if (deadline <= last_poll_) deadline = last_poll_ + tick_length;
+  return std::min(cycle * tick_length, std::max(deadline, now));
+}
+
+void Axis::poll(Time now) {
+  if (!powered_ || now == last_poll_ || device_->next_deadline() > now) return;
+  last_poll_ = now;
+  device_->poll(now);
+  send_waiting(now);
+}
+
+void Axis::send_waiting(Time now) {
+  canopen::Frame frame;
+  while (bus_.queue_space(port_) > 0 && device_->take(frame)) bus_.transmit(port_, frame, now);
+  follow_bit_rate();
+}
+
+void Axis::follow_bit_rate() {
+  const std::uint32_t bit_rate = device_->bit_rate();
+  if (bit_rate == port_bit_rate_) return;
+  port_bit_rate_ = bit_rate;
+  bus_.set_port_bit_rate(port_, bit_rate);
+}
+
+void Axis::power_on(Time now) {
+  if (powered_) return;
+  powered_ = true;
+  last_cycle_ = unknown;
+  last_poll_ = Time{-1};
+  bus_.set_participation(port_, links::Participation::normal);
+  device_->power_on(feedback_, now);
+  for (const drive::Cause cause : injected_) device_->drive().inject(cause, true);
+  send_waiting(now);
+}
+
+void Axis::power_off() {
+  if (!powered_) return;
+  powered_ = false;
+  device_->power_off();
+  actuation_ = drive::Actuation{};
+  bus_.set_participation(port_, links::Participation::off);
+  plant_.discharge_dc_link();
+}
+
+void Axis::on_frame(const canopen::Frame& frame, Time at) {
+  device_->receive(frame, at);
+  send_waiting(at);
+}
+
+// The queue has room again for what the device still has to send.
+void Axis::on_sent(const canopen::Frame&, std::uint32_t, Time at) { send_waiting(at); }
+
+void Axis::on_error_state(links::ErrorState state, Time at) {
+  if (!powered_) return;
+  constexpr std::array states{canopen::BusState::error_active, canopen::BusState::error_passive,
+                              canopen::BusState::bus_off};
+  device_->node().bus_state(states[static_cast<std::size_t>(state)], at);
+  send_waiting(at);
+}
+
+void Axis::force_input(int wire, std::optional<bool> level) {
+  if (level) {
+    plant_.force_input(wire, *level);
+    forced_inputs_[wire] = *level;
+  } else {
+    plant_.release_input(wire);
+    forced_inputs_.erase(wire);
+  }
+}
+
+void Axis::inject(drive::Cause cause, bool present) {
+  if (present) {
+    injected_.insert(cause);
+  } else {
+    injected_.erase(cause);
+  }
+  device_->drive().inject(cause, present);
+}
+
+}  // namespace servodrome::line

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+
+#include "drive/faults.hpp"
+#include "line/config.hpp"
+#include "line/registry.hpp"
+#include "links/can/bus.hpp"
+#include "plant/plant.hpp"
+
+namespace servodrome::line {
+
+using Time = links::Time;
+
+inline constexpr Time tick_length{62'500};  // drive::tick_seconds, exactly
+
+// A drive and the plant behind it, at a port of a bus. Tick n is the instant n * tick_length: the plant is advanced to
+// it, the drive samples and answers, and a position-loop cycle that ends there may put frames on the bus at that very
+// time.
+class Axis final : public links::Receiver {
+ public:
+  // Powered from the start. Throws std::runtime_error when the store file cannot be used.
+  Axis(const AxisSettings& settings, links::CanBus& bus);
+  ~Axis() override;
+  Axis(const Axis&) = delete;
+  Axis& operator=(const Axis&) = delete;
+
+  // Runs every tick up to and including number `tick`.
+  void run_to(std::int64_t tick);
+  // The earliest time from `now` on at which the axis may send without having received: the next position-loop cycle,
+  // or the next poll. Other axes must not be run beyond it first, or they would miss the frame.
+  Time next_sending(Time now) const;
+  // Polls the device if that is due.
+  void poll(Time now);
+  // Puts on the bus what the device has to send, after something outside of time (an object written by the bench).
+  void send_waiting(Time now);
+
+  void power_off();
+  void power_on(Time now);
+  bool powered() const { return powered_; }
+
+  // links::Receiver
+  void on_frame(const canopen::Frame& frame, Time at) override;
+  void on_sent(const canopen::Frame& frame, std::uint32_t tag, Time at) override;
+  void on_error_state(links::ErrorState state, Time at) override;
+
+  const AxisSettings& settings() const { return settings_; }
+  products::Device& device() { return *device_; }
+  plant::Plant& plant() { return plant_; }
+  const plant::Plant& plant() const { return plant_; }
+  const drive::Feedback& feedback() const { return feedback_; }
+  const drive::Actuation& actuation() const { return actuation_; }
+  links::PortId port() const { return port_; }
+
+  // The bench forces an input wire to a level, or gives it back to the geometry.
+  void force_input(int wire, std::optional<bool> level);
+  const std::map<int, bool>& forced_inputs() const { return forced_inputs_; }
+  // The bench injects a cause that only hardware has. Stays through a power cycle.
+  void inject(drive::Cause cause, bool present);
+  bool injected(drive::Cause cause) const { return injected_.contains(cause); }
+
+ private:
+  static constexpr std::int64_t unknown = -1;
+
+  void follow_bit_rate();
+
+  AxisSettings settings_;
+  links::CanBus& bus_;
+  std::shared_ptr<dictionary::Medium> store_;
+  std::shared_ptr<products::Device> device_;
+  plant::Plant plant_;
+  drive::Feedback feedback_{};
+  drive::Actuation actuation_{};
+  links::PortId port_;
+  std::uint32_t port_bit_rate_ = 0;
+  std::int64_t tick_ = 0;
+  std::int64_t last_cycle_ = unknown;  // tick at which the drive last completed a position-loop cycle
+  std::int64_t cycle_ticks_ = unknown;
+  Time last_poll_{-1};
+  bool powered_ = false;
+  std::map<int, bool> forced_inputs_;
+  std::set<drive::Cause> injected_;
+};
+
+}  // namespace servodrome::line

@@ -1,0 +1,12 @@
+#pragma once
+
+#include "line/bench/http.hpp"
+#include "line/line.hpp"
+
+namespace servodrome::line::bench {
+
+// The bench API without a socket: what docs/bench-api.md says about `request`, done to `line` at its present time.
+// Never throws for what is in a request: refusals are responses with status 4xx, and then nothing was changed.
+Response handle(Line& line, const Request& request);
+
+}  // namespace servodrome::line::bench

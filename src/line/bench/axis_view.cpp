@@ -1,0 +1,83 @@
+#include "line/bench/axis_view.hpp"
+
+#include <fmt/format.h>
+
+#include "canopen/node.hpp"
+#include "drive/drive.hpp"
+
+namespace servodrome::line::bench {
+namespace {
+
+const char* word(drive::Mode mode) {
+  switch (mode) {
+    case drive::Mode::none: return "none";
+    case drive::Mode::profile_position: return "profile_position";
+    case drive::Mode::velocity: return "velocity";
+    case drive::Mode::profile_velocity: return "profile_velocity";
+    case drive::Mode::profile_torque: return "profile_torque";
+    case drive::Mode::homing: return "homing";
+    case drive::Mode::interpolated_position: return "interpolated_position";
+    case drive::Mode::cyclic_sync_position: return "cyclic_sync_position";
+    case drive::Mode::cyclic_sync_velocity: return "cyclic_sync_velocity";
+    case drive::Mode::cyclic_sync_torque: return "cyclic_sync_torque";
+  }
+  return "unknown";
+}
+
+const char* word(canopen::NmtState state) {
+  switch (state) {
+    case canopen::NmtState::initialising: return "initialising";
+    case canopen::NmtState::stopped: return "stopped";
+    case canopen::NmtState::operational: return "operational";
+    case canopen::NmtState::pre_operational: return "pre_operational";
+  }
+  return "unknown";
+}
+
+}  // namespace
+
+Json active_faults(Axis& axis) {
+  Json faults = Json::array();
+  if (!axis.powered()) return faults;
+  const drive::Drive& drive = axis.device().drive();
+  for (unsigned cause = 1; cause < 256; ++cause) {
+    if (!drive.is_active(static_cast<drive::Cause>(cause))) continue;
+    if (const drive::FaultRow* row = drive.row(static_cast<drive::Cause>(cause))) {
+      faults.push_back({{"code", fmt::format("0x{:04X}", row->code)}, {"name", row->name}});
+    }
+  }
+  return faults;
+}
+
+Json view_of(Axis& axis, const BusSettings& bus) {
+  const AxisSettings& settings = axis.settings();
+  products::Device& device = axis.device();
+  Json view{{"name", settings.name},       {"product", settings.product->name}, {"bus", bus.name},
+            {"node_id", device.node_id()}, {"bit_rate", device.bit_rate()},     {"powered", axis.powered()}};
+  if (axis.powered()) {
+    const drive::Drive& drive = device.drive();
+    const drive::Mode mode = drive.mode();
+    view["nmt_state"] = word(device.node().nmt_state());
+    view["state"] = drive::name(drive.state());
+    view["mode"] = static_cast<int>(mode);
+    view["mode_name"] = word(mode);
+    view["statusword"] = drive.statusword();
+    view["controlword"] = device.dictionary().number(0x6040);
+    view["error_code"] = device.dictionary().number(0x603F);
+    view["homed"] = drive.homed();
+    view["in_motion"] = drive.in_motion();
+  }
+  view["faults"] = active_faults(axis);
+  const plant::Plant& plant = axis.plant();
+  view["position_counts"] = plant.position_counts();
+  view["velocity_rpm"] = plant.velocity_rpm();
+  view["torque_nm"] = plant.torque_nm();
+  view["current_a"] = plant.current_a();
+  view["temperature_c"] = plant.winding_temperature_c();
+  view["stage_temperature_c"] = plant.power_stage_temperature_c();
+  view["supply_v"] = plant.dc_link_v();
+  view["brake_engaged"] = plant.brake_engaged();
+  return view;
+}
+
+}  // namespace servodrome::line::bench

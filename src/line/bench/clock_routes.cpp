@@ -1,0 +1,50 @@
+#include <array>
+#include <cmath>
+
+#include "line/bench/body_reader.hpp"
+#include "line/bench/routes.hpp"
+
+namespace servodrome::line::bench {
+namespace {
+
+constexpr double longest_advance_ms = 60'000;  // a request must come to an end
+
+Json show_clock(Call& call) {
+  const Line& line = call.line;
+  const bool real = line.clock_mode() == ClockMode::real;
+  Json clock{{"mode", real ? "real" : "virtual"},
+             {"time_ns", line.now().count()},
+             {"time_ms", std::chrono::duration<double, std::milli>(line.now()).count()},
+             {"ticks", line.now() / tick_length}};
+  if (real) {
+    clock["lag_ms"] = std::chrono::duration<double, std::milli>(line.lag().total).count();
+    clock["lag_count"] = line.lag().count;
+  }
+  return clock;
+}
+
+Json advance(Call& call) {
+  BodyReader body(call.body);
+  body.required("ms");
+  const double ms = body.number("ms", 0, longest_advance_ms).value_or(0);
+  body.finish();
+  if (call.line.clock_mode() == ClockMode::real) {
+    throw ApiError{409, "the line runs in real time", "clock", "start it with `servodrome up --virtual`"};
+  }
+  call.line.run_until(call.line.now() + Time(std::llround(ms * 1e6)));
+  return show_clock(call);
+}
+
+Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", SERVODROME_VERSION}, {"api", 1}}; }
+
+constexpr std::array routes{
+    Route{Method::get, "/api/v1/clock", show_clock},
+    Route{Method::post, "/api/v1/clock/advance", advance},
+    Route{Method::get, "/api/v1/version", show_version},
+};
+
+}  // namespace
+
+std::span<const Route> clock_routes() { return routes; }
+
+}  // namespace servodrome::line::bench

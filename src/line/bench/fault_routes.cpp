@@ -1,0 +1,112 @@
+#include <array>
+#include <charconv>
+#include <fmt/format.h>
+#include <optional>
+
+#include "drive/drive.hpp"
+#include "line/bench/axis_view.hpp"
+#include "line/bench/body_reader.hpp"
+#include "line/bench/routes.hpp"
+#include "line/nearest_name.hpp"
+
+namespace servodrome::line::bench {
+namespace {
+
+// Something the bench can inject: a fault of the plant by its name, or one of the drive's own by its code.
+struct Injectable {
+  std::optional<plant::Injection> plant;
+  drive::Cause cause = drive::Cause::none;
+};
+
+std::string code_of(const drive::FaultRow& row) { return fmt::format("0x{:04X}", row.code); }
+
+// The rows of the drive's fault table.
+std::vector<const drive::FaultRow*> rows_of(Axis& axis) {
+  std::vector<const drive::FaultRow*> rows;
+  for (unsigned cause = 1; cause < 256; ++cause) {
+    if (const auto* row = axis.device().drive().row(static_cast<drive::Cause>(cause))) rows.push_back(row);
+  }
+  return rows;
+}
+
+Injectable injectable(Axis& axis, const std::string& name) {
+  if (const auto injection = plant::injection_from_name(name)) return {injection};
+  unsigned code = 0;
+  if (name.starts_with("0x")) {
+    const auto [end, error] = std::from_chars(name.data() + 2, name.data() + name.size(), code, 16);
+    if (error != std::errc() || end != name.data() + name.size()) code = 0;
+  }
+  for (const drive::FaultRow* row : rows_of(axis)) {
+    if (code != 0 && row->code == code) return {std::nullopt, row->cause};
+  }
+  std::vector<std::string_view> names;
+  for (const plant::InjectionName& known : plant::injection_names) names.push_back(known.name);
+  throw ApiError{422, fmt::format("there is nothing called \"{}\" to inject", name.substr(0, 40)), "inject",
+                 suggestion(name, names) + "; or give a fault code of the drive such as \"0x2310\""};
+}
+
+Json show_faults(Call& call) {
+  Axis& axis = axis_argument(call);
+  Json injected = Json::array();
+  for (const plant::InjectionName& known : plant::injection_names) {
+    if (axis.plant().injected(known.injection)) injected.push_back(known.name);
+  }
+  for (const drive::FaultRow* row : rows_of(axis)) {
+    if (axis.injected(row->cause)) injected.push_back(code_of(*row));
+  }
+  Json drive_faults = Json::array();
+  for (const drive::FaultRow* row : rows_of(axis)) {
+    drive_faults.push_back({{"code", code_of(*row)}, {"name", row->name}});
+  }
+  Json plant_faults = Json::array();
+  for (const plant::InjectionName& known : plant::injection_names) plant_faults.push_back(known.name);
+  return Json{{"active", active_faults(axis)},
+              {"injected", std::move(injected)},
+              {"injectable", {{"plant", std::move(plant_faults)}, {"drive", std::move(drive_faults)}}}};
+}
+
+void apply(Axis& axis, const Injectable& what, bool on) {
+  if (what.plant) {
+    axis.plant().inject(*what.plant, on);
+  } else {
+    axis.inject(what.cause, on);
+  }
+}
+
+Json inject(Call& call) {
+  Axis& axis = axis_argument(call);
+  BodyReader body(call.body);
+  body.required("inject");
+  const Injectable what = injectable(axis, body.string("inject").value_or(""));
+  body.finish();
+  apply(axis, what, true);
+  return show_faults(call);
+}
+
+Json take_back(Call& call) {
+  Axis& axis = axis_argument(call);
+  BodyReader body(call.body, true);
+  const auto name = body.string("inject");
+  std::optional<Injectable> what;
+  if (name) what = injectable(axis, *name);
+  body.finish();
+  if (what) {
+    apply(axis, *what, false);
+  } else {
+    for (const plant::InjectionName& known : plant::injection_names) axis.plant().inject(known.injection, false);
+    for (const drive::FaultRow* row : rows_of(axis)) axis.inject(row->cause, false);
+  }
+  return show_faults(call);
+}
+
+constexpr std::array routes{
+    Route{Method::get, "/api/v1/axes/{}/faults", show_faults},
+    Route{Method::post, "/api/v1/axes/{}/faults", inject},
+    Route{Method::delete_, "/api/v1/axes/{}/faults", take_back},
+};
+
+}  // namespace
+
+std::span<const Route> fault_routes() { return routes; }
+
+}  // namespace servodrome::line::bench

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "drive/loops/motor_data.hpp"
+#include "plant/parameters.hpp"
+
+// What a line is made of, after the line file was read and checked.
+namespace servodrome::line {
+
+struct Product;
+
+enum class ClockMode : std::uint8_t { real, virtual_time };
+
+struct BusSettings {
+  std::string name;
+  std::uint32_t bit_rate = 1'000'000;  // bit/s
+  bool ideal = false;                  // frames take no time: links::BusConfig::ideal
+  std::vector<std::string> links;      // as links::parse_can_link reads them; empty: masters in this process only
+};
+
+struct AxisSettings {
+  std::string name;
+  const Product* product = nullptr;
+  std::size_t bus = 0;              // index into LineSettings::buses
+  std::uint8_t node_id = 0;         // 0: the product's factory value
+  std::uint32_t bit_rate = 0;       // bit/s; 0: the bus's
+  std::uint32_t serial_number = 1;  // 1018h:04
+  std::string store;                // file of the non-volatile memory; empty: kept in memory while the line lives
+  plant::Parameters plant;
+  drive::MotorData motor_data;  // what the drive was told about its motor
+};
+
+struct ApiSettings {
+  bool enabled = true;
+  std::string address = "127.0.0.1";
+  std::uint16_t port = 8402;  // 0: the system chooses
+};
+
+struct LineSettings {
+  ClockMode clock = ClockMode::real;
+  ApiSettings api;
+  std::vector<BusSettings> buses;
+  std::vector<AxisSettings> axes;
+};
+
+// Nameplate of the motor of `parameters` in a drive's terms: what a drive knows that was told the truth.
+drive::MotorData motor_data_of(const plant::Parameters& parameters);
+
+// Reads "ADDRESS:PORT" or "[IPV6]:PORT" into `api`. Returns what is wrong with it; empty: nothing.
+std::string parse_api_address(std::string_view text, ApiSettings& api);
+
+}  // namespace servodrome::line

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "line/axis.hpp"
+#include "line/config.hpp"
+#include "links/can/bus.hpp"
+#include "links/can/client.hpp"
+#include "links/can/link.hpp"
+
+namespace servodrome::line {
+
+// A bus of the line and its name.
+struct NamedBus {
+  BusSettings settings;
+  links::CanBus bus;
+  std::vector<std::unique_ptr<links::CanLink>> links;  // what a LineServer opened; gone before the bus
+
+  explicit NamedBus(const BusSettings& its_settings);
+};
+
+// Axes and buses, and the order in which things happen to them. It has no clock: time passes when run_until is called,
+// in virtual time by whoever tests, in real time by a LineServer. A pure function of its settings and the calls made
+// to it; how the time is cut into calls changes nothing. Nothing is allocated while it runs.
+class Line final : public links::VirtualClock {
+ public:
+  // The settings must have come out of parse_line_file without diagnostics. Throws std::runtime_error when a store file
+  // cannot be used.
+  explicit Line(const LineSettings& settings);
+
+  // Lets everything up to and including `target` happen, in order of time: an axis is caught up to a frame's arrival
+  // before it is given the frame. A target in the past does nothing.
+  void run_until(Time target);
+
+  Time now() const override { return now_; }
+  // To the next instant at which anything may happen on a bus, at most 1 ms.
+  void step() override;
+  // The next such instant, for pacing.
+  Time next_bus_event() const;
+
+  const std::vector<std::unique_ptr<Axis>>& axes() const { return axes_; }
+  const std::vector<std::unique_ptr<NamedBus>>& buses() const { return buses_; }
+  // nullptr if there is none of that name.
+  Axis* find_axis(std::string_view name) const;
+  NamedBus* find_bus(std::string_view name) const;
+  ClockMode clock_mode() const { return clock_mode_; }
+
+  // Real time that was given up because the machine could not keep pace.
+  struct Lag {
+    Time total{};
+    std::uint64_t count = 0;
+  };
+  const Lag& lag() const { return lag_; }
+  void add_lag(Time given_up) {
+    lag_.total += given_up;
+    ++lag_.count;
+  }
+
+ private:
+  Time next_instant(Time latest) const;
+  void run_to_instant(Time instant);
+
+  ClockMode clock_mode_;
+  std::vector<std::unique_ptr<NamedBus>> buses_;
+  std::vector<std::unique_ptr<Axis>> axes_;
+  Time now_{};
+  Lag lag_;
+};
+
+}  // namespace servodrome::line

@@ -1,0 +1,313 @@
+#include "line/line_file.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
+#include <iterator>
+
+#include "line/nearest_name.hpp"
+#include "line/table_reader.hpp"
+#include "line/travel.hpp"
+#include "links/can/link_name.hpp"
+#include "links/link_error.hpp"
+
+namespace servodrome::line {
+namespace {
+
+constexpr std::size_t longest_name = 16;  // of a bus: what socketcand carries; of an axis: fits a table
+constexpr std::size_t most_buses = 16;
+constexpr std::size_t most_axes = 1000;
+constexpr std::size_t largest_file = 1 << 20;
+
+// Names stand in URLs, file names and log lines.
+bool is_name(std::string_view text) {
+  const auto allowed = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; };
+  return !text.empty() && text.size() <= longest_name && std::all_of(text.begin(), text.end(), allowed);
+}
+
+class LineFileReader {
+ public:
+  LineFileReader(const std::string& file, std::span<const Product> products)
+      : folder_(std::filesystem::path(file).parent_path()), products_(products) {
+    report_.file = file;
+  }
+
+  LineFile read(const toml::table& root) {
+    TableReader reader(root, "", report_);
+    read_clock(reader);
+    if (const toml::table* api = reader.table("api")) read_api(*api);
+    for (const toml::table* bus : reader.tables("bus")) read_bus(*bus);
+    for (const toml::table* axis : reader.tables("axis")) read_axis(*axis);
+    reader.finish();
+    if (settings_.buses.empty()) reader.complain("bus", "there is no bus", "add one: [[bus]] with name = \"can0\"");
+    if (settings_.axes.empty() && report_.diagnostics.empty()) {
+      reader.complain("axis", "there is no axis", "add one: [[axis]] with name, product, bus and node");
+    }
+    std::stable_sort(report_.diagnostics.begin(), report_.diagnostics.end(), [](const auto& a, const auto& b) {
+      return std::pair(a.line, a.column) < std::pair(b.line, b.column);
+    });
+    return {std::move(settings_), std::move(report_.diagnostics)};
+  }
+
+ private:
+  void read_clock(TableReader& root) {
+    std::string clock = "real";
+    root.read("clock", clock);
+    if (clock == "virtual") {
+      settings_.clock = ClockMode::virtual_time;
+    } else if (clock != "real") {
+      root.complain("clock", fmt::format("there is no clock \"{}\"", clock), "write \"real\" or \"virtual\"");
+    }
+  }
+
+  void read_api(const toml::table& table) {
+    TableReader reader(table, "api", report_);
+    reader.read("enabled", settings_.api.enabled);
+    std::string address = fmt::format("{}:{}", settings_.api.address, settings_.api.port);
+    reader.read("address", address);
+    if (const auto error = parse_api_address(address, settings_.api); !error.empty()) {
+      reader.complain("address", error, "write \"ADDRESS:PORT\", for example \"127.0.0.1:8402\"");
+    }
+    reader.finish();
+  }
+
+  void read_name(TableReader& reader, std::string_view what, std::string& name) {
+    reader.read("name", name);
+    if (is_name(name)) return;
+    reader.complain("name", name.empty() ? "is missing" : fmt::format("\"{}\" cannot be a name", name),
+                    fmt::format("name the {} with 1 to {} letters, digits, - and _", what, longest_name));
+  }
+
+  void read_bus(const toml::table& table) {
+    BusSettings bus;
+    TableReader reader(table, "bus", report_);
+    read_name(reader, "bus", bus.name);
+    const auto same_name = [&bus](const BusSettings& other) { return other.name == bus.name; };
+    if (std::any_of(settings_.buses.begin(), settings_.buses.end(), same_name)) {
+      reader.complain("name", fmt::format("there is a bus \"{}\" already", bus.name),
+                      "give each bus a name of its own");
+    }
+    if (settings_.buses.size() == most_buses) {
+      reader.complain("name", "is one bus too many", fmt::format("a line has at most {}", most_buses));
+    }
+    reader.read("bit_rate", bus.bit_rate, 10'000, 1'000'000);
+    reader.read("ideal", bus.ideal);
+    read_links(reader, bus);
+    reader.finish();
+    settings_.buses.push_back(std::move(bus));
+  }
+
+  void read_links(TableReader& reader, BusSettings& bus) {
+    const toml::node* node = reader.node("links");
+    if (node == nullptr) return;
+    const toml::array* array = node->as_array();
+    if (array == nullptr) {
+      reader.complain("links", "is not a list", "write links = [\"socketcand:127.0.0.1:29536/can0\"]");
+      return;
+    }
+    for (const toml::node& element : *array) {
+      const auto* text = element.as_string();
+      std::string problem = "is not a string";
+      if (text != nullptr) problem = problem_of_link(text->get(), bus);
+      if (problem.empty()) {
+        bus.links.push_back(text->get());
+      } else {
+        report_.complain(element.source().begin, fmt::format("bus.links: {}", problem),
+                         "a link is socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE or mem:");
+      }
+    }
+  }
+
+  std::string problem_of_link(const std::string& text, const BusSettings& bus) const {
+    try {
+      links::parse_can_link(text);
+    } catch (const links::LinkError& error) {
+      return error.what();
+    }
+    const auto has = [&text](const BusSettings& other) {
+      return std::find(other.links.begin(), other.links.end(), text) != other.links.end();
+    };
+    if (text != "mem:" && (has(bus) || std::any_of(settings_.buses.begin(), settings_.buses.end(), has))) {
+      return fmt::format("\"{}\" is taken", text);
+    }
+    return {};
+  }
+
+  void read_axis(const toml::table& table) {
+    AxisSettings axis;
+    TableReader reader(table, "axis", report_);
+    read_name(reader, "axis", axis.name);
+    const auto same_name = [&axis](const AxisSettings& other) { return other.name == axis.name; };
+    if (std::any_of(settings_.axes.begin(), settings_.axes.end(), same_name)) {
+      reader.complain("name", fmt::format("there is an axis \"{}\" already", axis.name),
+                      "give each axis a name of its own");
+    }
+    if (settings_.axes.size() == most_axes) {
+      reader.complain("name", "is one axis too many", fmt::format("a line has at most {}", most_axes));
+    }
+    read_product(reader, axis);
+    read_address(reader, axis);
+    reader.read("serial_number", axis.serial_number);
+    reader.read("store", axis.store);
+    if (!axis.store.empty()) {
+      axis.store = (folder_ / axis.store).lexically_normal().string();
+      const auto same_store = [&axis](const AxisSettings& other) { return other.store == axis.store; };
+      if (std::any_of(settings_.axes.begin(), settings_.axes.end(), same_store)) {
+        reader.complain("store", "another axis uses this file", "give each axis a file of its own");
+      }
+    }
+    read_plant(reader, axis);
+    reader.finish();
+    settings_.axes.push_back(std::move(axis));
+  }
+
+  void read_product(TableReader& reader, AxisSettings& axis) {
+    std::string product;
+    reader.read("product", product);
+    axis.product = find_product(products_, product);
+    if (axis.product != nullptr) return;
+    std::vector<std::string_view> names;
+    for (const Product& known : products_) names.push_back(known.name);
+    reader.complain("product", product.empty() ? "is missing" : fmt::format("there is no product \"{}\"", product),
+                    suggestion(product, names));
+  }
+
+  void read_address(TableReader& reader, AxisSettings& axis) {
+    std::string bus;
+    reader.read("bus", bus);
+    std::vector<std::string_view> names;
+    for (const BusSettings& known : settings_.buses) names.push_back(known.name);
+    const auto found = std::find(names.begin(), names.end(), bus);
+    if (found != names.end()) {
+      axis.bus = static_cast<std::size_t>(found - names.begin());
+    } else if (bus.empty() && names.size() == 1) {
+      axis.bus = 0;
+    } else if (!names.empty()) {
+      reader.complain("bus", bus.empty() ? "is missing" : fmt::format("there is no bus \"{}\"", bus),
+                      suggestion(bus, names));
+    }
+    reader.read("node", axis.node_id, 1, 127);
+    reader.read("bit_rate", axis.bit_rate, 10'000, 1'000'000);
+    const unsigned node = node_in_force(axis);
+    if (node == 0) return;
+    for (const AxisSettings& other : settings_.axes) {
+      if (other.bus != axis.bus || node_in_force(other) != node) continue;
+      reader.complain("node", fmt::format("axis \"{}\" is node {} of this bus already", other.name, node),
+                      fmt::format("node {} is free", free_node(axis.bus)));
+      return;
+    }
+  }
+
+  static unsigned node_in_force(const AxisSettings& axis) {
+    if (axis.node_id != 0) return axis.node_id;
+    return axis.product != nullptr ? axis.product->factory_node_id : 0;
+  }
+
+  unsigned free_node(std::size_t bus) const {
+    for (unsigned node = 1; node < 127; ++node) {
+      const auto has = [&](const AxisSettings& axis) { return axis.bus == bus && node_in_force(axis) == node; };
+      if (std::none_of(settings_.axes.begin(), settings_.axes.end(), has)) return node;
+    }
+    return 127;
+  }
+
+  template <typename Struct, std::size_t Count>
+  void read_group(TableReader& axis, std::string_view key, Struct& target, const std::array<Key<Struct>, Count>& keys) {
+    if (const toml::table* table = axis.table(key)) {
+      TableReader reader(*table, axis.name_of(key), report_);
+      reader.read(target, keys);
+      reader.finish();
+    }
+  }
+
+  void read_plant(TableReader& reader, AxisSettings& axis) {
+    const std::size_t complaints = report_.diagnostics.size();
+    read_group(reader, "motor", axis.plant.motor, motor_keys);
+    read_group(reader, "load", axis.plant.load, load_keys);
+    read_group(reader, "supply", axis.plant.supply, supply_keys);
+    read_group(reader, "encoder", axis.plant.encoder, encoder_keys);
+    read_group(reader, "thermal", axis.plant.thermal, thermal_keys);
+    std::vector<std::string> switches;
+    const toml::table* travel = reader.table("travel");
+    if (travel != nullptr && axis.product != nullptr) {
+      TableReader travel_reader(*travel, reader.name_of("travel"), report_);
+      switches = read_travel(travel_reader, *axis.product, axis.plant);
+    }
+    axis.motor_data = motor_data_of(axis.plant);
+    read_group(reader, "nameplate", axis.motor_data, nameplate_keys);
+    if (report_.diagnostics.size() != complaints) return;  // the plant's complaints would be echoes
+    for (const std::string& message : plant::validate(axis.plant)) complain_of_plant(reader, message, switches);
+  }
+
+  // `message` begins with the name of a parameter, as plant::validate writes it ("motor.pole_pairs: ...").
+  void complain_of_plant(TableReader& axis, const std::string& message, const std::vector<std::string>& switches) {
+    const std::size_t colon = message.find(": ");
+    std::string name = message.substr(0, colon);
+    const std::string what = colon == std::string::npos ? message : message.substr(colon + 2);
+    if (name == "load.low_stop_counts") name = "travel.low_stop";
+    if (name == "load.high_stop_counts") name = "travel.high_stop";
+    if (name == "encoder.start_position_counts") name = "travel.start";
+    if (name.starts_with("switches[")) {
+      std::size_t number = 0;
+      const std::string_view digits = std::string_view(name).substr(std::strlen("switches["));
+      std::from_chars(digits.data(), digits.data() + digits.size(), number);
+      name = number < switches.size() ? "travel." + switches[number] : "travel";
+    }
+    const std::string_view group = std::string_view(name).substr(0, name.find('.'));
+    toml::source_position at = axis.place(group);
+    const toml::table* table = axis.table(group);
+    if (table != nullptr && group.size() < name.size()) {
+      if (const toml::node* node = table->get(name.substr(group.size() + 1))) at = node->source().begin;
+    }
+    report_.complain(at, fmt::format("axis.{}: {}", name, what), "docs/line-file.md has the range of each parameter");
+  }
+
+  std::filesystem::path folder_;
+  std::span<const Product> products_;
+  FileReport report_;
+  LineSettings settings_;
+};
+
+}  // namespace
+
+LineFile parse_line_file(std::string_view text, const std::string& file, std::span<const Product> products) {
+  try {
+    const toml::table root = toml::parse(text, file);
+    return LineFileReader(file, products).read(root);
+  } catch (const toml::parse_error& error) {
+    const toml::source_position at = error.source().begin;
+    LineFile failed;
+    failed.diagnostics.push_back({file, at.line, at.column, std::string(error.description()), "correct the TOML here"});
+    return failed;
+  }
+}
+
+LineFile load_line_file(const std::string& path, std::span<const Product> products) {
+  LineFile failed;
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) {
+    failed.diagnostics.push_back({path, 0, 0, "is a folder", "give the name of a line file"});
+    return failed;
+  }
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    failed.diagnostics.push_back({path, 0, 0, fmt::format("cannot be read: {}", std::strerror(errno)),
+                                  "give the name of a line file, or none for the built-in line"});
+    return failed;
+  }
+  std::string text(largest_file + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  if (text.size() > largest_file) {
+    failed.diagnostics.push_back({path, 0, 0, "is longer than 1 MiB", "is it a line file?"});
+    return failed;
+  }
+  return parse_line_file(text, path, products);
+}
+
+}  // namespace servodrome::line

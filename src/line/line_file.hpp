@@ -1,0 +1,29 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "line/config.hpp"
+#include "line/diagnostic.hpp"
+#include "line/registry.hpp"
+
+// The line file (TOML); docs/line-file.md is its reference.
+namespace servodrome::line {
+
+struct LineFile {
+  LineSettings settings;                // valid if there are no diagnostics
+  std::vector<Diagnostic> diagnostics;  // in the order of the file
+};
+
+// Reads and checks the text of a line file. `file` is its name for messages; relative paths in it start at its folder.
+LineFile parse_line_file(std::string_view text, const std::string& file, std::span<const Product> products);
+
+// The same from a file; one that cannot be read is a diagnostic too.
+LineFile load_line_file(const std::string& path, std::span<const Product> products);
+
+// The text of lines/default.toml, which is built in.
+std::string_view default_line_text();
+
+}  // namespace servodrome::line

@@ -1,0 +1,110 @@
+#include "line/line_server.hpp"
+
+#include <algorithm>
+#include <boost/asio/post.hpp>
+
+#include "line/bench/api.hpp"
+#include "links/can/link_name.hpp"
+
+namespace servodrome::line {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Time longest_sleep = 1ms;    // what the axes do by themselves is at most this late
+constexpr Time longest_stride = 10ms;  // of line time before links and API are looked after again
+constexpr auto log_flush_time = 100ms;
+
+Time wall_clock() { return std::chrono::system_clock::now().time_since_epoch(); }
+
+}  // namespace
+
+LineServer::LineServer(const LineSettings& settings)
+    : epoch_(wall_clock()), timer_(io_), access_{bench::make_token()}, line_(settings) {
+  for (const auto& bus : line_.buses()) {
+    for (const std::string& link : bus->settings.links) {
+      const links::CanLinkName name = links::parse_can_link(link);
+      if (std::holds_alternative<links::MemName>(name)) continue;  // for masters in this process
+      bus->links.push_back(links::open_can_link(name, bus->bus, io_, *this));
+    }
+  }
+  if (settings.api.enabled) {
+    http_ = std::make_unique<bench::HttpServer>(io_, settings.api.address, settings.api.port, access_,
+                                                [this](const bench::Request& request) { return answer(request); });
+  }
+}
+
+LineServer::~LineServer() {
+  for (const auto& [log, bus] : logs_) bus->remove_observer(*log);
+}
+
+void LineServer::log(NamedBus& bus, const std::string& path) {
+  const auto format = path.ends_with(".pcap") ? links::CanLog::Format::pcap : links::CanLog::Format::candump;
+  logs_.emplace_back(
+      std::make_unique<links::CanLog>(path == "-" ? "/dev/stdout" : path, format, bus.settings.name, epoch_), &bus.bus);
+  bus.bus.add_observer(*logs_.back().first);
+}
+
+void LineServer::run() {
+  start_ = std::chrono::steady_clock::now() - line_.now();
+  epoch_ = wall_clock() - line_.now();
+  real_ = line_.clock_mode() == ClockMode::real;
+  if (real_) schedule();
+  const auto keep_serving = boost::asio::make_work_guard(io_);
+  io_.run();
+  flush_logs();
+}
+
+Time LineServer::now() {
+  if (!real_) return line_.now();
+  return std::max<Time>(line_.now(), std::chrono::steady_clock::now() - start_);
+}
+
+void LineServer::wake() {
+  if (!real_ || woken_) return;
+  woken_ = true;
+  boost::asio::post(io_, [this] {
+    woken_ = false;
+    catch_up();
+    schedule();
+  });
+}
+
+void LineServer::catch_up() {
+  const Time behind = now() - line_.now();
+  if (behind > most_behind) {
+    start_ += behind;
+    line_.add_lag(behind);
+  }
+  line_.run_until(std::min(now(), line_.now() + longest_stride));
+  if (const auto present = std::chrono::steady_clock::now(); present >= next_flush_) {
+    next_flush_ = present + log_flush_time;
+    flush_logs();
+  }
+}
+
+void LineServer::schedule() {
+  timer_.expires_at(start_ + std::min(line_.next_bus_event(), line_.now() + longest_sleep));
+  timer_.async_wait([this](const boost::system::error_code& code) {
+    if (code) return;  // scheduled anew
+    catch_up();
+    schedule();
+  });
+}
+
+bench::Response LineServer::answer(const bench::Request& request) {
+  if (real_) catch_up();
+  bench::Response response = bench::handle(line_, request);
+  if (real_) {
+    wake();
+  } else {
+    flush_logs();
+  }
+  return response;
+}
+
+void LineServer::flush_logs() {
+  for (const auto& [log, bus] : logs_) log->flush();
+}
+
+}  // namespace servodrome::line

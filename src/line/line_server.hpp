@@ -1,0 +1,73 @@
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "line/bench/access.hpp"
+#include "line/bench/http_server.hpp"
+#include "line/line.hpp"
+#include "links/can/link.hpp"
+#include "links/can/log.hpp"
+
+namespace servodrome::line {
+
+// A line with its doors to the outside: the links of its buses, the bench API, logs, and the clock. Everything happens
+// in the thread that calls run().
+//
+// In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a
+// millisecond. When it falls more than `most_behind` behind, the missing time is given up (Line::lag), so that a
+// machine that is too slow runs a slow line instead of one that never comes up again.
+class LineServer final : private links::LineHost {
+ public:
+  static constexpr Time most_behind = std::chrono::milliseconds(100);
+
+  // Opens everything, or throws (links::LinkError, std::runtime_error) with nothing left open.
+  explicit LineServer(const LineSettings& settings);
+  ~LineServer() override;
+  LineServer(const LineServer&) = delete;
+  LineServer& operator=(const LineServer&) = delete;
+
+  // Logs a bus: candump format, or pcap if the name ends so; "-" is standard output. Throws links::LinkError.
+  void log(NamedBus& bus, const std::string& path);
+
+  // Serves until stop(). Real time begins with it.
+  void run();
+  // To be called from within run().
+  void stop() { io_.stop(); }
+
+  Line& line() { return line_; }
+  boost::asio::io_context& io() { return io_; }
+  // The port of the bench API, 0 without one.
+  std::uint16_t api_port() const { return http_ ? http_->port() : std::uint16_t{0}; }
+  const std::string& token() const { return access_.token; }
+
+ private:
+  // links::LineHost
+  Time now() override;
+  void wake() override;
+  Time epoch() const override { return epoch_; }
+
+  bench::Response answer(const bench::Request& request);
+  void catch_up();
+  void schedule();
+  void flush_logs();
+
+  Time epoch_;  // wall-clock time of the line's time 0
+  boost::asio::io_context io_;
+  boost::asio::steady_timer timer_;
+  bench::Access access_;
+  Line line_;
+  std::vector<std::pair<std::unique_ptr<links::CanLog>, links::CanBus*>> logs_;
+  std::unique_ptr<bench::HttpServer> http_;
+  std::chrono::steady_clock::time_point start_{};  // of the line's time 0, moved on by what was given up
+  std::chrono::steady_clock::time_point next_flush_{};
+  bool real_ = false;   // real time has begun
+  bool woken_ = false;  // catching up is on its way
+};
+
+}  // namespace servodrome::line

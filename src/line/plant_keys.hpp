@@ -1,0 +1,110 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+#include <variant>
+
+#include "drive/loops/motor_data.hpp"
+#include "plant/parameters.hpp"
+
+// The keys of a line file that are members of the plant's parameters, under the members' names. Ranges are checked by
+// plant::validate; travel geometry is read apart (travel.hpp).
+namespace servodrome::line {
+
+template <typename Struct>
+struct Key {
+  std::string_view name;
+  std::variant<double Struct::*, float Struct::*, int Struct::*, std::uint16_t Struct::*, std::uint32_t Struct::*,
+               bool Struct::*>
+      member;
+};
+
+#define SERVODROME_KEY(STRUCT, MEMBER) \
+  Key<STRUCT> { #MEMBER, &STRUCT::MEMBER }
+
+inline constexpr std::array motor_keys{
+    SERVODROME_KEY(plant::Motor, rated_torque_nm),
+    SERVODROME_KEY(plant::Motor, rated_current_a),
+    SERVODROME_KEY(plant::Motor, rated_speed_rpm),
+    SERVODROME_KEY(plant::Motor, pole_pairs),
+    SERVODROME_KEY(plant::Motor, resistance_ohm),
+    SERVODROME_KEY(plant::Motor, direct_inductance_h),
+    SERVODROME_KEY(plant::Motor, quadrature_inductance_h),
+    SERVODROME_KEY(plant::Motor, torque_constant_nm_per_a),
+    SERVODROME_KEY(plant::Motor, rotor_inertia_kgm2),
+    SERVODROME_KEY(plant::Motor, viscous_friction_nms),
+    SERVODROME_KEY(plant::Motor, coulomb_friction_nm),
+    SERVODROME_KEY(plant::Motor, cogging_torque_nm),
+    SERVODROME_KEY(plant::Motor, cogging_periods_per_revolution),
+    SERVODROME_KEY(plant::Motor, copper_temperature_coefficient),
+    SERVODROME_KEY(plant::Motor, brake_torque_nm),
+    SERVODROME_KEY(plant::Motor, brake_release_ms),
+    SERVODROME_KEY(plant::Motor, brake_engage_ms),
+};
+
+inline constexpr std::array load_keys{
+    SERVODROME_KEY(plant::Load, inertia_kgm2),
+    SERVODROME_KEY(plant::Load, viscous_friction_nms),
+    SERVODROME_KEY(plant::Load, coulomb_friction_nm),
+    SERVODROME_KEY(plant::Load, static_friction_nm),
+    SERVODROME_KEY(plant::Load, gravity_torque_nm),
+    SERVODROME_KEY(plant::Load, external_torque_nm),
+    SERVODROME_KEY(plant::Load, elastic),
+    SERVODROME_KEY(plant::Load, stiffness_nm_per_rad),
+    SERVODROME_KEY(plant::Load, damping_nms),
+    SERVODROME_KEY(plant::Load, backlash_rad),
+    SERVODROME_KEY(plant::Load, stop_stiffness_nm_per_rad),
+    SERVODROME_KEY(plant::Load, stop_damping_nms),
+};
+
+inline constexpr std::array supply_keys{
+    SERVODROME_KEY(plant::Supply, volts),
+    SERVODROME_KEY(plant::Supply, source_resistance_ohm),
+    SERVODROME_KEY(plant::Supply, capacitance_f),
+    SERVODROME_KEY(plant::Supply, precharge_time_constant_s),
+    SERVODROME_KEY(plant::Supply, bleeder_resistance_ohm),
+    SERVODROME_KEY(plant::Supply, chopper_resistance_ohm),
+    SERVODROME_KEY(plant::Supply, charged_at_start),
+    SERVODROME_KEY(plant::Supply, overcurrent_a),
+    SERVODROME_KEY(plant::Supply, bus_overcurrent_a),
+};
+
+inline constexpr std::array encoder_keys{
+    SERVODROME_KEY(plant::Encoder, counts_per_revolution),    SERVODROME_KEY(plant::Encoder, direction),
+    SERVODROME_KEY(plant::Encoder, commutation_offset_turns), SERVODROME_KEY(plant::Encoder, index_position_counts),
+    SERVODROME_KEY(plant::Encoder, index_width_counts),
+};
+
+inline constexpr std::array thermal_keys{
+    SERVODROME_KEY(plant::Thermal, ambient_c),
+    SERVODROME_KEY(plant::Thermal, winding_heat_capacity_j_per_k),
+    SERVODROME_KEY(plant::Thermal, winding_to_case_k_per_w),
+    SERVODROME_KEY(plant::Thermal, case_heat_capacity_j_per_k),
+    SERVODROME_KEY(plant::Thermal, case_to_ambient_k_per_w),
+    SERVODROME_KEY(plant::Thermal, stage_heat_capacity_j_per_k),
+    SERVODROME_KEY(plant::Thermal, stage_to_ambient_k_per_w),
+    SERVODROME_KEY(plant::Thermal, stage_standby_w),
+    SERVODROME_KEY(plant::Thermal, stage_resistance_ohm),
+};
+
+// Where the drive was told something else than the truth (motor_data_of).
+inline constexpr std::array nameplate_keys{
+    SERVODROME_KEY(drive::MotorData, counts_per_revolution),
+    SERVODROME_KEY(drive::MotorData, pole_pairs),
+    SERVODROME_KEY(drive::MotorData, rated_current_a),
+    SERVODROME_KEY(drive::MotorData, peak_current_a),
+    SERVODROME_KEY(drive::MotorData, rated_torque_nm),
+    SERVODROME_KEY(drive::MotorData, rated_speed_rpm),
+    SERVODROME_KEY(drive::MotorData, max_speed_rpm),
+    SERVODROME_KEY(drive::MotorData, torque_constant_nm_per_a),
+    SERVODROME_KEY(drive::MotorData, resistance_ohm),
+    SERVODROME_KEY(drive::MotorData, inductance_d_h),
+    SERVODROME_KEY(drive::MotorData, inductance_q_h),
+    SERVODROME_KEY(drive::MotorData, inertia_kgm2),
+    SERVODROME_KEY(drive::MotorData, commutation_offset_turns),
+};
+
+#undef SERVODROME_KEY
+
+}  // namespace servodrome::line

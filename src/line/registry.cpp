@@ -1,0 +1,73 @@
+#include "line/registry.hpp"
+
+#include <array>
+
+#include "products/generic402/generic402.hpp"
+#include "products/ismc/ismc.hpp"
+
+namespace servodrome::line {
+namespace {
+
+template <typename Model>
+std::shared_ptr<products::Device> make(const products::Settings& settings) {
+  return std::make_shared<Model>(settings);
+}
+
+// The object table of a product is a constant of its code; the device that shows it is made for nothing else.
+template <typename Model>
+std::span<const dictionary::Entry> table_of() {
+  Model model{products::Settings{}};
+  return model.dictionary().table();
+}
+
+describe::Description describe_ismc() {
+  describe::Description description;
+  description.vendor_name = "ISMC";
+  description.product_name = "Sapphire";  // ISMC manual L3001
+  description.bit_rates_kbit = {20, 50, 125, 250, 500, 800, 1000};
+  description.table = table_of<products::Ismc>();
+  description.file.name = "ISMC.eds";  // ISMC manual L2871
+  description.file.description = "ISMC servo drive, CANopen, as servodrome simulates it";
+  description.file.created_by = "servodrome";
+  description.file.modified_by = "servodrome";
+  return description;
+}
+
+describe::Description describe_generic402() {
+  describe::Description description;
+  description.vendor_name = "Servodrome";
+  description.product_name = "Generic CiA 402 drive";
+  description.bit_rates_kbit = {10, 20, 50, 125, 250, 500, 800, 1000};
+  description.lss_supported = true;
+  description.table = table_of<products::Generic402>();
+  description.file.name = "generic402.eds";
+  description.file.description = "Reference drive with everything CiA 402-2 has";
+  description.file.created_by = "servodrome";
+  description.file.modified_by = "servodrome";
+  return description;
+}
+
+const std::array products{
+    // Wiring: ISMC manual L2680.
+    Product{"ismc", "ISMC servo drive, CANopen", make<products::Ismc>, 1, 6, {0, 1, 2}, describe_ismc},
+    Product{"generic402",
+            "Reference drive with everything CiA 402-2 has",
+            make<products::Generic402>,
+            1,
+            8,
+            {0, 1, 2},
+            describe_generic402},
+};
+
+}  // namespace
+
+std::span<const Product> all_products() { return products; }
+
+const Product* find_product(std::span<const Product> among, std::string_view name) {
+  for (const Product& product : among) {
+    if (product.name == name) return &product;
+  }
+  return nullptr;
+}
+
+}  // namespace servodrome::line

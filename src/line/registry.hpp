@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "describe/description.hpp"
+#include "products/device.hpp"
+
+// The products that can stand on a line.
+namespace servodrome::line {
+
+// The input wires to which a product's manual connects the switches of a travel.
+struct SwitchWiring {
+  std::uint8_t negative_limit = 0;
+  std::uint8_t positive_limit = 1;
+  std::uint8_t home = 2;
+};
+
+struct Product {
+  std::string_view name;   // as line files and commands call it
+  std::string_view title;  // one line for people
+  std::shared_ptr<products::Device> (*make)(const products::Settings& settings);
+  std::uint8_t factory_node_id = 1;
+  std::uint8_t input_wires = 6;  // DI0 ..
+  SwitchWiring wiring{};
+  describe::Description (*describe)() = nullptr;  // for data sheets and references
+};
+
+std::span<const Product> all_products();
+
+// nullptr if there is none of that name.
+const Product* find_product(std::span<const Product> products, std::string_view name);
+
+}  // namespace servodrome::line

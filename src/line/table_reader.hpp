@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <toml++/toml.h>
+#include <vector>
+
+#include "line/diagnostic.hpp"
+#include "line/plant_keys.hpp"
+
+namespace servodrome::line {
+
+// What a file's readers share: where complaints go, and where in the file each key was seen.
+struct FileReport {
+  std::string file;
+  std::vector<Diagnostic> diagnostics;
+
+  void complain(const toml::source_position& at, std::string what, std::string hint);
+};
+
+// One table of a TOML file, read key by key. A key that is never asked for is unknown: `finish` complains about it.
+// A value of the wrong type or outside of the range complains and leaves the target alone.
+class TableReader {
+ public:
+  // `path` is how messages call the table ("axis `x`.motor"), empty for the file itself.
+  TableReader(const toml::table& table, std::string path, FileReport& report)
+      : table_(table), path_(std::move(path)), report_(report) {}
+
+  void read(std::string_view key, std::string& target);
+  void read(std::string_view key, bool& target);
+  void read(std::string_view key, double& target);
+  template <typename Integer>
+  requires std::is_integral_v<Integer>
+  void read(std::string_view key, Integer& target, std::int64_t minimum = std::numeric_limits<Integer>::min(),
+            std::int64_t maximum = static_cast<std::int64_t>(std::numeric_limits<Integer>::max())) {
+    if (const auto value = integer(key, minimum, maximum)) target = static_cast<Integer>(*value);
+  }
+  template <typename Struct, std::size_t Count>
+  void read(Struct& target, const std::array<Key<Struct>, Count>& keys) {
+    for (const Key<Struct>& key : keys) {
+      std::visit([&](auto member) { read_member(key.name, target.*member); }, key.member);
+    }
+  }
+
+  // The node under `key`, or nullptr. Marks the key as known.
+  const toml::node* node(std::string_view key);
+  // The same, with a complaint unless it is a table.
+  const toml::table* table(std::string_view key);
+  // The tables of an array of tables ([[key]]); empty if there is none.
+  std::vector<const toml::table*> tables(std::string_view key);
+
+  // Unknown keys. Call when everything known was asked for.
+  void finish();
+
+  // Complains at the value of `key`, or at the table if the key is not there.
+  void complain(std::string_view key, std::string what, std::string hint);
+  toml::source_position place(std::string_view key) const;
+  const std::string& path() const { return path_; }
+  std::string name_of(std::string_view key) const;
+  FileReport& report() { return report_; }
+
+ private:
+  std::optional<std::int64_t> integer(std::string_view key, std::int64_t minimum, std::int64_t maximum);
+  void wrong_type(std::string_view key, const toml::node& node, std::string_view expected);
+
+  void read_member(std::string_view key, double& target) { read(key, target); }
+  void read_member(std::string_view key, bool& target) { read(key, target); }
+  void read_member(std::string_view key, float& target);
+  template <typename Integer>
+  void read_member(std::string_view key, Integer& target) {
+    read(key, target);
+  }
+
+  const toml::table& table_;
+  std::string path_;
+  FileReport& report_;
+  std::set<std::string, std::less<>> known_;
+};
+
+}  // namespace servodrome::line
