@@ -83,6 +83,18 @@ TEST(LifeGuarding, LossAndReturnOfTheMaster) {
   EXPECT_TRUE(device->events.saw("restored 0"));
 }
 
+TEST(LifeGuarding, IsLostOnceHoweverOftenTheNodeIsPolled) {
+  auto device = make_device<>({.node_guarding = NodeGuarding::simultaneous});
+  device->start();
+  ASSERT_EQ(device->write(0x100C, 0, 100, 2), AbortCode::none);
+  ASSERT_EQ(device->write(0x100D, 0, 1, 1), AbortCode::none);
+  ASSERT_EQ(device->write(0x1017, 0, 60, 2), AbortCode::none);
+  device->send("701 RTR 1");
+  unsigned emergencies = 0;
+  for (const std::string& frame : device->advance(10s)) emergencies += frame == lost_8130 ? 1U : 0U;
+  EXPECT_EQ(emergencies, 1U);
+}
+
 TEST(LifeGuarding, NeedsBothObjects) {
   for (const auto& [time, factor] : {std::pair{0U, 3U}, std::pair{100U, 0U}}) {
     auto device = make_device();
@@ -129,6 +141,19 @@ TEST(HeartbeatConsumer, RewritingTheEntryEndsTheError) {
   EXPECT_EQ(device->advance(100ms), (Frames{lost_8130}));
   ASSERT_EQ(device->write(0x1016, 1, 0, 4), AbortCode::none);
   EXPECT_EQ(device->others, (Frames{no_error}));
+}
+
+TEST(HeartbeatConsumer, TheErrorLastsUntilAllAreBack) {
+  auto device = make_device();
+  device->start();
+  ASSERT_EQ(device->write(0x1016, 1, 0x007F0064, 4), AbortCode::none);
+  ASSERT_EQ(device->write(0x1016, 2, 0x00050064, 4), AbortCode::none);
+  device->send("77F # 05");
+  device->send("705 # 05");
+  EXPECT_EQ(device->advance(100ms), (Frames{lost_8130, lost_8130}));
+  EXPECT_EQ(device->send("77F # 05"), Frames{});
+  EXPECT_EQ(device->node.error_register(), 0x11);
+  EXPECT_EQ(device->send("705 # 05"), (Frames{no_error}));
 }
 
 TEST(HeartbeatConsumer, FrameAtTheVeryDeadlineCounts) {

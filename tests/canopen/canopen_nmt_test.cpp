@@ -86,6 +86,17 @@ TEST(Nmt, ServicesOfEachState) {
   }
 }
 
+TEST(Nmt, StoppingDropsATransfer) {
+  auto device = make_device();
+  device->start();
+  EXPECT_EQ(device->send("601 # 40 08 10 00 00 00 00 00").size(), 1U);
+  device->send("000 # 02 01");
+  EXPECT_EQ(device->advance(10s), Frames{}) << "no timeout abort in stopped";
+  device->send("601 # 40 08 10 00 00 00 00 00");
+  device->send("000 # 80 01");
+  EXPECT_EQ(device->send("601 # 60 00 00 00 00 00 00 00"), (Frames{"581 # 80 08 10 00 01 00 04 05"}));
+}
+
 TEST(Nmt, ResetsNameTheAreasToRestore) {
   auto device = make_device();
   device->start();

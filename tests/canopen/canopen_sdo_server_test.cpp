@@ -1,5 +1,4 @@
 #include "canopen/301/sdo_server.hpp"
-
 #include "test_device.hpp"
 
 namespace servodrome::canopen::test {
