@@ -99,14 +99,22 @@ struct Axis {
     return static_cast<std::uint32_t>(static_cast<double>(milliseconds) * 1e-3 / cycle_s + 0.5);
   }
 
+  // Whether the product knows the fault.
+  bool monitors(Cause cause) const {
+    return std::any_of(policy.faults.begin(), policy.faults.end(),
+                       [cause](const FaultRow& row) { return row.cause == cause; });
+  }
   void raise(Cause cause) {
     if (raised == Cause::none) raised = cause;
   }
 
-  static RampShape shape_of(std::int16_t type) { return static_cast<RampShape>(std::clamp<int>(type, 0, 3)); }
+  // A type that the product does not have is a fault when a motion is planned; the stop that follows is linear.
+  RampShape shape_of(std::int16_t type) const {
+    return has_shape(type) ? static_cast<RampShape>(type) : RampShape::linear;
+  }
   RampShape shape() const { return shape_of(objects.motion_profile_type); }
   RampShape velocity_stop_shape() const { return shape_of(configuration.velocity_stop_shape); }
-  bool has_shape(std::int16_t type) const { return type >= 0 && type < 8 && (policy.ramp_shapes >> type & 1) != 0; }
+  bool has_shape(std::int16_t type) const { return type >= 0 && type <= 3 && (policy.ramp_shapes >> type & 1) != 0; }
   double rpm_to_counts_per_s(double rpm) const { return rpm / 60.0 * units.counts_per_revolution; }
 
   // The speed nobody may exceed: 607Fh (where `profile`), 6080h, the motor. counts/s.
@@ -131,6 +139,18 @@ struct Axis {
   MotionLimits profile_limits() const {
     return limits(objects.profile_velocity * units.velocity, objects.profile_acceleration, objects.profile_deceleration,
                   objects.profile_jerk[0]);
+  }
+
+  // Plans the way to rest, of a demand that has nowhere to go; works whatever the profile objects hold.
+  void come_to_rest(RampShape shape) {
+    if (generator.standing()) return;
+    MotionLimits ramp = limits(max_velocity(false), objects.profile_acceleration, objects.profile_deceleration,
+                               objects.profile_jerk[0]);
+    if (ramp.deceleration <= 0.0) ramp.deceleration = objects.quick_stop_deceleration * units.acceleration;
+    if (ramp.deceleration <= 0.0) return generator.reset(generator.nearest_position());
+    if (ramp.acceleration <= 0.0) ramp.acceleration = ramp.deceleration;
+    if (ramp.jerk <= 0.0) shape = RampShape::linear;
+    generator.run_at(0.0, ramp, shape);
   }
 
   // Puts the generator where the axis really is, moving as it moves.

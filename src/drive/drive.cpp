@@ -23,6 +23,10 @@ void Drive::configure(const Configuration& configuration) {
   axis_.configuration = configuration;
   cascade_.configure(configuration.motor, configuration.gains,
                      {policy_.velocity_loop_ticks, policy_.position_loop_ticks});
+  if (touch_probe_.capability() != configuration.touch_probe) {
+    touch_probe_ = TouchProbe(configuration.touch_probe);
+    load_touch_probe();
+  }
   touch_probe_.set_deviation_supervision(configuration.motor.counts_per_revolution,
                                          configuration.monitors.index_deviation);
   last_inputs_ = ~wires_;  // the meaning of the wires may have changed
@@ -37,6 +41,10 @@ bool Drive::set_units() {
 void Drive::objects_loaded() {
   set_units();
   controlword_ = axis_.objects.controlword;
+  load_touch_probe();
+}
+
+void Drive::load_touch_probe() {
   touch_probe_.write_function(axis_.objects.touch_probe_function);
   for (std::size_t i = 0; i < axis_.objects.touch_probe_source.size(); ++i) {
     touch_probe_.write_source(i, axis_.objects.touch_probe_source[i]);
@@ -136,7 +144,11 @@ void Drive::cycle(const Feedback& feedback) {
                       .pressing = mode_ == Mode::homing && homing_mode_.pressing(),
                       .loop = axis_.demand.loop});
   collect_faults();
-  if (state_ == PowerState::not_ready_to_switch_on) enter_state(PowerState::switch_on_disabled);
+  if (active_.test(Cause::following_error)) axis_.following_error = true;  // shown until it is reset
+  if (state_ == PowerState::not_ready_to_switch_on) {
+    enter_state(PowerState::switch_on_disabled);
+    handle_command(command_of(controlword_));  // of a master that did not wait
+  }
   change_mode();
   if (axis_.active(Signal::quick_stop) && state_ == PowerState::operation_enabled) handle_command(Command::quick_stop);
   step_power();
@@ -153,7 +165,9 @@ void Drive::cycle(const Feedback& feedback) {
   }
   set_limits();
   write_actuation();
-  if (energised() != cascade_.enabled()) energised() ? cascade_.enable(feedback) : cascade_.disable();
+  // A motor in short circuit is out of the loops' reach; they must not wind up against it.
+  const bool controlled = energised() && !short_circuit_;
+  if (controlled != cascade_.enabled()) controlled ? cascade_.enable(feedback) : cascade_.disable();
   cascade_.set_demand(axis_.demand);
   axis_.objects.statusword = statusword();
   axis_.synchronised = false;
@@ -198,15 +212,20 @@ void Drive::run_mode() {
   }
   if (stopping_) {
     step_stop();
+    with_mode(*this, [&](auto& mode) {
+      if constexpr (requires { mode.observe(axis_); }) mode.observe(axis_);
+    });
     if (limit_stop_ && stop_finished()) stopping_ = limit_stop_ = false;
     return;
   }
+  const Counts before = axis_.generator.nearest_position();
   with_mode(*this, [&](auto& mode) { mode.step(axis_); });
-  limit_switches();
+  limit_switches(before);
 }
 
-// Outside homing a limit switch ends every motion towards it; away from it the axis may move.
-void Drive::limit_switches() {
+// Outside homing a limit switch ends every motion towards it; away from it the axis may move. `before`: where the
+// demand was before this cycle.
+void Drive::limit_switches(Counts before) {
   if (!policy_.limit_switches_stop || mode_ == Mode::homing || axis_.demand.loop == Loop::torque) return;
   const double velocity = axis_.generator.velocity();
   const bool blocked = (axis_.active(Signal::negative_limit) && velocity < 0.0) ||
@@ -218,7 +237,7 @@ void Drive::limit_switches() {
     begin_stop(Stop::quick_stop_ramp);
     limit_stop_ = true;
   } else {
-    axis_.generator.reset(axis_.generator.nearest_position());
+    axis_.generator.reset(before);
     axis_.follow_generator(axis_.demand.loop);
   }
   with_mode(*this, [&](auto& mode) { mode.interrupt(axis_); });
@@ -279,13 +298,21 @@ std::uint16_t Drive::statusword() const {
   if (energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited)) {
     word |= statusword::internal_limit_active;
   }
+  const auto mode_bits = [this] { return with_mode(*this, [&](const auto& mode) { return mode.status(axis_); }); };
   if (state_ == PowerState::operation_enabled || state_ == PowerState::quick_stop_active) {
-    std::uint16_t bits = with_mode(*this, [&](const auto& mode) { return mode.status(axis_); });
+    std::uint16_t bits = mode_bits();
     if (stopping_) {
-      bits &= static_cast<std::uint16_t>(~statusword::target_reached);
-      if (stop_finished() && !limit_stop_) bits |= statusword::target_reached;
+      if (is_cyclic_synchronous(mode_)) {
+        bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);  // the target is ignored
+      } else {
+        bits &= static_cast<std::uint16_t>(~statusword::target_reached);
+        if (stop_finished() && !limit_stop_) bits |= statusword::target_reached;
+      }
     }
     word |= bits;
+  } else if (state_ == PowerState::fault_reaction_active || state_ == PowerState::fault) {
+    // What went wrong in the mode can be seen until the fault is reset: homing error, following error.
+    word |= static_cast<std::uint16_t>(mode_bits() & statusword::mode_bit_13);
   }
   return word;
 }

@@ -111,10 +111,11 @@ class Drive final : public dictionary::Listener {
   void capture_edges(const Feedback& feedback);
   void change_mode();
   void run_mode();
-  void limit_switches();
+  void limit_switches(Counts before);
   void set_limits();
   void write_actuation();
   bool set_units();
+  void load_touch_probe();
   // Calls `function` with the object of the present mode.
   template <typename Self, typename Function>
   static auto with_mode(Self& self, Function&& function);

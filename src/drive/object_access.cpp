@@ -75,8 +75,8 @@ void Drive::written(const Entry& entry) {
   const Objects& objects = axis_.objects;
   switch (entry.index) {
     case 0x6040: handle_controlword(controlword_, objects.controlword); break;
-    case 0x607A:
-    case 0x60FF: axis_.new_set_point = true; break;
+    case 0x6060: change_mode(); break;
+    case 0x607A: axis_.new_set_point = true; break;
     case 0x60B8: touch_probe_.write_function(objects.touch_probe_function); break;
     case 0x60C1:
       if (entry.sub == 1) interpolated_position_.data_record(axis_);

@@ -26,6 +26,10 @@ enum class Mode : std::int8_t {
   cyclic_sync_torque = 10,
 };
 
+constexpr bool is_cyclic_synchronous(Mode mode) {
+  return mode == Mode::cyclic_sync_position || mode == Mode::cyclic_sync_velocity || mode == Mode::cyclic_sync_torque;
+}
+
 // Bit of 6502h for a mode.
 constexpr std::uint32_t mode_bit(Mode mode) {
   return mode == Mode::none ? 0 : 1u << (static_cast<unsigned>(static_cast<std::int8_t>(mode)) - 1);

@@ -26,6 +26,8 @@ struct TouchProbeCapability {
   bool source_status = false;  // status bit 6 (14) mirrors the source: 1 = index
   bool toggle_status = false;  // status bit 6 (14), 7 (15) change with every rising, falling edge in continuous mode
   IndexValue index_value = IndexValue::position;
+
+  friend bool operator==(const TouchProbeCapability&, const TouchProbeCapability&) = default;
 };
 
 // Both probes, all edges and sources.
@@ -57,6 +59,7 @@ class TouchProbe {
   // Every captured edge, in the order they happened. True: a deviation beyond the threshold has been latched.
   bool on_edge(const SignalEdge& edge);
 
+  const TouchProbeCapability& capability() const { return capability_; }
   std::uint16_t function() const { return function_; }
   std::uint16_t status() const;                                                              // 60B9h
   Counts position(std::size_t slot) const { return probes_[slot / 2].positions[slot % 2]; }  // 60BAh + slot

@@ -15,7 +15,7 @@ namespace servodrome::products {
 //   Objects                        plain struct with members `communication` and `drive`
 //   table, policy, profile, length_aborts           the product as data
 //   factory_node_id, factory_bit_rate
-//   void prepare(Objects&)         values that are not defaults: identity, nameplate
+//   void prepare(Area)             values of these areas that are not defaults: identity, nameplate
 //   drive::Configuration configuration() const      from the present objects and the motor
 //   std::uint8_t chosen_node_id() const, std::uint32_t chosen_bit_rate() const     what the objects ask for
 //   product_check, product_written, product_refresh for objects of Owner::product
@@ -92,6 +92,10 @@ class CanDevice : public Device,
       drive_.objects_loaded();
     }
   }
+  // 6007h also tells what to do when the node is stopped; a product without that object goes on.
+  void nmt_state_changed(canopen::NmtState state) override {
+    if (state == canopen::NmtState::stopped && dictionary_.find(0x6007, 0) != nullptr) drive_.communication_lost();
+  }
   dictionary::AbortCode store(dictionary::Area areas) override { return save(areas); }
   dictionary::AbortCode restore_defaults(dictionary::Area areas) override {
     if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
@@ -99,14 +103,15 @@ class CanDevice : public Device,
   }
   void sync(std::uint8_t, canopen::Time) override { drive_.synchronise(); }
   canopen::LossReaction communication_lost(canopen::LossCause, canopen::LossReaction standard) override {
+    reported_by_node_ = true;  // with the code of what was lost
     drive_.communication_lost();
+    reported_by_node_ = false;
     return standard;
   }
 
   // --- drive::DriveEvents
   void fault_raised(const drive::FaultRow& fault) override {
-    // The node reports a lost master itself, with the code of what was lost.
-    if (fault.cause != drive::Cause::communication_lost) node_.raise(fault.code, fault.error_register);
+    if (!reported_by_node_) node_.raise(fault.code, fault.error_register);
   }
   void faults_reset() override { node_.clear(0); }
 
@@ -119,12 +124,14 @@ class CanDevice : public Device,
   Product& product() { return static_cast<Product&>(*this); }
 
   void load_objects(dictionary::Area areas, std::uint8_t node_id) {
-    dictionary_.load_defaults(areas, node_id);
-    product().prepare();
+    load_factory_values(areas, node_id);
     if (settings_.store != nullptr && !dictionary::Store(*settings_.store).load(dictionary_, areas)) {
-      dictionary_.load_defaults(areas, node_id);  // nothing saved, or the memory failed halfway
-      product().prepare();
+      load_factory_values(areas, node_id);  // nothing saved, or the memory failed halfway
     }
+  }
+  void load_factory_values(dictionary::Area areas, std::uint8_t node_id) {
+    dictionary_.load_defaults(areas, node_id);
+    product().prepare(areas);
   }
 
   Settings settings_;
@@ -135,6 +142,7 @@ class CanDevice : public Device,
                        Communication::heartbeat_consumer_count, SdoBufferBytes>
       storage_{};
   canopen::Node node_;
+  bool reported_by_node_ = false;
   std::uint8_t node_id_ = Product::factory_node_id;
   std::uint32_t bit_rate_ = Product::factory_bit_rate;
 };

@@ -21,14 +21,20 @@ void follow_line(Axis& axis, const Line& line) {
   axis.follow_generator(Loop::position);
 }
 
+// Before the first target of a mode just entered the axis comes to rest from whatever it was doing.
+void await_target(Axis& axis) {
+  axis.generator.step(axis.cycle_s);
+  axis.follow_generator(Loop::position);
+}
+
 }  // namespace
 
 // --- Cyclic synchronous position
 
 void CyclicSyncPosition::enter(Axis& axis) {
-  line_.stand(axis.generator.nearest_position());
+  axis.come_to_rest(RampShape::linear);
   quiet_cycles_ = 0;
-  fresh_ = false;
+  following_ = false;
   axis.new_set_point = false;
 }
 
@@ -36,8 +42,12 @@ void CyclicSyncPosition::step(Axis& axis) {
   const Objects& objects = axis.objects;
   if (objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
   ++quiet_cycles_;
-  if (axis.new_set_point || (axis.synchronised && fresh_)) {
-    std::int64_t user = std::int64_t{objects.target_position} + objects.position_offset;
+  std::int64_t user = std::int64_t{objects.target_position} + objects.position_offset;
+  // A SYNC takes over a changed offset; without anything new it leaves the line alone.
+  if (axis.new_set_point || (axis.synchronised && following_ && user != given_)) {
+    if (!following_) line_.stand(axis.generator.position(), axis.generator.fraction());
+    following_ = true;
+    given_ = user;
     axis.limited = false;
     if (axis.software_limits_active()) {
       const std::int64_t clipped =
@@ -56,13 +66,16 @@ void CyclicSyncPosition::step(Axis& axis) {
     }
     line_.go(axis.units.to_counts(user), interpolation_cycles(axis));
     quiet_cycles_ = 0;
-    fresh_ = true;
   } else if (line_.arrived() && quiet_cycles_ > interpolation_cycles(axis)) {
     line_.stand(line_.target());  // the master sends no more: stand at its last target
   }
   axis.new_set_point = false;
-  line_.step();
-  follow_line(axis, line_);
+  if (following_) {
+    line_.step();
+    follow_line(axis, line_);
+  } else {
+    await_target(axis);
+  }
   axis.demand.velocity += static_cast<float>(axis.units.velocity_to_counts(objects.velocity_offset));
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
 }
@@ -106,7 +119,8 @@ std::uint16_t CyclicSyncTorque::status(const Axis&) const { return statusword::m
 // --- Interpolated position
 
 void InterpolatedPosition::enter(Axis& axis) {
-  line_.stand(axis.generator.nearest_position());
+  axis.come_to_rest(RampShape::linear);
+  following_ = false;
   count_ = 0;
   quiet_cycles_ = 0;
   enabled_ = (axis.objects.controlword & controlword::mode_bit_4) != 0;
@@ -131,7 +145,9 @@ void InterpolatedPosition::data_record(Axis& axis) {
 void InterpolatedPosition::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
   ++quiet_cycles_;
-  if (enabled_ && line_.arrived() && count_ > 0) {
+  if (enabled_ && (line_.arrived() || !following_) && count_ > 0) {
+    if (!following_) line_.stand(axis.generator.position(), axis.generator.fraction());
+    following_ = true;
     std::int64_t user = buffer_[head_];
     head_ = (head_ + 1) % capacity;
     --count_;
@@ -148,13 +164,17 @@ void InterpolatedPosition::step(Axis& axis) {
   } else if (line_.arrived() && quiet_cycles_ > interpolation_cycles(axis)) {
     line_.stand(line_.target());
   }
-  line_.step();
-  follow_line(axis, line_);
+  if (following_) {
+    line_.step();
+    follow_line(axis, line_);
+  } else {
+    await_target(axis);
+  }
 }
 
 std::uint16_t InterpolatedPosition::status(const Axis& axis) const {
   std::uint16_t bits = 0;
-  if (line_.arrived() && count_ == 0) bits |= statusword::target_reached;
+  if ((following_ ? line_.arrived() : axis.generator.standing()) && count_ == 0) bits |= statusword::target_reached;
   if (enabled_) bits |= statusword::mode_bit_12;  // ip mode active
   if (axis.following_error) bits |= statusword::mode_bit_13;
   return bits;

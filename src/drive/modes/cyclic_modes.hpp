@@ -13,7 +13,11 @@ std::uint32_t interpolation_cycles(const Axis& axis);
 // exactly.
 class Line {
  public:
-  void stand(Counts position) { *this = {}, from_ = to_ = position; }
+  void stand(Counts position, double fraction = 0.0) {
+    *this = {};
+    from_ = to_ = position;
+    fraction_from_ = fraction;
+  }
   void go(Counts to, std::uint32_t cycles) {
     from_ = now();
     fraction_from_ = fraction();
@@ -36,6 +40,7 @@ class Line {
 
  private:
   double progress() const {
+    if (steps_ == 0) return fraction_from_;
     if (step_ >= steps_) return static_cast<double>(to_ - from_);
     return fraction_from_ + rate() * static_cast<double>(step_);
   }
@@ -56,14 +61,15 @@ class CyclicSyncPosition {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis& axis) { line_.stand(axis.generator.nearest_position()); }
+  void interrupt(Axis&) { following_ = false; }
   double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
   std::uint16_t status(const Axis& axis) const;
 
  private:
   Line line_{};
+  std::int64_t given_ = 0;  // the target the line leads to, with its offset
   std::uint32_t quiet_cycles_ = 0;
-  bool fresh_ = false;  // a target was given since the mode was entered
+  bool following_ = false;  // a target was given since the mode was entered
 };
 
 // Cyclic synchronous velocity and torque modes (CiA 402-2 clauses 14 and 15).
@@ -107,8 +113,8 @@ class InterpolatedPosition {
   void clear_buffer() { count_ = 0; }
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis& axis) { line_.stand(axis.generator.nearest_position()); }
-  void interrupt(Axis& axis) { resume(axis); }
+  void resume(Axis&) { following_ = false; }
+  void interrupt(Axis&) { following_ = false; }
   double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
   std::uint16_t status(const Axis& axis) const;
   std::size_t buffered() const { return count_; }
@@ -118,7 +124,8 @@ class InterpolatedPosition {
   std::size_t head_ = 0;
   std::size_t count_ = 0;
   Line line_{};
-  bool enabled_ = false;  // controlword bit 4
+  bool enabled_ = false;    // controlword bit 4
+  bool following_ = false;  // a record was taken since the mode was entered
   std::uint32_t quiet_cycles_ = 0;
 };
 

@@ -23,7 +23,7 @@ void HomingMode::enter(Axis& axis) {
   error_ = false;
   standing_ = true;
   acceleration_ = axis.objects.homing_acceleration * axis.units.acceleration;
-  if (!axis.generator.standing()) axis.generator.run_at(0.0, axis.profile_limits(), RampShape::linear);
+  axis.come_to_rest(RampShape::linear);
 }
 
 void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now) {

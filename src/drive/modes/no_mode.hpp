@@ -9,9 +9,7 @@ class NoMode {
  public:
   static constexpr Loop loop = Loop::position;
 
-  void enter(Axis& axis) {
-    if (!axis.generator.standing()) axis.generator.run_at(0.0, axis.profile_limits(), RampShape::linear);
-  }
+  void enter(Axis& axis) { axis.come_to_rest(RampShape::linear); }
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis) {
     axis.generator.step(axis.cycle_s);

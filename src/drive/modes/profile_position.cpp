@@ -23,8 +23,7 @@ void ProfilePosition::enter(Axis& axis) {
   window_.reset();
   target_ = axis.generator.nearest_position();
   target_user_ = axis.units.to_user(target_);
-  // Whatever moved the axis before, this mode has no target yet: come to rest.
-  if (!axis.generator.standing()) axis.generator.run_at(0.0, axis.profile_limits(), axis.shape());
+  axis.come_to_rest(axis.shape());  // whatever moved the axis before, this mode has no target yet
 }
 
 ProfilePosition::SetPoint ProfilePosition::capture(const Axis& axis, std::uint16_t word) const {
@@ -78,9 +77,12 @@ Cause ProfilePosition::planning_fault(const Axis& axis, const SetPoint& set_poin
     return Cause::software_limits_wrong;
   }
   if (axis.policy.zero_values_are_faults) {
+    const bool zero = set_point.velocity <= 0.0 || set_point.acceleration == 0 || set_point.deceleration == 0;
+    if (set_point.pass_previous && zero) return Cause::profile_multi_point;
     if (set_point.velocity <= 0.0) return Cause::profile_velocity_zero;
     if (set_point.acceleration == 0) return Cause::profile_acceleration_zero;
     if (set_point.deceleration == 0 || objects.quick_stop_deceleration == 0) return Cause::position_deceleration_zero;
+    if (set_point.shape == RampShape::jerk_limited && set_point.jerk == 0) return Cause::profile_value_zero;
   }
   if (set_point.end_velocity > set_point.velocity) return Cause::end_velocity_above_profile;
   if (axis.policy.jerk_limited_only_from_standstill && set_point.shape == RampShape::jerk_limited &&
@@ -115,9 +117,9 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
     const unsigned direction = (set_point.option >> 6) & 3u;
     if (direction == 1 && distance > 0) distance -= range;  // negative only
     if (direction == 2 && distance < 0) distance += range;  // positive only
-    if (direction == 3) {                                   // the shortest way
-      if (distance > range / 2) distance -= range;
-      if (distance < -(range / 2)) distance += range;
+    if (direction == 3) {                                   // the shortest way; half a turn goes positive
+      if (2 * distance > range) distance -= range;
+      if (2 * distance <= -range) distance += range;
     }
     user = now + distance;
   }
@@ -141,7 +143,9 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
 }
 
 void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained) {
-  if (const Cause cause = planning_fault(axis, set_point); cause != Cause::none) {
+  // What a product does not call a fault is no reason to refuse the set-point: an end velocity above the profile
+  // velocity is clipped, limits that contradict each other are off.
+  if (const Cause cause = planning_fault(axis, set_point); axis.monitors(cause)) {
     axis.raise(cause);
     running_ = false;
     return;

@@ -14,7 +14,7 @@ void ProfileVelocity::enter(Axis& axis) {
   axis.limited = false;
 }
 
-Cause ProfileVelocity::planning_fault(const Axis& axis) const {
+Cause ProfileVelocity::planning_fault(const Axis& axis, RampShape shape) const {
   const Objects& objects = axis.objects;
   if (!axis.has_shape(objects.motion_profile_type)) return Cause::motion_profile_type;
   if (!axis.has_shape(axis.configuration.velocity_stop_shape)) return Cause::velocity_ramp_type;
@@ -23,9 +23,11 @@ Cause ProfileVelocity::planning_fault(const Axis& axis) const {
     if (objects.profile_deceleration == 0 || objects.quick_stop_deceleration == 0) {
       return Cause::velocity_deceleration_zero;
     }
+    if (shape == RampShape::jerk_limited && objects.profile_jerk[0] == 0) return Cause::profile_value_zero;
   }
-  if (axis.policy.jerk_limited_only_from_standstill && axis.shape() == RampShape::jerk_limited &&
-      !axis.generator.standing()) {
+  // A stop begins in motion by its nature: that one may be jerk-limited.
+  if (axis.policy.jerk_limited_only_from_standstill && shape == RampShape::jerk_limited &&
+      objects.target_velocity != 0 && !axis.generator.standing()) {
     return Cause::jerk_limited_while_moving;
   }
   return Cause::none;
@@ -36,9 +38,10 @@ void ProfileVelocity::step(Axis& axis) {
   const Request request{objects.target_velocity, objects.profile_acceleration, objects.profile_deceleration,
                         objects.profile_jerk[0], objects.motion_profile_type,  objects.max_profile_velocity};
   if (!planned_ || request != request_) {
+    const RampShape shape = request.target == 0 ? axis.velocity_stop_shape() : axis.shape();
     // Standing still with nothing asked for is no motion that could be planned wrongly.
     if (request.target != 0 || !axis.generator.standing()) {
-      if (const Cause cause = planning_fault(axis); cause != Cause::none) axis.raise(cause);
+      if (const Cause cause = planning_fault(axis, shape); cause != Cause::none) axis.raise(cause);
     }
     request_ = request;
     planned_ = true;
@@ -48,12 +51,16 @@ void ProfileVelocity::step(Axis& axis) {
     axis.limited = target != wanted;
     MotionLimits limits = axis.profile_limits();
     limits.velocity = allowed;
-    const bool stopping = request.target == 0;
-    axis.generator.run_at(target, limits, stopping ? axis.velocity_stop_shape() : axis.shape());
+    axis.generator.run_at(target, limits, shape);
     window_.reset();
   }
   axis.generator.step(axis.cycle_s);
+  axis.follow_generator(loop);
+  observe(axis);
+}
 
+void ProfileVelocity::observe(Axis& axis) {
+  const Objects& objects = axis.objects;
   const double user_velocity = axis.velocity() / axis.units.velocity;
   const double goal = axis.generator.velocity() / axis.units.velocity;
   const bool windowed = objects.velocity_window != 0xFFFF;
@@ -67,7 +74,6 @@ void ProfileVelocity::step(Axis& axis) {
     speed_zero_ = false;
   }
   slipping_ = axis.policy.slippage_supported && std::abs(user_velocity - goal) > objects.max_slippage;
-  axis.follow_generator(loop);
 }
 
 std::uint16_t ProfileVelocity::status(const Axis&) const {
@@ -162,6 +168,7 @@ void VelocityMode::step(Axis& axis) {
 
 void ProfileTorque::enter(Axis& axis) {
   demand_ = axis.demand.loop == Loop::torque ? axis.demand.torque : axis.torque();
+  if (axis.units.velocity_inverted) demand_ = -demand_;
   start_ = goal_ = demand_;
   phase_ = 1.0F;
   target_reached_ = false;
@@ -173,8 +180,7 @@ void ProfileTorque::step(Axis& axis) {
   const float target = static_cast<float>(objects.target_torque) * 0.001F;
   const float slope = static_cast<float>(objects.torque_slope) * 0.001F;
   const auto cycle = static_cast<float>(axis.cycle_s);
-  if (objects.torque_profile_type > (axis.policy.zero_values_are_faults ? 0 : 1))
-    axis.raise(Cause::torque_profile_type);
+  if (objects.torque_profile_type != 0) axis.raise(Cause::torque_profile_type);  // where it is a fault: linear only
   if (slope <= 0.0F) {
     demand_ = target;  // no slope set: a step
   } else if (objects.torque_profile_type == 1) {

@@ -13,6 +13,7 @@ class ProfileVelocity {
   void enter(Axis& axis);
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
+  void observe(Axis& axis);  // what the statusword shows; also while a stop runs instead of `step`
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
   void interrupt(Axis&) {}
@@ -29,7 +30,7 @@ class ProfileVelocity {
     std::uint32_t max_velocity = 0;
     friend bool operator==(const Request&, const Request&) = default;
   };
-  Cause planning_fault(const Axis& axis) const;
+  Cause planning_fault(const Axis& axis, RampShape shape) const;
 
   Request request_{};
   bool planned_ = false;

@@ -14,6 +14,7 @@ constexpr std::int16_t first_staying_quick_stop_code = 5;
 
 void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   controlword_ = now;
+  change_mode();  // a mode that was written before acts with this controlword, not only from the next cycle on
   const bool reset_edge = (now & controlword::fault_reset) != 0 && (before & controlword::fault_reset) == 0;
   if (reset_edge) reset_faults();
   handle_command(command_of(now));
@@ -78,6 +79,9 @@ void Drive::enter_state(PowerState to) {
   if (power != energised()) {
     switch_power(power);
     if (power) axis_.take_over_actual();
+  } else if (stage_ == Stage::engaging_brake) {
+    switch_power(true);  // enabled again while the brake was closing
+    axis_.take_over_actual();
   } else if (power && axis_.demand.loop != Loop::position) {
     axis_.take_over_actual();
   }
@@ -116,6 +120,7 @@ void Drive::begin_stop(Stop stop) {
   if (stop != Stop::voltage_limit && deceleration <= 0.0) stop = Stop::current_limit;
   stop_ = stop;
   stopping_ = true;
+  limit_stop_ = false;
   stop_loop_ = axis_.demand.loop == Loop::torque ? Loop::velocity : axis_.demand.loop;
   short_circuit_ = stop == Stop::voltage_limit;
   if (stop == Stop::current_limit || stop == Stop::voltage_limit) {

@@ -65,12 +65,15 @@ constexpr auto bit_timings = std::to_array<BitTiming>(
 
 }  // namespace
 
-void Generic402::prepare() {
+void Generic402::prepare(dictionary::Area areas) {
   generic402::Objects& own = objects();
   const drive::MotorData& motor = settings().motor;
   own.communication.serial_number = settings().serial_number;
-  if (settings().node_id != 0) own.manufacturer.node_id = settings().node_id;
-  if (settings().bit_rate != 0) own.manufacturer.bit_rate = settings().bit_rate;
+  if (contains(areas, dictionary::Area::manufacturer)) {
+    if (settings().node_id != 0) own.manufacturer.node_id = settings().node_id;
+    if (settings().bit_rate != 0) own.manufacturer.bit_rate = settings().bit_rate;
+  }
+  if (!contains(areas, dictionary::Area::profile)) return;
   // The nameplate and the encoder are those of the motor that is connected; one position unit is one increment.
   own.drive.position_encoder_increments = motor.counts_per_revolution;
   own.drive.feed = motor.counts_per_revolution;

@@ -20,7 +20,7 @@ class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024>
  private:
   friend CanDevice;
 
-  void prepare();
+  void prepare(dictionary::Area areas);
   drive::Configuration configuration() const;
   std::uint8_t chosen_node_id() const { return objects().manufacturer.node_id; }
   std::uint32_t chosen_bit_rate() const { return objects().manufacturer.bit_rate; }

@@ -24,10 +24,12 @@ drive::Signal signal_of(std::uint8_t function) {
 
 }  // namespace
 
-void Ismc::prepare() {
+void Ismc::prepare(dictionary::Area areas) {
   objects().communication.serial_number = settings().serial_number;
-  if (settings().node_id != 0) objects().manufacturer.node_id = settings().node_id;
-  if (settings().bit_rate != 0) objects().manufacturer.bit_rate = settings().bit_rate;
+  if (contains(areas, dictionary::Area::manufacturer)) {
+    if (settings().node_id != 0) objects().manufacturer.node_id = settings().node_id;
+    if (settings().bit_rate != 0) objects().manufacturer.bit_rate = settings().bit_rate;
+  }
   objects().drive.positioning_option_code = 1;  // relative to the demand position (L1122, G16)
 }
 

@@ -31,7 +31,7 @@ class Ismc final : public CanDevice<Ismc, ismc::Objects> {
  private:
   friend CanDevice;
 
-  void prepare();
+  void prepare(dictionary::Area areas);
   drive::Configuration configuration() const;
   std::uint8_t chosen_node_id() const { return objects().manufacturer.node_id; }
   std::uint32_t chosen_bit_rate() const { return objects().manufacturer.bit_rate; }
