@@ -1,0 +1,92 @@
+#include "app/bus_options.hpp"
+
+#include <csignal>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include "app/commands.hpp"
+#include "host/canopen/scan.hpp"
+
+namespace servodrome::app {
+namespace {
+
+volatile std::sig_atomic_t interrupt_seen = 0;
+
+void note_interrupt(int) { interrupt_seen = 1; }
+
+constexpr host::Time progress_period = std::chrono::milliseconds(100);
+
+}  // namespace
+
+void add_bus_options(CLI::App& command, BusOptions& options, const std::string& timeout_help) {
+  command.add_option("--bus", options.link, "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE")
+      ->capture_default_str();
+  command.add_option("--timeout", options.timeout_s, timeout_help)
+      ->check(CLI::Range(0.001, 1e6).description(""))
+      ->capture_default_str();
+  command.add_flag("--json", options.json, "Print JSON");
+}
+
+void add_node_option(CLI::App& command, BusOptions& options) {
+  command.add_option("--node", options.node_id, "Node-ID, 1..127; the only node found if not given")
+      ->check(CLI::Range(1, 127).description(""));
+}
+
+std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives) {
+  if (options.node_id != 0) return static_cast<std::uint8_t>(options.node_id);
+  std::string list;
+  std::uint8_t chosen = 0;
+  unsigned count = 0;
+  for (const host::FoundNode& node : host::scan(bus)) {
+    if (drives && !node.is_drive()) continue;
+    ++count;
+    chosen = node.node_id;
+    list += fmt::format("{}{} ({})", list.empty() ? "" : ", ", node.node_id, node.name);
+  }
+  if (count == 1) return chosen;
+  const char* what = drives ? "CiA 402 drive" : "node";
+  if (count == 0) {
+    throw Failure::did_not_work(
+        fmt::format("{}: no {} answers; check bit rate and power, or give --node", bus.name(), what));
+  }
+  throw Failure::wrong_use(fmt::format("{}: several {}s answer: {}; say which with --node", bus.name(), what, list));
+}
+
+bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
+
+InterruptGuard::InterruptGuard() {
+  interrupt_seen = 0;
+  struct sigaction action {};
+  action.sa_handler = note_interrupt;
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+}
+
+InterruptGuard::~InterruptGuard() {
+  std::signal(SIGINT, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);
+}
+
+bool InterruptGuard::interrupted() { return interrupt_seen != 0; }
+
+host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet) {
+  const bool shown = !quiet && on_terminal();
+  return [&axis, shown, next = host::Time{}](const host::AxisStatus& status) mutable {
+    if (InterruptGuard::interrupted()) {
+      axis.stop();
+      throw Failure::did_not_work(
+          fmt::format("interrupted: node {} was stopped at position {}", axis.node_id(), axis.position()));
+    }
+    const host::Time now = axis.sdo().bus().now();
+    if (!shown || now < next) return;
+    next = now + progress_period;
+    fmt::print("\r  position {:>12}  velocity {:>10}\x1B[K", status.position, status.velocity);
+    std::fflush(stdout);
+  };
+}
+
+void end_progress(bool quiet) {
+  if (!quiet && on_terminal()) fmt::print("\r\x1B[K");
+}
+
+}  // namespace servodrome::app

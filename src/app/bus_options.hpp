@@ -1,0 +1,52 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+
+#include "host/canopen/axis402.hpp"
+#include "host/canopen/bus.hpp"
+
+// What the commands that talk to a bus share.
+namespace servodrome::app {
+
+inline constexpr const char* default_bus = "socketcand:127.0.0.1:29536/can0";
+
+struct BusOptions {
+  std::string link = default_bus;
+  unsigned node_id = 0;  // 0: the only one found
+  double timeout_s = 1.0;
+  bool json = false;
+
+  host::Time timeout() const {
+    return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(timeout_s));
+  }
+};
+
+// --bus, --json, and --timeout with its meaning for this command; `options` holds the defaults.
+void add_bus_options(CLI::App& command, BusOptions& options, const std::string& timeout_help);
+void add_node_option(CLI::App& command, BusOptions& options);
+
+// The node of --node, or the only node of the bus that answers (`drives`: the only CiA 402 drive). Throws Failure if
+// there is none, or several.
+std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives);
+
+// Standard output is a terminal: something may be rewritten in place.
+bool on_terminal();
+
+// Ctrl-C and SIGTERM end a command by its own will as long as one of these lives: interrupted() is true from then on.
+class InterruptGuard {
+ public:
+  InterruptGuard();
+  ~InterruptGuard();
+  InterruptGuard(const InterruptGuard&) = delete;
+  InterruptGuard& operator=(const InterruptGuard&) = delete;
+  static bool interrupted();
+};
+
+// For motions: shows position and state on a terminal, and on Ctrl-C stops the axis and throws Failure.
+host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet);
+// Ends the line that motion_progress() rewrites.
+void end_progress(bool quiet);
+
+}  // namespace servodrome::app

@@ -1,0 +1,124 @@
+// `monitor`: what happens on a bus, or at an axis.
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "host/canopen/decode.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct Options {
+  BusOptions bus;
+  bool axis = false;
+  double seconds = 0.0;  // 0: until Ctrl-C
+  double interval_s = 0.1;
+};
+
+double seconds_since(const host::Bus& bus, host::Time start) {
+  return std::chrono::duration<double>(bus.now() - start).count();
+}
+
+// Calls `step`, which lets the bus run for a while, until the time is up or Ctrl-C.
+template <typename Step>
+void repeat(const host::Bus& bus, const Options& options, const Step& step) {
+  const InterruptGuard guard;
+  const host::Time start = bus.now();
+  while (!InterruptGuard::interrupted() && (options.seconds <= 0 || seconds_since(bus, start) < options.seconds))
+    step();
+}
+
+void monitor_bus(const Options& options) {
+  const auto bus = host::Bus::open(options.bus.link);
+  const host::Time start = bus->now();
+  const auto listening = bus->listen([&](const host::Frame& frame) {
+    const double at = seconds_since(*bus, start);
+    const unsigned function = frame.id >> 7;
+    const auto frame_node = static_cast<unsigned>(frame.id & 0x7F);
+    const bool of_node = function != 0 && frame_node == options.bus.node_id;
+    if (options.bus.node_id != 0 && !of_node) return;
+    const std::string meaning = host::describe(frame);
+    if (options.bus.json) {
+      nlohmann::ordered_json json{
+          {"seconds", at}, {"id", frame.id}, {"extended", frame.extended}, {"remote", frame.remote}};
+      json["data"] = std::vector<unsigned>(frame.data.begin(), frame.data.begin() + (frame.remote ? 0 : frame.length));
+      json["meaning"] = meaning;
+      fmt::print("{}\n", json.dump());
+    } else {
+      fmt::print("{:12.6f}  {:<34} {}\n", at, host::raw_text(frame), meaning);
+    }
+    std::fflush(stdout);
+  });
+  repeat(*bus, options, [&] { bus->run_for(std::chrono::milliseconds(50)); });
+}
+
+// Position and velocity change all the time: in a pipe a line stands for a change of anything else, or for a position
+// that has come to rest somewhere else.
+bool is_news(const host::AxisStatus& before, const host::AxisStatus& now) {
+  const bool at_rest = now.velocity == 0 && now.position != before.position;
+  return now.statusword != before.statusword || now.mode != before.mode || at_rest;
+}
+
+void print_axis(const Options& options, double at, const host::AxisStatus& status, const std::string& emergency) {
+  const auto mode = static_cast<host::OperationMode>(status.mode);
+  if (options.bus.json) {
+    fmt::print("{}\n", nlohmann::ordered_json{{"seconds", at},
+                                              {"state", drive::name(status.state())},
+                                              {"statusword", status.statusword},
+                                              {"mode", status.mode},
+                                              {"position", status.position},
+                                              {"velocity", status.velocity},
+                                              {"torque", status.torque},
+                                              {"emergency", emergency}}
+                           .dump());
+  } else if (on_terminal()) {
+    fmt::print(
+        "\x1B[H\x1B[Jstate       {}\nstatusword  {}\nmode        {} ({})\nposition    {}\nvelocity    {}\n"
+        "torque      {:.1f} %\nlatest EMCY {}\n",
+        drive::name(status.state()), host::text_of_statusword(status.statusword), status.mode, host::name(mode),
+        status.position, status.velocity, status.torque / 10.0, emergency.empty() ? "-" : emergency);
+  } else {
+    fmt::print("{:10.3f}  {}, mode {}, position {}, velocity {}, torque {:.1f} %, statusword {}{}\n", at,
+               drive::name(status.state()), status.mode, status.position, status.velocity, status.torque / 10.0,
+               host::text_of_statusword(status.statusword), emergency.empty() ? "" : ", " + emergency);
+  }
+  std::fflush(stdout);
+}
+
+void monitor_axis(const Options& options) {
+  const auto bus = host::Bus::open(options.bus.link);
+  host::Axis402 axis(*bus, choose_node(*bus, options.bus, true), {.sdo = {.timeout = options.bus.timeout()}});
+  const host::Time start = bus->now();
+  const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));
+  std::optional<host::AxisStatus> last;
+  std::string last_emergency;
+  repeat(*bus, options, [&] {
+    const host::AxisStatus now = axis.status();
+    const std::string emergency = axis.latest_emergency() ? host::text_of(*axis.latest_emergency()) : "";
+    const bool live = on_terminal() && !options.bus.json;
+    if (live || !last || is_news(*last, now) || emergency != last_emergency) {
+      print_axis(options, seconds_since(*bus, start), now, emergency);
+      last = now;
+      last_emergency = emergency;
+    }
+    bus->run_for(interval);
+  });
+}
+
+}  // namespace
+
+void add_monitor(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("monitor", "Show decoded bus traffic, or what an axis does, until Ctrl-C");
+  add_bus_options(*command, options->bus, "Seconds to wait for each answer of the axis");
+  add_node_option(*command, options->bus);
+  command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
+  command->add_option("--for", options->seconds, "Seconds after which to end");
+  command->add_option("--interval", options->interval_s, "Seconds between two looks at the axis")
+      ->check(CLI::Range(0.001, 3600.0).description(""))
+      ->capture_default_str();
+  command->callback([options] { options->axis ? monitor_axis(*options) : monitor_bus(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,161 @@
+// `home` and `move`: one axis, by SDO.
+#include <cmath>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct MotionOptions {
+  BusOptions bus{.timeout_s = 60.0};
+  bool reset_fault = false;
+  bool disable = false;
+  bool revolutions = false;
+};
+
+struct HomeOptions : MotionOptions {
+  std::optional<int> method;
+  std::optional<double> speed;
+  std::optional<double> zero_speed;
+  std::optional<double> acceleration;
+  std::optional<double> offset;
+};
+
+struct MoveOptions : MotionOptions {
+  std::optional<double> to;
+  std::optional<double> by;
+  std::optional<double> velocity;
+  std::optional<double> acceleration;
+  std::optional<double> deceleration;
+};
+
+void add_motion_options(CLI::App& command, MotionOptions& options) {
+  add_bus_options(command, options.bus, "Seconds the motion may take");
+  add_node_option(command, options.bus);
+  command.add_flag("--revolutions", options.revolutions,
+                   "Numbers are motor revolutions, /s and /s2, instead of the drive's units");
+  command.add_flag("--reset-fault", options.reset_fault, "Reset a fault first");
+  command.add_flag("--disable", options.disable, "Disable the drive afterwards instead of holding the position");
+}
+
+// Turns numbers of the command line into the drive's units.
+class Units {
+ public:
+  Units(host::Axis402& axis, bool revolutions) {
+    if (!revolutions) return;
+    const auto units = axis.units_per_revolution();
+    if (!units) {
+      throw Failure::did_not_work(fmt::format(
+          "node {}: the drive does not say how many units a revolution has (6092h, 608Fh); give the numbers "
+          "in the drive's units, without --revolutions",
+          axis.node_id()));
+    }
+    scale_ = *units;
+  }
+
+  template <typename T>
+  std::optional<T> operator()(const std::optional<double>& number, const char* option) const {
+    if (!number) return std::nullopt;
+    const double value = std::round(*number * scale_);
+    if (value < static_cast<double>(std::numeric_limits<T>::min()) ||
+        value > static_cast<double>(std::numeric_limits<T>::max())) {
+      throw Failure::wrong_use(fmt::format("{} {:g}: {:.0f} units are outside {} .. {}", option, *number, value,
+                                           std::numeric_limits<T>::min(), std::numeric_limits<T>::max()));
+    }
+    return static_cast<T>(value);
+  }
+
+ private:
+  double scale_ = 1.0;
+};
+
+// Enables the drive, lets `motion` run, and says where the axis is.
+template <typename Motion>
+void run(const MotionOptions& options, const char* done, const Motion& motion) {
+  const auto bus = host::Bus::open(options.bus.link);
+  host::Axis402 axis(*bus, choose_node(*bus, options.bus, true));
+  const Units units(axis, options.revolutions);
+  const InterruptGuard guard;
+  if (options.reset_fault) axis.reset_fault();
+  axis.enable();
+  const host::Time start = bus->now();
+  motion(axis, units, motion_progress(axis, options.bus.json));
+  const double seconds = std::chrono::duration<double>(bus->now() - start).count();
+  end_progress(options.bus.json);
+  const std::int32_t position = axis.position();
+  if (options.disable) axis.disable();
+  if (options.bus.json) {
+    fmt::print("{}\n", nlohmann::ordered_json{{"node", axis.node_id()},
+                                              {"result", done},
+                                              {"position", position},
+                                              {"seconds", seconds},
+                                              {"state", drive::name(axis.state())}}
+                           .dump(2));
+  } else {
+    fmt::print("node {}: {} in {:.2f} s, position {}\n", axis.node_id(), done, seconds, position);
+  }
+}
+
+void home(const HomeOptions& options) {
+  run(options, "homed", [&](host::Axis402& axis, const Units& units, const host::Axis402::Progress& progress) {
+    host::HomingRequest request;
+    if (options.method) request.method = static_cast<std::int8_t>(*options.method);
+    request.switch_speed = units.operator()<std::uint32_t>(options.speed, "--speed");
+    request.zero_speed = units.operator()<std::uint32_t>(options.zero_speed, "--zero-speed");
+    request.acceleration = units.operator()<std::uint32_t>(options.acceleration, "--acceleration");
+    request.offset = units.operator()<std::int32_t>(options.offset, "--offset");
+    axis.home(request, options.bus.timeout(), progress);
+  });
+}
+
+void move(const MoveOptions& options) {
+  if (options.to.has_value() == options.by.has_value()) {
+    throw Failure::wrong_use("move: give --to POSITION or --by DISTANCE, one of them");
+  }
+  run(options, "moved", [&](host::Axis402& axis, const Units& units, const host::Axis402::Progress& progress) {
+    const host::MotionProfile profile{
+        .velocity = units.operator()<std::uint32_t>(options.velocity, "--velocity"),
+        .acceleration = units.operator()<std::uint32_t>(options.acceleration, "--acceleration"),
+        .deceleration = units.operator()<std::uint32_t>(
+            options.deceleration ? options.deceleration : options.acceleration, "--deceleration")};
+    if (options.to) {
+      axis.move_to(*units.operator()<std::int32_t>(options.to, "--to"), profile, options.bus.timeout(), progress);
+    } else {
+      axis.move_by(*units.operator()<std::int32_t>(options.by, "--by"), profile, options.bus.timeout(), progress);
+    }
+  });
+}
+
+}  // namespace
+
+void add_home(CLI::App& app) {
+  const auto options = std::make_shared<HomeOptions>();
+  CLI::App* command = app.add_subcommand("home", "Enable a drive and home it");
+  command->add_option("--method", options->method, "Homing method (6098h); the drive's if not given")
+      ->check(CLI::Range(-128, 127).description(""));
+  command->add_option("--speed", options->speed,
+                      "Speed during search for the switch (6099h sub 1); the drive's if not given");
+  command->add_option("--zero-speed", options->zero_speed, "Speed during search for zero (6099h sub 2)");
+  command->add_option("--acceleration", options->acceleration, "Homing acceleration (609Ah)");
+  command->add_option("--offset", options->offset, "Home offset (607Ch)");
+  add_motion_options(*command, *options);
+  command->callback([options] { home(*options); });
+}
+
+void add_move(CLI::App& app) {
+  const auto options = std::make_shared<MoveOptions>();
+  CLI::App* command = app.add_subcommand("move", "Enable a drive and move it in profile position mode");
+  command->add_option("--to", options->to, "Target position");
+  command->add_option("--by", options->by, "Distance from the last target");
+  command->add_option("--velocity", options->velocity, "Profile velocity (6081h); the drive's if not given");
+  command->add_option("--acceleration", options->acceleration, "Profile acceleration (6083h)");
+  command->add_option("--deceleration", options->deceleration,
+                      "Profile deceleration (6084h); as --acceleration if not given");
+  add_motion_options(*command, *options);
+  command->callback([options] { move(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,52 @@
+#include <fmt/format.h>
+#include <map>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "host/canopen/master.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct Options {
+  BusOptions bus{.timeout_s = 2.0};
+  host::NmtCommand command{};
+  bool all = false;
+  bool wait = false;
+};
+
+const std::map<std::string, host::NmtCommand> words{{"start", host::NmtCommand::start},
+                                                    {"stop", host::NmtCommand::stop},
+                                                    {"pre-operational", host::NmtCommand::enter_pre_operational},
+                                                    {"reset-node", host::NmtCommand::reset_node},
+                                                    {"reset-communication", host::NmtCommand::reset_communication}};
+
+void run(const Options& options) {
+  if (options.all == (options.bus.node_id != 0)) throw Failure::wrong_use("nmt: give --node N or --all, one of them");
+  if (options.all && options.wait) throw Failure::wrong_use("nmt: --wait is for one node; give --node N");
+  const auto bus = host::Bus::open(options.bus.link);
+  host::Master master(*bus);
+  const auto node_id = static_cast<std::uint8_t>(options.bus.node_id);
+  if (options.wait) {
+    master.command_and_wait(options.command, node_id, options.bus.timeout());
+  } else {
+    master.command(options.command, node_id);
+  }
+}
+
+}  // namespace
+
+void add_nmt(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("nmt", "Send an NMT command");
+  command->add_option("COMMAND", options->command, "start, stop, pre-operational, reset-node or reset-communication")
+      ->required()
+      ->transform(CLI::CheckedTransformer(words).description(""));
+  add_bus_options(*command, options->bus, "Seconds to wait for the confirmation");
+  add_node_option(*command, options->bus);
+  command->add_flag("--all", options->all, "To all nodes");
+  command->add_flag("--wait", options->wait, "Wait until heartbeat or boot-up confirms it");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,169 @@
+// `get` and `set`: objects of a node by SDO.
+#include <fmt/format.h>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "describe/words.hpp"
+#include "dictionary/dictionary.hpp"
+#include "host/object_catalogue.hpp"
+
+namespace servodrome::app {
+namespace {
+
+using dictionary::Type;
+
+struct Options {
+  BusOptions bus;
+  std::string eds;
+  std::string type;
+  bool block = false;
+  std::vector<std::string> objects;  // get
+  std::string object;                // set
+  std::string value;
+};
+
+host::ObjectCatalogue catalogue_of(const Options& options) {
+  if (options.eds.empty()) return host::ObjectCatalogue::standard();
+  std::ifstream file(options.eds);
+  if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
+  return host::ObjectCatalogue::read_eds(file, options.eds);
+}
+
+std::optional<Type> given_type(const Options& options) {
+  if (options.type.empty()) return std::nullopt;
+  const auto type = host::parse_type(options.type);
+  if (!type) {
+    throw Failure::wrong_use(
+        fmt::format("--type {}: unknown; write i8 .. i64, u8 .. u64, bool, f32, string or bytes", options.type));
+  }
+  return type;
+}
+
+std::optional<Type> type_of(const Options& options, const host::ObjectCatalogue& catalogue,
+                            host::ObjectAddress object) {
+  if (const auto type = given_type(options)) return type;
+  const host::NamedObject* known = catalogue.find(object);
+  return known == nullptr ? std::nullopt : known->type;
+}
+
+host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::string& text) {
+  try {
+    return catalogue.resolve(text);
+  } catch (const host::HostError& error) {
+    throw Failure::wrong_use(error.what());
+  }
+}
+
+nlohmann::ordered_json json_of(const host::ObjectCatalogue& catalogue, std::uint8_t node_id, host::ObjectAddress object,
+                               std::span<const std::byte> bytes, std::optional<Type> type) {
+  const host::NamedObject* known = catalogue.find(object);
+  nlohmann::ordered_json json{{"node", node_id}, {"index", object.index}, {"sub", object.sub}};
+  json["name"] = known == nullptr ? "" : known->name;
+  json["type"] = type ? nlohmann::ordered_json(describe::word(*type)) : nullptr;
+  const std::size_t size = type ? dictionary::size_of(*type) : 0;
+  if (type == Type::real32 && bytes.size() == 4) {
+    float number = 0;
+    std::memcpy(&number, bytes.data(), sizeof number);
+    json["value"] = number;
+  } else if (type == Type::boolean && !bytes.empty()) {
+    json["value"] = bytes[0] != std::byte{0};
+  } else if (size != 0 && bytes.size() <= 8) {
+    const std::int64_t number = dictionary::decode_number(*type, bytes);
+    json["value"] = type == Type::unsigned64 ? nlohmann::ordered_json(static_cast<std::uint64_t>(number))
+                                             : nlohmann::ordered_json(number);
+  } else if (type == Type::visible_string) {
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    json["value"] = text.substr(0, text.find_last_not_of('\0') + 1);
+  }
+  json["bytes"] = host::text_of_value(bytes, Type::octet_string);
+  return json;
+}
+
+void get(const Options& options) {
+  const host::ObjectCatalogue catalogue = catalogue_of(options);
+  std::vector<host::ObjectAddress> objects;
+  for (const std::string& text : options.objects) objects.push_back(resolve(catalogue, text));
+  given_type(options);
+  const auto bus = host::Bus::open(options.bus.link);
+  host::SdoClient sdo(*bus, choose_node(*bus, options.bus, false), {.timeout = options.bus.timeout()});
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const host::ObjectAddress object : objects) {
+    const auto protocol = options.block ? host::SdoProtocol::block : host::SdoProtocol::ordinary;
+    const std::vector<std::byte> bytes = sdo.upload(object, protocol);
+    const auto type = type_of(options, catalogue, object);
+    list.push_back(json_of(catalogue, sdo.node_id(), object, bytes, type));
+    if (!options.bus.json) fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
+  }
+  if (options.bus.json) fmt::print("{}\n", (list.size() == 1 ? list[0] : list).dump(2));
+}
+
+// An object of unknown type is taken for an integer of the size it has now.
+Type type_to_write(const Options& options, const host::ObjectCatalogue& catalogue, host::ObjectAddress object,
+                   host::SdoClient& sdo) {
+  if (const auto type = type_of(options, catalogue, object)) return *type;
+  const bool negative = !options.value.empty() && options.value.front() == '-';
+  switch (sdo.upload(object).size()) {
+    case 1: return negative ? Type::integer8 : Type::unsigned8;
+    case 2: return negative ? Type::integer16 : Type::unsigned16;
+    case 4: return negative ? Type::integer32 : Type::unsigned32;
+    case 8: return negative ? Type::integer64 : Type::unsigned64;
+    default:
+      throw Failure::wrong_use(fmt::format("object {}: its type is not known; give --type, or --eds", text_of(object)));
+  }
+}
+
+void set(const Options& options) {
+  const host::ObjectCatalogue catalogue = catalogue_of(options);
+  const host::ObjectAddress object = resolve(catalogue, options.object);
+  const auto value_of = [&](Type type) {
+    try {
+      return host::parse_value(options.value, type);
+    } catch (const host::HostError& error) {
+      throw Failure::wrong_use(fmt::format("{}: {}", catalogue.title(object), error.what()));
+    }
+  };
+  if (const auto type = type_of(options, catalogue, object)) value_of(*type);  // wrong use needs no bus to be found
+  const auto bus = host::Bus::open(options.bus.link);
+  host::SdoClient sdo(*bus, choose_node(*bus, options.bus, false), {.timeout = options.bus.timeout()});
+  const Type type = type_to_write(options, catalogue, object, sdo);
+  const std::vector<std::byte> bytes = value_of(type);
+  sdo.download(object, bytes, options.block ? host::SdoProtocol::block : host::SdoProtocol::ordinary);
+  if (options.bus.json) {
+    fmt::print("{}\n", json_of(catalogue, sdo.node_id(), object, bytes, type).dump(2));
+  } else {
+    fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
+  }
+}
+
+void add_common(CLI::App& command, Options& options) {
+  add_bus_options(command, options.bus, "Seconds to wait for each answer");
+  add_node_option(command, options.bus);
+  command.add_option("--eds", options.eds, "Electronic data sheet with the drive's own objects, names and types");
+  command.add_option("--type", options.type, "Type of the value: i8 .. i64, u8 .. u64, bool, f32, string, bytes");
+  command.add_flag("--block", options.block, "Use the SDO block protocol");
+}
+
+}  // namespace
+
+void add_get(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("get", "Read objects of a node");
+  command->add_option("OBJECT", options->objects, "INDEX[:SUB] in hexadecimal, or a name, e.g. 6041 or statusword")
+      ->required();
+  add_common(*command, *options);
+  command->callback([options] { get(*options); });
+}
+
+void add_set(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("set", "Write an object of a node");
+  command->add_option("OBJECT", options->object, "INDEX[:SUB] in hexadecimal, or a name")->required();
+  command->add_option("VALUE", options->value, "Decimal, 0x or h for hexadecimal, text, or bytes in hexadecimal")
+      ->required();
+  add_common(*command, *options);
+  command->callback([options] { set(*options); });
+}
+
+}  // namespace servodrome::app

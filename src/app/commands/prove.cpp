@@ -1,0 +1,208 @@
+// `prove`: homes and moves every drive of a bus, and says how it went.
+#include <cmath>
+#include <fmt/format.h>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "host/canopen/scan.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct Options {
+  BusOptions bus{.timeout_s = 30.0};
+  std::vector<std::string> methods;
+  double revolutions = 3.0;
+  double speed_rps = 5.0;
+  double acceleration_rps2 = 50.0;
+  double units_per_revolution = 0.0;
+};
+
+// Next index pulse in positive direction: needs no switch, and moves by a revolution at most.
+constexpr std::int8_t default_method = 34;
+// For drives that do not say what a revolution is (6092h, 608Fh).
+constexpr double default_units_per_revolution = 131072.0;
+// Homing looks for edges at this part of the speed.
+constexpr double homing_speed_factor = 0.5;
+constexpr double zero_speed_factor = 0.1;
+// The axis is at its target within this part of a revolution ...
+constexpr double tolerance_revolutions = 0.001;
+// ... after this long at most: target reached may be about the demand, and the shaft follows.
+constexpr host::Time settling_time = std::chrono::milliseconds(500);
+
+struct Outcome {
+  host::FoundNode node{};
+  int method = 0;
+  double homing_seconds = 0.0;
+  double moving_seconds = 0.0;
+  std::int32_t distance = 0;
+  std::int32_t final_position = 0;
+  std::string problem{};  // empty: passed
+};
+
+std::int8_t read_method(const std::string& option, const std::string& text) {
+  std::size_t end = 0;
+  int method = 0;
+  try {
+    method = std::stoi(text, &end);
+  } catch (const std::logic_error&) {
+    end = 0;
+  }
+  if (end == 0 || end != text.size() || method < -128 || method > 127) {
+    throw Failure::wrong_use(fmt::format("--method {}: write METHOD, or NODE=METHOD for one node", option));
+  }
+  return static_cast<std::int8_t>(method);
+}
+
+// By node-ID; 0 is for the others.
+std::map<unsigned, std::int8_t> methods_of(const Options& options) {
+  std::map<unsigned, std::int8_t> methods{{0, default_method}};
+  for (const std::string& option : options.methods) {
+    const std::size_t equals = option.find('=');
+    const bool for_one = equals != std::string::npos;
+    const auto node = for_one ? read_method(option, option.substr(0, equals)) : std::int8_t{0};
+    methods[static_cast<unsigned>(node)] = read_method(option, for_one ? option.substr(equals + 1) : option);
+  }
+  return methods;
+}
+
+void move_and_check(host::Bus& bus, host::Axis402& axis, std::int32_t target, const host::MotionProfile& profile,
+                    std::int32_t tolerance, const Options& options) {
+  axis.move_to(target, profile, options.bus.timeout(), motion_progress(axis, options.bus.json));
+  const host::Time deadline = bus.now() + settling_time;
+  std::int32_t position = axis.position();
+  while (std::abs(std::int64_t{position} - target) > tolerance) {
+    if (bus.now() >= deadline) {
+      throw Failure::did_not_work(
+          fmt::format("target reached is set, but the position is {} and not {}", position, target));
+    }
+    bus.run_for(std::chrono::milliseconds(5));
+    position = axis.position();
+  }
+}
+
+void prove(host::Bus& bus, Outcome& outcome, const Options& options) {
+  host::Axis402 axis(bus, outcome.node.node_id);
+  double units = options.units_per_revolution;
+  if (units <= 0) units = axis.units_per_revolution().value_or(default_units_per_revolution);
+  const auto number = [units](double revolutions) {
+    return static_cast<std::uint32_t>(std::lround(revolutions * units));
+  };
+  axis.reset_fault();
+  axis.enable();
+  const auto seconds_since = [&](host::Time start) { return std::chrono::duration<double>(bus.now() - start).count(); };
+
+  host::Time start = bus.now();
+  axis.home({.method = static_cast<std::int8_t>(outcome.method),
+             .switch_speed = number(options.speed_rps * homing_speed_factor),
+             .zero_speed = number(options.speed_rps * zero_speed_factor),
+             .acceleration = number(options.acceleration_rps2)},
+            options.bus.timeout(), motion_progress(axis, options.bus.json));
+  outcome.homing_seconds = seconds_since(start);
+
+  start = bus.now();
+  const host::MotionProfile profile{.velocity = number(options.speed_rps),
+                                    .acceleration = number(options.acceleration_rps2),
+                                    .deceleration = number(options.acceleration_rps2)};
+  const auto tolerance = static_cast<std::int32_t>(std::lround(units * tolerance_revolutions));
+  const auto far = static_cast<std::int32_t>(std::lround(options.revolutions * units));
+  for (const std::int32_t target : {0, far, 0}) {
+    move_and_check(bus, axis, target, profile, tolerance, options);
+    outcome.distance += target;
+  }
+  outcome.distance *= 2;  // there and back
+  outcome.moving_seconds = seconds_since(start);
+  outcome.final_position = axis.position();
+  axis.disable();
+}
+
+Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, int method, const Options& options) {
+  Outcome outcome{.node = node, .method = method};
+  try {
+    prove(bus, outcome, options);
+  } catch (const std::exception& error) {
+    outcome.problem = error.what();
+  }
+  end_progress(options.bus.json);
+  return outcome;
+}
+
+std::string name_of(const host::FoundNode& node) { return node.name.empty() ? "-" : node.name; }
+
+void print(const Outcome& outcome) {
+  const std::string homed =
+      outcome.homing_seconds > 0 ? fmt::format("method {}, {:.2f} s", outcome.method, outcome.homing_seconds) : "no";
+  const std::string moved =
+      outcome.moving_seconds > 0 ? fmt::format("{} units, {:.2f} s", outcome.distance, outcome.moving_seconds) : "no";
+  fmt::print("{:<6}{:<28}{:<22}{:<26}{:>14}  {}\n", outcome.node.node_id, name_of(outcome.node), homed, moved,
+             outcome.final_position, outcome.problem.empty() ? "passed" : "FAILED");
+  if (!outcome.problem.empty()) fmt::print("      {}\n", outcome.problem);
+  std::fflush(stdout);
+}
+
+nlohmann::ordered_json json_of(const Outcome& outcome) {
+  return {{"node", outcome.node.node_id},
+          {"name", outcome.node.name},
+          {"method", outcome.method},
+          {"homing_seconds", outcome.homing_seconds},
+          {"distance", outcome.distance},
+          {"moving_seconds", outcome.moving_seconds},
+          {"final_position", outcome.final_position},
+          {"passed", outcome.problem.empty()},
+          {"problem", outcome.problem}};
+}
+
+void run(const Options& options) {
+  const auto methods = methods_of(options);
+  const auto bus = host::Bus::open(options.bus.link);
+  const InterruptGuard guard;
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  unsigned drives = 0;
+  unsigned failed = 0;
+  for (const host::FoundNode& node : host::scan(*bus)) {
+    if (!node.is_drive() || InterruptGuard::interrupted()) continue;
+    if (drives++ == 0 && !options.bus.json) {
+      fmt::print("{:<6}{:<28}{:<22}{:<26}{:>14}  {}\n", "node", "product", "homed", "moved", "final position",
+                 "result");
+    }
+    const auto own = methods.find(node.node_id);
+    const Outcome outcome = outcome_of(*bus, node, own != methods.end() ? own->second : methods.at(0), options);
+    if (!outcome.problem.empty()) ++failed;
+    options.bus.json ? list.push_back(json_of(outcome)) : print(outcome);
+  }
+  if (options.bus.json) fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"axes", list}}.dump(2));
+  if (InterruptGuard::interrupted()) throw Failure::did_not_work("interrupted");
+  if (drives == 0) {
+    throw Failure::did_not_work(fmt::format("{}: no CiA 402 drive answers; check bit rate and power", bus->name()));
+  }
+  if (failed != 0) throw Failure::did_not_work(fmt::format("{} of {} axes failed, see above", failed, drives));
+}
+
+}  // namespace
+
+void add_prove(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print how it went");
+  add_bus_options(*command, options->bus, "Seconds each motion may take");
+  command
+      ->add_option("--method", options->methods,
+                   fmt::format("Homing method, or NODE=METHOD for one node (default {})", default_method))
+      ->allow_extra_args(false);
+  command->add_option("--revolutions", options->revolutions, "How far to move from home, in motor revolutions")
+      ->capture_default_str();
+  command->add_option("--speed", options->speed_rps, "Speed in motor revolutions per second")
+      ->check(CLI::PositiveNumber.description(""))
+      ->capture_default_str();
+  command
+      ->add_option("--acceleration", options->acceleration_rps2, "Acceleration in motor revolutions per second squared")
+      ->check(CLI::PositiveNumber.description(""))
+      ->capture_default_str();
+  command->add_option("--units-per-revolution", options->units_per_revolution,
+                      "Position units of a motor revolution; by 6092h or 608Fh if not given, else 131072");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,256 @@
+// Status and power state of an axis. Motion is in axis402_motion.cpp.
+#include "host/canopen/axis402.hpp"
+
+#include <algorithm>
+#include <array>
+#include <fmt/format.h>
+
+namespace servodrome::host {
+namespace {
+
+namespace controlword = drive::controlword;
+
+// Controlwords of the commands (CiA 402-2 table 24).
+constexpr std::uint16_t shutdown = 0x0006;
+constexpr std::uint16_t switch_on = 0x0007;
+constexpr std::uint16_t enable_operation = 0x000F;
+constexpr std::uint16_t quick_stop_command = 0x0002;
+constexpr std::uint16_t disable_voltage = 0x0000;
+
+struct StatusBit {
+  std::uint16_t mask;
+  const char* name;
+};
+// Bits 5 and 6 are 0 in what deserves a word: shown as the state.
+constexpr auto status_bits = std::to_array<StatusBit>({{1U << 0, "ready to switch on"},
+                                                       {1U << 1, "switched on"},
+                                                       {1U << 2, "operation enabled"},
+                                                       {1U << 3, "fault"},
+                                                       {1U << 4, "voltage enabled"},
+                                                       {1U << 5, "no quick stop"},
+                                                       {1U << 6, "switch on disabled"},
+                                                       {1U << 7, "warning"},
+                                                       {1U << 8, "bit 8"},
+                                                       {1U << 9, "remote"},
+                                                       {1U << 10, "target reached"},
+                                                       {1U << 11, "internal limit active"},
+                                                       {1U << 12, "bit 12"},
+                                                       {1U << 13, "bit 13"},
+                                                       {1U << 14, "bit 14"},
+                                                       {1U << 15, "bit 15"}});
+
+}  // namespace
+
+PowerState state_of(std::uint16_t statusword) {
+  constexpr std::uint16_t without_quick_stop = 0x4F;
+  constexpr std::uint16_t with_quick_stop = 0x6F;
+  for (const PowerState state : {PowerState::not_ready_to_switch_on, PowerState::switch_on_disabled,
+                                 PowerState::fault_reaction_active, PowerState::fault}) {
+    if ((statusword & without_quick_stop) == (drive::state_bits(state) & without_quick_stop)) return state;
+  }
+  for (const PowerState state : {PowerState::ready_to_switch_on, PowerState::switched_on, PowerState::operation_enabled,
+                                 PowerState::quick_stop_active}) {
+    if ((statusword & with_quick_stop) == drive::state_bits(state)) return state;
+  }
+  return PowerState::not_ready_to_switch_on;  // no combination of the standard
+}
+
+std::string text_of_statusword(std::uint16_t statusword) {
+  std::string names;
+  for (const StatusBit& bit : status_bits) {
+    if ((statusword & bit.mask) == 0) continue;
+    if (!names.empty()) names += ", ";
+    names += bit.name;
+  }
+  return fmt::format("{:04X}h ({})", statusword, names.empty() ? "no bit set" : names);
+}
+
+const char* name(OperationMode mode) {
+  switch (mode) {
+    case OperationMode::none: return "no mode";
+    case OperationMode::profile_position: return "profile position";
+    case OperationMode::velocity: return "velocity";
+    case OperationMode::profile_velocity: return "profile velocity";
+    case OperationMode::profile_torque: return "profile torque";
+    case OperationMode::homing: return "homing";
+    case OperationMode::interpolated_position: return "interpolated position";
+    case OperationMode::cyclic_synchronous_position: return "cyclic synchronous position";
+    case OperationMode::cyclic_synchronous_velocity: return "cyclic synchronous velocity";
+    case OperationMode::cyclic_synchronous_torque: return "cyclic synchronous torque";
+  }
+  return static_cast<std::int8_t>(mode) < 0 ? "manufacturer's mode" : "reserved mode";
+}
+
+Axis402::Axis402(Bus& bus, std::uint8_t node_id, const AxisOptions& options)
+    : bus_(bus), options_(options), sdo_(bus, node_id, options.sdo), listening_(bus.listen([this](const Frame& frame) {
+        const auto emergency = parse_emergency(frame);
+        if (emergency && emergency->node_id == sdo_.node_id()) emergency_ = *emergency;
+      })) {}
+
+AxisStatus Axis402::status() {
+  AxisStatus status;
+  status.statusword = statusword();
+  status.mode = sdo_.read<std::int8_t>(0x6061);
+  status.position = position();
+  if (has_velocity_) {
+    const auto value = sdo_.read_if_present<std::int32_t>(0x606C);
+    has_velocity_ = value.has_value();
+    status.velocity = value.value_or(0);
+  }
+  if (has_torque_) {
+    const auto value = sdo_.read_if_present<std::int16_t>(0x6077);
+    has_torque_ = value.has_value();
+    status.torque = value.value_or(0);
+  }
+  return status;
+}
+
+void Axis402::fail(const std::string& happened, const std::string& remedy) {
+  const std::uint16_t word = statusword();
+  std::string where = fmt::format("{}, node {}, state {}, statusword {}", bus_.name(), node_id(),
+                                  drive::name(state_of(word)), text_of_statusword(word));
+  if (const auto code = sdo_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
+    where += fmt::format(", error code 603Fh {:04X}h {}", *code, text_of_error_code(*code));
+  }
+  if (emergency_) where += ", latest " + text_of(*emergency_);
+  throw HostError(happened, where, remedy);
+}
+
+void Axis402::write_controlword(std::uint16_t word) {
+  sdo_.write<std::uint16_t>(0x6040, 0, word);
+  controlword_ = word;
+}
+
+bool Axis402::wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeout) {
+  const Time deadline = bus_.now() + timeout;
+  while ((statusword() & mask) != value) {
+    if (bus_.now() >= deadline) return false;
+    bus_.run_for(options_.poll_interval);
+  }
+  return true;
+}
+
+void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const char* doing) {
+  const Time deadline = bus_.now() + options_.state_timeout;
+  for (;;) {
+    const PowerState present = state();
+    if (std::find(wanted.begin(), wanted.end(), present) != wanted.end()) return;
+    if (present == PowerState::fault)
+      fail(fmt::format("the drive has a fault while to {}", doing), "remove its cause and reset it (`--reset-fault`)");
+    if (bus_.now() >= deadline) {
+      fail(fmt::format("the drive did not {} within {} ms", doing,
+                       options_.state_timeout / std::chrono::milliseconds(1)),
+           "check its supply, enable input and safety input, and whether another master commands it");
+    }
+    bus_.run_for(options_.poll_interval);
+  }
+}
+
+void Axis402::step(std::uint16_t word, PowerState to, const char* doing) {
+  write_controlword(word);
+  wait_for_state({to}, doing);
+}
+
+void Axis402::reset_fault() {
+  const Time deadline = bus_.now() + options_.state_timeout;
+  PowerState present = state();
+  while (present == PowerState::fault_reaction_active && bus_.now() < deadline) {
+    bus_.run_for(options_.poll_interval);
+    present = state();
+  }
+  if (present != PowerState::fault) return;
+  write_controlword(disable_voltage);  // the reset is the rising edge of bit 7
+  write_controlword(controlword::fault_reset);
+  while (state() == PowerState::fault) {
+    if (bus_.now() >= deadline) {
+      write_controlword(disable_voltage);
+      fail("the fault cannot be reset", "remove its cause; some faults need power off and on");
+    }
+    bus_.run_for(options_.poll_interval);
+  }
+  write_controlword(disable_voltage);
+}
+
+void Axis402::enable() {
+  for (;;) {
+    switch (state()) {
+      case PowerState::not_ready_to_switch_on:
+        wait_for_state({PowerState::switch_on_disabled, PowerState::ready_to_switch_on, PowerState::switched_on,
+                        PowerState::operation_enabled},
+                       "initialise");
+        break;
+      case PowerState::switch_on_disabled:
+        step(shutdown, PowerState::ready_to_switch_on, "get ready to switch on");
+        break;
+      case PowerState::ready_to_switch_on: step(switch_on, PowerState::switched_on, "switch on"); break;
+      case PowerState::switched_on: step(enable_operation, PowerState::operation_enabled, "enable operation"); break;
+      case PowerState::quick_stop_active:
+        // Back by way of switch on disabled, since transition 16 is optional.
+        step(disable_voltage, PowerState::switch_on_disabled, "leave quick stop");
+        break;
+      case PowerState::operation_enabled:
+        // Another master may have left a halt behind; it holds back a move that is not to go on.
+        if (controlword_ == 0) controlword_ = sdo_.read<std::uint16_t>(0x6040);
+        return;
+      case PowerState::fault_reaction_active:
+      case PowerState::fault:
+        fail("the drive cannot be enabled: it has a fault", "remove its cause and reset it (`--reset-fault`)");
+    }
+  }
+}
+
+void Axis402::disable() {
+  const PowerState present = state();
+  if (present == PowerState::fault || present == PowerState::fault_reaction_active ||
+      present == PowerState::not_ready_to_switch_on || present == PowerState::switch_on_disabled) {
+    return;
+  }
+  write_controlword(disable_voltage);
+  wait_for_state({PowerState::switch_on_disabled}, "switch off");
+}
+
+// 605Ah decides whether the drive stays in quick stop active or goes on to switch on disabled.
+void Axis402::quick_stop() {
+  if (state() != PowerState::operation_enabled) return;
+  write_controlword(quick_stop_command);
+  wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop");
+  const Time deadline = bus_.now() + options_.state_timeout;
+  while (state() == PowerState::quick_stop_active && velocity() != 0 && bus_.now() < deadline) {
+    bus_.run_for(options_.poll_interval);
+  }
+}
+
+void Axis402::set_mode(OperationMode mode) {
+  const auto number = static_cast<std::int8_t>(mode);
+  if (sdo_.read<std::int8_t>(0x6061) == number) return;
+  if (number > 0) {
+    const auto supported = sdo_.read_if_present<std::uint32_t>(0x6502);
+    if (supported && (*supported >> (number - 1) & 1U) == 0) {
+      fail(fmt::format("the drive does not have mode {} ({}); 6502h is {:08X}h", number, name(mode), *supported),
+           "choose another mode");
+    }
+  }
+  sdo_.write<std::int8_t>(0x6060, 0, number);
+  const Time deadline = bus_.now() + options_.state_timeout;
+  while (sdo_.read<std::int8_t>(0x6061) != number) {
+    if (bus_.now() >= deadline) {
+      fail(fmt::format("the drive did not take mode {} ({}); 6061h is {}", number, name(mode),
+                       sdo_.read<std::int8_t>(0x6061)),
+           "stop or disable the drive first, and check that no other master writes 6060h");
+    }
+    bus_.run_for(options_.poll_interval);
+  }
+}
+
+std::optional<double> Axis402::units_per_revolution() {
+  const auto ratio = [this](std::uint16_t index) -> std::optional<double> {
+    const auto dividend = sdo_.read_if_present<std::uint32_t>(index, 1);
+    const auto divisor = sdo_.read_if_present<std::uint32_t>(index, 2);
+    if (!dividend || !divisor || *dividend == 0 || *divisor == 0) return std::nullopt;
+    return static_cast<double>(*dividend) / static_cast<double>(*divisor);
+  };
+  if (const auto feed = ratio(0x6092)) return *feed / ratio(0x6091).value_or(1.0);
+  return ratio(0x608F);
+}
+
+}  // namespace servodrome::host
