@@ -1,0 +1,78 @@
+"""A CAN bus of python-can on a link of the line, with the `canopen` package on top, and what was seen on it."""
+
+import threading
+import time
+
+import can
+import canopen
+
+from line import PATIENCE, wait_for
+
+
+def open_bus(link):
+    """python-can's interface for a link name as `servodrome up` prints it."""
+    kind, _, rest = link.partition(":")
+    if kind == "socketcand":
+        address, _, name = rest.rpartition("/")
+        host, _, port = address.rpartition(":")
+        return can.Bus(interface="socketcand", host=host, port=int(port), channel=name)
+    if kind == "slcan":
+        return can.Bus(interface="slcan", channel=rest, bitrate=1_000_000, sleep_after_open=0)
+    assert kind == "socketcan", link
+    return can.Bus(interface="socketcan", channel=rest)
+
+
+class Recorder(can.Listener):
+    """Every frame that was received, and waiting for some of them."""
+
+    def __init__(self):
+        self.frames = []
+        self.lock = threading.Lock()
+
+    def on_message_received(self, msg):
+        with self.lock:
+            self.frames.append(msg)
+
+    def clear(self):
+        with self.lock:
+            self.frames.clear()
+
+    def of(self, identifier):
+        with self.lock:
+            return [frame for frame in self.frames if frame.arbitration_id == identifier]
+
+    def data(self, identifier):
+        return [bytes(frame.data) for frame in self.of(identifier)]
+
+    def wait(self, identifier, count=1, seconds=PATIENCE):
+        """The data of the first `count` frames of an identifier."""
+        wait_for(
+            lambda: len(self.of(identifier)) >= count,
+            lambda: f"{count} frames {identifier:03X}h, have {len(self.of(identifier))}",
+            seconds,
+        )
+        return self.data(identifier)[:count]
+
+
+class Network(canopen.Network):
+    def __init__(self, link):
+        super().__init__(open_bus(link))
+        self.seen = Recorder()
+        self.listeners.append(self.seen)
+        self.connect()
+
+    def send(self, identifier, data=b"", remote=False):
+        self.send_message(identifier, bytes(data), remote=remote)
+
+    def sync(self):
+        self.send(0x080)
+
+    def settle(self, node_id):
+        """Returns when everything sent before has been dealt with by that node: it answers a request sent after it."""
+        answers = len(self.seen.of(0x580 + node_id))
+        self.send(0x600 + node_id, bytes.fromhex("4000100000000000"))
+        self.seen.wait(0x580 + node_id, answers + 1)
+
+    def quiet(self, seconds=0.2):
+        """For what must not come: nothing is proven by it but that it did not come meanwhile."""
+        time.sleep(seconds)

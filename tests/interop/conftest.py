@@ -1,0 +1,119 @@
+"""Fixtures: a line of two drives on the link of SERVODROME_LINK, and clients of it.
+
+Environment: SERVODROME, the built program; SERVODROME_LINK: socketcand (default), slcan, or socketcan:INTERFACE;
+SERVODROME_CAPTURES: a folder that keeps the capture (pcap) of every test's bus.
+"""
+
+import os
+import re
+
+import pytest
+from bus import Network
+from drive402 import Drive402
+from line import TWO_DRIVES, Line, servodrome, wait_for
+
+LINK = os.environ.get("SERVODROME_LINK", "socketcand")
+KIND = LINK.partition(":")[0]
+
+
+def pytest_collection_modifyitems(config, items):
+    keep, drop = [], []
+    for item in items:
+        if "line" not in item.fixturenames and "start_line" not in item.fixturenames:
+            item.add_marker("once")
+        here = KIND != "socketcand" or not item.get_closest_marker("remote_frames")
+        if marker := item.get_closest_marker("link"):
+            here = here and marker.args[0] == KIND
+        (keep if here else drop).append(item)
+    items[:] = keep
+    config.hook.pytest_deselected(items=drop)
+
+
+def bus_option(folder, bus="can0"):
+    """`--bus` of the link under test."""
+    if KIND == "socketcand":
+        return f"{bus}=socketcand:127.0.0.1:0/{bus}"
+    if KIND == "slcan":
+        return f"{bus}=slcan:{folder}/{bus}"
+    return f"{bus}={LINK}"
+
+
+@pytest.fixture
+def start_line(request, tmp_path):
+    """start_line(TOML, ...): a line whose bus can0 is on the link under test. Ended, orderly, after the test."""
+    lines = []
+
+    def start(text=TWO_DRIVES, **options):
+        folder = tmp_path / f"line{len(lines)}"
+        folder.mkdir()
+        captures = os.environ.get("SERVODROME_CAPTURES")
+        if captures and "log" not in options:
+            name = re.sub(r"[^A-Za-z0-9_]+", "-", f"{KIND}-{request.node.nodeid.rpartition('/')[2]}-{len(lines)}")
+            options["log"] = f"{captures}/{name}.pcap"
+        line = Line(folder, text, [bus_option(folder)], **options)
+        lines.append(line)
+        return line
+
+    yield start
+    for line in lines:
+        line.stop()
+
+
+@pytest.fixture
+def line(start_line):
+    return start_line()
+
+
+@pytest.fixture
+def bench(line):
+    return line.bench
+
+
+@pytest.fixture
+def connect():
+    """connect(line): another client on the line's bus can0."""
+    networks = []
+
+    def connect_to(line):
+        network = Network(line.links["can0"][0])
+        networks.append(network)
+        return network
+
+    yield connect_to
+    for network in networks:
+        network.disconnect()
+
+
+@pytest.fixture
+def network(line, connect):
+    return connect(line)
+
+
+@pytest.fixture(scope="session")
+def eds(tmp_path_factory):
+    """eds(product): a file with its exported EDS."""
+    folder = tmp_path_factory.mktemp("eds")
+
+    def export(product):
+        file = folder / f"{product}.eds"
+        if not file.exists():
+            file.write_text(servodrome("export", "eds", product))
+        return str(file)
+
+    return export
+
+
+@pytest.fixture
+def ismc(line, network, eds):
+    return Drive402(network.add_node(1, eds("ismc")), line.bench, "ismc")
+
+
+@pytest.fixture
+def reference(line, network, eds):
+    return Drive402(network.add_node(2, eds("generic402")), line.bench, "reference")
+
+
+@pytest.fixture(params=["ismc", "reference"])
+def drive(request):
+    """Each of the two drives in turn."""
+    return request.getfixturevalue(request.param)

@@ -1,0 +1,92 @@
+"""Faults by injection: EMCY, error register, history, statusword, reset (CiA 301 7.2.7)."""
+
+import pytest
+from line import wait_for
+
+
+def test_a_fault_is_told_kept_and_reset(drive, network):
+    code = {"ismc": 0x3220, "reference": 0x3220}[drive.name]
+    drive.write(0x1003, 0, 0)
+    drive.enable()
+    network.seen.clear()
+    drive.bench.put(f"axes/{drive.name}/plant", {"supply_v": 50})
+    emergency = drive.node.emcy.wait(code, timeout=60)
+    assert emergency is not None and emergency.register & 0x05 == 0x05, "generic and voltage"
+    assert network.seen.wait(0x080 + drive.node.id)[0][:2] == code.to_bytes(2, "little")
+    drive.wait_state("Fault")
+    assert drive.read(0x603F) == code
+    assert drive.read(0x1001) & 0x05 == 0x05
+    assert drive.read(0x1003, 0) == 1
+    assert drive.read(0x1003, 1) & 0xFFFF == code
+    assert f"0x{code:04X}" in [fault["code"] for fault in drive.bench.axis(drive.name)["faults"]]
+
+    drive.control(0x00)
+    drive.control(0x80)
+    network.settle(drive.node.id)
+    assert drive.state == "Fault", "the cause is still there"
+
+    drive.bench.put(f"axes/{drive.name}/plant", {"supply_v": 325})
+    wait_for(lambda: drive.bench.axis(drive.name)["supply_v"] > 300, "the DC link to charge")
+    network.seen.clear()
+    drive.reset_fault()
+    assert network.seen.wait(0x080 + drive.node.id)[0][:3] == b"\x00\x00\x00", "error reset"
+    assert drive.read(0x1001) == 0
+    assert drive.read(0x1003, 1) & 0xFFFF == code, "history stays"
+    drive.write(0x1003, 0, 0)
+    assert drive.read(0x1003, 0) == 0
+    drive.enable()
+
+
+def test_encoder_fault_by_injection(drive, network):
+    drive.enable()
+    drive.bench.post(f"axes/{drive.name}/faults", {"inject": "encoder_loss"})
+    drive.wait_state("Fault")
+    code = drive.read(0x603F)
+    assert network.seen.wait(0x080 + drive.node.id)[0][:2] == code.to_bytes(2, "little")
+    shown = drive.bench.get(f"axes/{drive.name}/faults")
+    assert "encoder_loss" in shown["injected"]
+    assert [fault["code"] for fault in shown["active"]] == [f"0x{code:04X}"]
+    drive.bench.delete(f"axes/{drive.name}/faults")
+    assert drive.bench.get(f"axes/{drive.name}/faults")["injected"] == []
+
+
+def test_every_code_of_the_drive_can_be_injected_and_is_told(drive, network):
+    """Each row of the drive's own fault table: EMCY code and 603Fh are the row's."""
+    rows = drive.bench.get(f"axes/{drive.name}/faults")["injectable"]["drive"]
+    assert len(rows) >= 25
+    for code in sorted({row["code"] for row in rows}):
+        network.seen.clear()
+        drive.bench.post(f"axes/{drive.name}/faults", {"inject": code})
+        expected = int(code, 16).to_bytes(2, "little")
+        wait_for(lambda: expected in [d[:2] for d in network.seen.data(0x080 + drive.node.id)], f"EMCY {code}")
+        wait_for(lambda: drive.read(0x603F) == int(code, 16), f"603Fh {code}")
+        drive.bench.delete(f"axes/{drive.name}/faults")
+        network.seen.clear()
+        drive.bench.post(f"axes/{drive.name}/power", {"action": "cycle"})
+        network.seen.wait(0x700 + drive.node.id)
+        wait_for(lambda: drive.state == "Switch on disabled", f"a fresh drive after {code}")
+
+
+def test_emergency_can_be_switched_off(drive, network):
+    drive.write(0x1014, 0x80000080 + drive.node.id)
+    network.seen.clear()
+    drive.bench.post(f"axes/{drive.name}/faults", {"inject": "encoder_loss"})
+    drive.wait_state("Fault")
+    network.quiet()
+    assert not network.seen.of(0x080 + drive.node.id)
+    assert drive.read(0x1001) & 1, "the register and the history are kept all the same"
+    assert drive.read(0x1003, 0) >= 1
+
+
+@pytest.mark.parametrize("action", ["off", "cycle"])
+def test_power_is_taken_away(drive, network, action):
+    drive.enable()
+    network.seen.clear()
+    drive.bench.post(f"axes/{drive.name}/power", {"action": action})
+    if action == "off":
+        network.send(0x600 + drive.node.id, bytes.fromhex("4000100000000000"))
+        network.quiet()
+        assert not network.seen.of(0x580 + drive.node.id)
+        drive.bench.post(f"axes/{drive.name}/power", {"action": "on"})
+    network.seen.wait(0x700 + drive.node.id)
+    assert drive.state == "Switch on disabled"
