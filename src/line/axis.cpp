@@ -40,6 +40,7 @@ Axis::Axis(const AxisSettings& settings, links::CanBus& bus)
   device_settings.serial_number = settings.serial_number;
   device_settings.motor = settings.motor_data;
   device_settings.store = store_.get();
+  device_settings.description = data_sheet(*settings.product);
   device_ = settings.product->make(device_settings);
   port_ = bus_.attach(*this);
   plant_.sample(feedback_);

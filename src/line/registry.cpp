@@ -1,6 +1,8 @@
 #include "line/registry.hpp"
 
 #include <array>
+#include <map>
+#include <string>
 
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
@@ -49,11 +51,17 @@ describe::Description describe_generic402() {
 
 const std::array products{
     // Wiring: ISMC manual L2680.
-    Product{"ismc", "ISMC servo drive, CANopen", make<products::Ismc>, 1, 6, {0, 1, 2}, describe_ismc},
+    Product{"ismc",
+            "ISMC servo drive, CANopen",
+            make<products::Ismc>,
+            products::Ismc::factory_node_id,
+            6,
+            {0, 1, 2},
+            describe_ismc},
     Product{"generic402",
             "Reference drive with everything CiA 402-2 has",
             make<products::Generic402>,
-            1,
+            products::Generic402::factory_node_id,
             8,
             {0, 1, 2},
             describe_generic402},
@@ -62,6 +70,14 @@ const std::array products{
 }  // namespace
 
 std::span<const Product> all_products() { return products; }
+
+std::span<const std::byte> data_sheet(const Product& product) {
+  static std::map<std::string_view, std::string> sheets;
+  if (product.describe == nullptr) return {};
+  std::string& sheet = sheets[product.name];
+  if (sheet.empty()) sheet = describe::eds(product.describe());
+  return std::as_bytes(std::span(sheet));
+}
 
 const Product* find_product(std::span<const Product> among, std::string_view name) {
   for (const Product& product : among) {

@@ -30,6 +30,9 @@ struct Product {
 
 std::span<const Product> all_products();
 
+// The product's EDS as the device carries it (1021h), made once. Empty for a product without `describe`.
+std::span<const std::byte> data_sheet(const Product& product);
+
 // nullptr if there is none of that name.
 const Product* find_product(std::span<const Product> products, std::string_view name);
 

@@ -1,0 +1,279 @@
+#include "line/line_file.hpp"
+
+#include <fstream>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sstream>
+
+#include "line/plant_keys.hpp"
+#include "support.hpp"
+
+namespace servodrome::line {
+namespace {
+
+using testing::HasSubstr;
+
+std::string text_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+const std::string source_dir = SERVODROME_SOURCE_DIR;
+
+TEST(LineFile, TheShippedLinesAreRight) {
+  for (const char* name : {"default", "eight-axes"}) {
+    const LineFile file = load_line_file(source_dir + "/lines/" + name + ".toml", all_products());
+    for (const Diagnostic& diagnostic : file.diagnostics) ADD_FAILURE() << to_string(diagnostic);
+  }
+  const LineFile eight = load_line_file(source_dir + "/lines/eight-axes.toml", all_products());
+  EXPECT_EQ(eight.settings.axes.size(), 8U);
+  EXPECT_EQ(eight.settings.axes[7].bus, 1U);
+}
+
+TEST(LineFile, TheBuiltInLineIsTheDefaultFile) {
+  EXPECT_EQ(default_line_text(), text_of(source_dir + "/lines/default.toml"));
+  const LineSettings line = test::settings_of(default_line_text());
+  EXPECT_EQ(line.clock, ClockMode::real);
+  EXPECT_EQ(line.api.address, "127.0.0.1");
+  EXPECT_EQ(line.api.port, 8402);
+  ASSERT_EQ(line.buses.size(), 1U);
+  EXPECT_EQ(line.buses[0].links, std::vector<std::string>{"socketcand:127.0.0.1:29536/can0"});
+  EXPECT_EQ(line.buses[0].bit_rate, 1'000'000U);
+  ASSERT_EQ(line.axes.size(), 2U);
+  EXPECT_EQ(line.axes[0].name, "ismc");
+  EXPECT_EQ(line.axes[0].product->name, "ismc");
+  EXPECT_EQ(line.axes[0].node_id, 1);
+  EXPECT_EQ(line.axes[1].name, "reference");
+  EXPECT_EQ(line.axes[1].product->name, "generic402");
+  EXPECT_EQ(line.axes[1].node_id, 2);
+}
+
+TEST(LineFile, GeometryBecomesSwitches) {
+  const LineSettings line = test::settings_of(R"(
+[[bus]]
+name = "can0"
+[[axis]]
+name = "x"
+product = "ismc"
+[axis.travel]
+counts_per_unit = 1000
+start = 1.5
+low_stop = -20
+high_stop = 20.25
+negative_limit = { at = -10, hysteresis = 0.5, normally_closed = true, wire = 4 }
+positive_limit = 10
+home = { from = -1, to = 1 }
+[[axis.travel.switch]]
+wire = 5
+from = 3
+)");
+  const plant::Parameters& plant = line.axes[0].plant;
+  EXPECT_EQ(plant.encoder.start_position_counts, 1500);
+  EXPECT_EQ(plant.load.low_stop_counts, -20000);
+  EXPECT_EQ(plant.load.high_stop_counts, 20250);
+  ASSERT_EQ(plant.switch_count, 4U);
+  EXPECT_EQ(plant.switches[0].wire, 4);
+  EXPECT_EQ(plant.switches[0].from_counts, plant::no_low_limit);
+  EXPECT_EQ(plant.switches[0].to_counts, -10000);
+  EXPECT_EQ(plant.switches[0].hysteresis_counts, 500);
+  EXPECT_TRUE(plant.switches[0].normally_closed);
+  EXPECT_EQ(plant.switches[1].wire, 1);
+  EXPECT_EQ(plant.switches[1].from_counts, 10000);
+  EXPECT_EQ(plant.switches[1].to_counts, plant::no_high_limit);
+  EXPECT_EQ(plant.switches[2].wire, 2);
+  EXPECT_EQ(plant.switches[2].from_counts, -1000);
+  EXPECT_EQ(plant.switches[2].to_counts, 1000);
+  EXPECT_EQ(plant.switches[3].wire, 5);
+  EXPECT_EQ(plant.switches[3].from_counts, 3000);
+}
+
+TEST(LineFile, IntegersOfTheTravelStayExact) {
+  const LineSettings line = test::settings_of(R"(
+[[bus]]
+name = "can0"
+[[axis]]
+name = "x"
+product = "ismc"
+[axis.travel]
+start = 1152921504606846977
+)");
+  EXPECT_EQ(line.axes[0].plant.encoder.start_position_counts, 1152921504606846977);  // 2^60 + 1: no double holds it
+}
+
+TEST(LineFile, TheDriveIsToldTheTruthUnlessTheNameplateSaysElse) {
+  const LineSettings line = test::settings_of(R"(
+[[bus]]
+name = "can0"
+[[axis]]
+name = "x"
+product = "ismc"
+[axis.motor]
+pole_pairs = 7
+rated_current_a = 2.0
+[axis.nameplate]
+resistance_ohm = 9.5
+)");
+  EXPECT_EQ(line.axes[0].motor_data.pole_pairs, 7);
+  EXPECT_FLOAT_EQ(line.axes[0].motor_data.rated_current_a, 2.828427F);  // peak of 2 A rms
+  EXPECT_FLOAT_EQ(line.axes[0].motor_data.resistance_ohm, 9.5F);
+  EXPECT_DOUBLE_EQ(line.axes[0].plant.motor.resistance_ohm, 1.1);
+}
+
+struct Mistake {
+  const char* name;
+  const char* text;
+  std::uint32_t line;
+  std::uint32_t column;
+  const char* what;
+  const char* hint;
+};
+
+void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.name; }
+
+// A bus and an axis on lines 1 to 5, for mistakes that need them.
+#define AXIS "[[bus]]\nname='can0'\n[[axis]]\nname='x'\nproduct='ismc'\n"
+
+const std::vector<Mistake> mistakes{
+    {"syntax", "clock = ", 1, 9, "", "TOML"},
+    {"same_key_twice", "clock='real'\nclock='real'\n", 2, 7, "", "TOML"},
+    {"no_bus", "", 1, 1, "no bus", "[[bus]]"},
+    {"no_axis", "[[bus]]\nname='can0'\n", 1, 1, "no axis", "[[axis]]"},
+    {"unknown_key", AXIS "noed=1\n", 6, 1, "unknown key `noed` in axis", "did you mean `node`?"},
+    {"unknown_far_key", AXIS "zzzzzzzz=1\n", 6, 1, "unknown key `zzzzzzzz`", "known here: bit_rate"},
+    {"unknown_top_key", "clok='real'\n" AXIS, 1, 1, "unknown key `clok`", "did you mean `clock`?"},
+    {"unknown_motor_key", AXIS "[axis.motor]\n  pole_pair=4\n", 7, 3, "unknown key `pole_pair` in axis.motor",
+     "did you mean `pole_pairs`?"},
+    {"unknown_switch_key", AXIS "[axis.travel]\nhome={from=1, tow=2}\n", 7, 15, "unknown key `tow` in axis.travel.home",
+     "did you mean `to`?"},
+    {"clock", "clock='imaginary'\n" AXIS, 1, 7, "clock: there is no clock \"imaginary\"", "\"virtual\""},
+    {"wrong_type", AXIS "node='one'\n", 6, 6, "axis.node: is a string", "expected an integer"},
+    {"fraction", AXIS "node=1.5\n", 6, 6, "axis.node: is a number with a fraction", "expected an integer"},
+    {"node_0", AXIS "node=0\n", 6, 6, "axis.node: 0 is out of range", "expected 1 .. 127"},
+    {"node_128", AXIS "node=128\n", 6, 6, "axis.node: 128 is out of range", "expected 1 .. 127"},
+    {"serial_number", AXIS "serial_number=-1\n", 6, 15, "axis.serial_number: -1 is out of range", "4294967295"},
+    {"same_node", AXIS "node=3\n[[axis]]\nname='y'\nproduct='ismc'\nnode=3\n", 10, 6,
+     "axis.node: axis \"x\" is node 3 of this bus already", "node 1 is free"},
+    {"same_factory_node", AXIS "[[axis]]\nname='y'\nproduct='ismc'\n", 6, 1,
+     "axis.node: axis \"x\" is node 1 of this bus already", "node 2 is free"},
+    {"same_name", AXIS "[[axis]]\nname='x'\nproduct='ismc'\nnode=2\n", 7, 6, "there is an axis \"x\" already",
+     "a name of its own"},
+    {"same_bus", "[[bus]]\nname='can0'\n" AXIS "bus='can0'", 4, 6, "there is a bus \"can0\" already",
+     "a name of its own"},
+    {"bad_name", "[[bus]]\nname='can 0'\n", 2, 6, "\"can 0\" cannot be a name", "letters"},
+    {"no_name", AXIS "[[axis]]\nproduct='ismc'\nnode=2\n", 6, 1, "axis.name: is missing", "name the axis"},
+    {"no_product", "[[bus]]\nname='can0'\n[[axis]]\nname='x'\n", 3, 1, "axis.product: is missing", "ismc"},
+    {"product", "[[bus]]\nname='can0'\n[[axis]]\nname='x'\nproduct='imsc'\n", 5, 9, "there is no product \"imsc\"",
+     "did you mean"},
+    {"bus_of_axis", AXIS "bus='can1'\n", 6, 5, "axis.bus: there is no bus \"can1\"", "did you mean `can0`?"},
+    {"bus_missing", "[[bus]]\nname='can1'\n" AXIS, 5, 1, "axis.bus: is missing", "known here: can1, can0"},
+    {"bit_rate", "[[bus]]\nname='can0'\nbit_rate=2_000_000\n", 3, 10, "bus.bit_rate: 2000000 is out of range",
+     "10000 .. 1000000"},
+    {"link", "[[bus]]\nname='can0'\nlinks=['mem:', 'carrier-pigeon:x']\n", 3, 16, "bus.links:", "slcan:PATH"},
+    {"link_twice", "[[bus]]\nname='can0'\nlinks=['slcan:/a','slcan:/a']\n", 3, 19, "\"slcan:/a\" is taken", ""},
+    {"links_no_list", "[[bus]]\nname='can0'\nlinks='mem:'\n", 3, 7, "bus.links: is not a list", "links = ["},
+    {"bus_no_table", "bus = 3\n", 1, 7, "bus: is an integer", "[[bus]]"},
+    {"api", "[api]\naddress='localhost'\n" AXIS, 2, 9, "api.address: \"localhost\" is no ADDRESS:PORT", "8402"},
+    {"api_port", "[api]\naddress='localhost:99999'\n" AXIS, 2, 9, "api.address: \"99999\" is no port", "8402"},
+    {"plant_range", AXIS "[axis.motor]\npole_pairs=0\n", 7, 12, "axis.motor.pole_pairs: 0 is not within 1 .. 100",
+     "docs/line-file.md"},
+    {"plant_cross", AXIS "[axis.load]\nstatic_friction_nm=0\n", 7, 20, "axis.load.static_friction_nm", ""},
+    {"not_finite", AXIS "[axis.load]\ninertia_kgm2=nan\n", 7, 14, "axis.load.inertia_kgm2: is not finite", ""},
+    {"stops", AXIS "[axis.travel]\nstart=5\nlow_stop=5\nhigh_stop=5\n", 9, 11, "axis.travel.high_stop", ""},
+    {"start", AXIS "[axis.travel]\nlow_stop=5\nstart=4\n", 8, 7, "axis.travel.start", ""},
+    {"switch_order", AXIS "[axis.travel]\nhome={from=5,to=4}\n", 7, 12, "axis.travel.home.from: lies beyond `to`", ""},
+    {"switch_shape", AXIS "[axis.travel]\nhome=5\n", 7, 6, "axis.travel.home: is neither", "home = { from"},
+    {"switch_at", AXIS "[axis.travel]\npositive_limit={hysteresis=4}\n", 7, 16,
+     "axis.travel.positive_limit.at: is missing", ""},
+    {"switch_wire", AXIS "[axis.travel]\npositive_limit={at=4, wire=6}\n", 7, 28, "6 is not an input", "0 .. 5"},
+    {"switch_no_wire", AXIS "[[axis.travel.switch]]\nfrom=4\n", 6, 1, "axis.travel.switch.wire: is missing", "0 .. 5"},
+    {"wire_taken", AXIS "[axis.travel]\npositive_limit=4\nhome={from=1,to=2,wire=1}\n", 8, 6,
+     "wire 1 is taken by `positive_limit`", "wire = N"},
+    {"hysteresis", AXIS "[axis.travel]\npositive_limit={at=4, hysteresis=-1}\n", 7, 16,
+     "axis.travel.positive_limit: -1 is not within", ""},
+    {"unit", AXIS "[axis.travel]\ncounts_per_unit=0\n", 7, 17, "is not positive", ""},
+    {"far", AXIS "[axis.travel]\nstart=9223372036854775807\n", 7, 7, "lies beyond 2^61 counts", ""},
+};
+
+class Mistakes : public testing::TestWithParam<Mistake> {};
+
+TEST_P(Mistakes, AreFoundWhereTheyAre) {
+  const Mistake& mistake = GetParam();
+  const LineFile file = parse_line_file(mistake.text, "test.toml", all_products());
+  ASSERT_FALSE(file.diagnostics.empty());
+  const Diagnostic& found = file.diagnostics.front();
+  EXPECT_EQ(found.line, mistake.line) << to_string(found);
+  EXPECT_EQ(found.column, mistake.column) << to_string(found);
+  EXPECT_THAT(found.what, HasSubstr(mistake.what));
+  EXPECT_THAT(found.hint, HasSubstr(mistake.hint));
+  EXPECT_FALSE(found.what.empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(LineFile, Mistakes, testing::ValuesIn(mistakes),
+                         [](const auto& one) { return std::string(one.param.name); });
+
+TEST(LineFile, SaysAllThatIsWrongInTheOrderOfTheFile) {
+  const LineFile file =
+      parse_line_file("clock='x'\n[[bus]]\nname='can0'\nbit_rate=1\n[[axis]]\nname='?'\nnode=0\n", "f", all_products());
+  std::vector<std::uint32_t> lines;
+  for (const Diagnostic& diagnostic : file.diagnostics) lines.push_back(diagnostic.line);
+  EXPECT_EQ(lines, (std::vector<std::uint32_t>{1, 4, 5, 6, 7}));
+}
+
+TEST(LineFile, AMissingFileIsAMistakeToo) {
+  const LineFile file = load_line_file("/nonexistent/line.toml", all_products());
+  ASSERT_EQ(file.diagnostics.size(), 1U);
+  EXPECT_THAT(to_string(file.diagnostics[0]), HasSubstr("/nonexistent/line.toml: cannot be read: No such file"));
+  EXPECT_THAT(to_string(load_line_file("/", all_products()).diagnostics.at(0)), HasSubstr("is a folder"));
+}
+
+TEST(LineFile, StoresLieBesideTheFile) {
+  const LineFile file = parse_line_file(AXIS "store='drives/x.bin'\n", "/some/where/line.toml", all_products());
+  ASSERT_TRUE(file.diagnostics.empty());
+  EXPECT_EQ(file.settings.axes[0].store, "/some/where/drives/x.bin");
+}
+
+TEST(LineFile, TheReferenceHasEveryKey) {
+  const std::string reference = text_of(source_dir + "/docs/line-file.md");
+  const auto expect = [&reference](std::string_view key) {
+    EXPECT_THAT(reference, HasSubstr("`" + std::string(key) + "`"));
+  };
+  for (const auto& key : motor_keys) expect(key.name);
+  for (const auto& key : load_keys) expect(key.name);
+  for (const auto& key : supply_keys) expect(key.name);
+  for (const auto& key : encoder_keys) expect(key.name);
+  for (const auto& key : thermal_keys) expect(key.name);
+  for (const auto& key : nameplate_keys) expect(key.name);
+  for (const char* key : {"clock",
+                          "address",
+                          "enabled",
+                          "name",
+                          "product",
+                          "bus",
+                          "node",
+                          "bit_rate",
+                          "ideal",
+                          "links",
+                          "serial_number",
+                          "store",
+                          "counts_per_unit",
+                          "start",
+                          "low_stop",
+                          "high_stop",
+                          "negative_limit",
+                          "positive_limit",
+                          "home",
+                          "switch",
+                          "at",
+                          "from",
+                          "to",
+                          "hysteresis",
+                          "normally_closed",
+                          "wire"}) {
+    expect(key);
+  }
+}
+
+}  // namespace
+}  // namespace servodrome::line
