@@ -49,6 +49,9 @@ struct Configuration {
   std::uint32_t homing_stall_ms = 50;
   Counts homing_retraction = 0;
   std::uint32_t homing_timeout_ms = 0;
+
+  // A motor whose brake takes no time has none: it may coast without power.
+  bool has_brake() const { return brake_release_ms != 0 || brake_engage_ms != 0; }
 };
 
 // How a motion is ended (option codes 605Ah to 605Eh).
@@ -79,6 +82,7 @@ struct Axis {
   LoopDemand demand{};
 
   double cycle_s = 500e-6;
+  double cycles_per_ms = 2.0;
   Counts encoder_position = 0;
   Counts offset = 0;
   bool homed = false;
@@ -96,7 +100,7 @@ struct Axis {
   float torque() const { return loops->torque; }
   bool active(Signal signal) const { return (signals & bit(signal)) != 0; }
   std::uint32_t cycles(std::uint32_t milliseconds) const {
-    return static_cast<std::uint32_t>(static_cast<double>(milliseconds) * 1e-3 / cycle_s + 0.5);
+    return static_cast<std::uint32_t>(std::min(milliseconds * cycles_per_ms + 0.5, 4294967295.0));
   }
 
   // Whether the product knows the fault.

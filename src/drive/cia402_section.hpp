@@ -282,7 +282,7 @@ inline constexpr auto cia402_section = [] {
       var(0x60A8, "SI unit position", SERVODROME_FIELD(Objects, si_unit_position), Access::rw, Pdo::none,
           {.default_value = 0, .saved = true}),
       var(0x60A9, "SI unit velocity", SERVODROME_FIELD(Objects, si_unit_velocity), Access::rw, Pdo::none,
-          {.default_value = 0, .saved = true}),
+          {.default_value = 0, .saved = true, .owner = Owner::drive}),
       var(0x60B0, "Position offset", SERVODROME_FIELD(Objects, position_offset), Access::rw, Pdo::rpdo,
           {.unit = "pos"}),
       var(0x60B1, "Velocity offset", SERVODROME_FIELD(Objects, velocity_offset), Access::rw, Pdo::rpdo,

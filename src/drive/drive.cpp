@@ -16,6 +16,7 @@ Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
       axis_{.objects = objects, .policy = policy},
       touch_probe_(TouchProbeCapability{}) {
   axis_.cycle_s = policy.position_loop_ticks * tick_seconds;
+  axis_.cycles_per_ms = 1e-3 / axis_.cycle_s;
   axis_.loops = &cascade_.state();
 }
 
@@ -62,6 +63,7 @@ void Drive::power_on(const Feedback& feedback) {
   wires_ = feedback.inputs;
   axis_.encoder_position = feedback.position_counts;
   supervision_.reset(axis_);
+  cascade_ = {};
   restart();
 }
 
@@ -77,6 +79,16 @@ void Drive::restart() {
   axis_.raised = Cause::none;
   axis_.demand = {};
   axis_.synchronised = axis_.new_set_point = axis_.following_error = axis_.limited = false;
+  no_mode_ = {};
+  profile_position_ = {};
+  velocity_mode_ = {};
+  profile_velocity_ = {};
+  profile_torque_ = {};
+  homing_mode_ = {};
+  interpolated_position_ = {};
+  cyclic_sync_position_ = {};
+  cyclic_sync_velocity_ = {};
+  cyclic_sync_torque_ = {};
   cascade_.disable();
   touch_probe_ = TouchProbe(axis_.configuration.touch_probe);
   configure(axis_.configuration);
@@ -140,7 +152,8 @@ void Drive::cycle(const Feedback& feedback) {
   supervision_.cycle(axis_, feedback,
                      {.energised = energised() && !short_circuit_,
                       .dc_link_expected = dc_link_cycles_ > axis_.cycles(precharge_ms),
-                      .brake_closed = brake_closed_cycles_ > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
+                      .brake_closed = axis_.configuration.has_brake() &&
+                                      brake_closed_cycles_ > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
                       .pressing = mode_ == Mode::homing && homing_mode_.pressing(),
                       .loop = axis_.demand.loop});
   collect_faults();
@@ -157,6 +170,8 @@ void Drive::cycle(const Feedback& feedback) {
   } else if (energised()) {
     axis_.follow_generator(Loop::position);
     axis_.demand.velocity = 0.0F;
+  } else {
+    axis_.generator.reset(axis_.position());  // nothing is demanded of a motor without power
   }
   if (axis_.raised != Cause::none) {
     // What the mode found wrong in its set-points acts in this cycle, before the loops hear of them.
@@ -188,7 +203,7 @@ void Drive::change_mode() {
   } else if (axis_.demand.loop != Loop::position) {
     axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
   }
-  stopping_ = halted_ = limit_stop_ = false;
+  stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
   axis_.limited = false;
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
 }

@@ -21,9 +21,6 @@ Integer saturated(double value) {
   return static_cast<Integer>(std::llround(value));
 }
 
-// 32-bit positions wrap as a counter does.
-std::int32_t wrapped(std::int64_t value) { return static_cast<std::int32_t>(static_cast<std::uint32_t>(value)); }
-
 }  // namespace
 
 AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
@@ -31,6 +28,8 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
   const OptionCodes& codes = policy_.option_codes;
   const auto legal = [](bool is) { return is ? AbortCode::none : AbortCode::value_invalid; };
   switch (entry.index) {
+    case 0x604B:
+    case 0x604C: return legal(number != 0);
     case 0x605A: return legal(allowed(codes.quick_stop, number));
     case 0x605B: return legal(allowed(codes.shutdown, number));
     case 0x605C: return legal(allowed(codes.disable_operation, number));
@@ -51,6 +50,7 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
     case 0x6094:
     case 0x6096:
     case 0x6097:
+    case 0x60A9:
     case 0x607E: {
       if (energised()) return AbortCode::device_state;  // the axis would jump in its own units
       if (entry.offset < objects_base_ || entry.offset + value.size() > objects_base_ + sizeof(Objects)) break;
@@ -95,6 +95,7 @@ void Drive::written(const Entry& entry) {
     case 0x6094:
     case 0x6096:
     case 0x6097:
+    case 0x60A9:
     case 0x607E:
       set_units();
       axis_.generator.reset(axis_.position());
@@ -119,10 +120,10 @@ void Drive::refresh(const Entry& entry) {
       break;
     case 0x6061: objects.modes_of_operation_display = static_cast<std::int8_t>(mode_); break;
     case 0x6062:
-      objects.position_demand_value = wrapped(axis_.to_user_position(axis_.generator.nearest_position()));
+      objects.position_demand_value = wrap_to_32_bits(axis_.to_user_position(axis_.generator.nearest_position()));
       break;
-    case 0x6063: objects.position_actual_internal_value = wrapped(axis_.position()); break;
-    case 0x6064: objects.position_actual_value = wrapped(axis_.to_user_position(axis_.position())); break;
+    case 0x6063: objects.position_actual_internal_value = wrap_to_32_bits(axis_.position()); break;
+    case 0x6064: objects.position_actual_value = wrap_to_32_bits(axis_.to_user_position(axis_.position())); break;
     case 0x6069: objects.velocity_sensor_actual_value = saturated<std::int32_t>(axis_.velocity()); break;
     case 0x606B:
       objects.velocity_demand_value = saturated<std::int32_t>(units.velocity_to_user(axis_.generator.velocity()));
@@ -151,7 +152,8 @@ void Drive::refresh(const Entry& entry) {
       const std::size_t slot = entry.index - 0x60BAU;
       const bool deviation = axis_.configuration.touch_probe.index_value == TouchProbeCapability::IndexValue::deviation;
       const Counts counts = touch_probe_.position(slot);
-      objects.touch_probe_position[slot] = wrapped(deviation ? counts : axis_.to_user_position(counts + axis_.offset));
+      objects.touch_probe_position[slot] =
+          wrap_to_32_bits(deviation ? counts : axis_.to_user_position(counts + axis_.offset));
       break;
     }
     case 0x60C4:
@@ -166,13 +168,14 @@ void Drive::refresh(const Entry& entry) {
       break;
     }
     case 0x60F4:
-      objects.following_error_actual_value = position_loop ? wrapped(units.to_user(loops.following_error_counts)) : 0;
+      objects.following_error_actual_value =
+          position_loop ? wrap_to_32_bits(units.to_user(loops.following_error_counts)) : 0;
       break;
     case 0x60FA:
       objects.control_effort =
           saturated<std::int32_t>(units.velocity_to_user(static_cast<double>(loops.velocity_reference_counts_per_s)));
       break;
-    case 0x60FC: objects.position_demand_internal_value = wrapped(axis_.generator.nearest_position()); break;
+    case 0x60FC: objects.position_demand_internal_value = wrap_to_32_bits(axis_.generator.nearest_position()); break;
     case 0x60FD: {
       std::uint32_t word = 0;
       for (const DigitalInputBit& input : policy_.digital_inputs) {

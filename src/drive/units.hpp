@@ -45,6 +45,11 @@ constexpr std::int64_t scale(std::int64_t value, Ratio ratio) {
   return quotient * ratio.numerator + rounded;
 }
 
+// What a 32-bit object shows of a position: it wraps as a counter does.
+constexpr std::int32_t wrap_to_32_bits(std::int64_t value) {
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(value));
+}
+
 // How user units become counts. `position` is exact, because positions add up; rates are factors.
 struct Units {
   Ratio position{};           // counts per position unit

@@ -79,7 +79,13 @@ void HomingMode::start(Axis& axis) {
   }
   acceleration_ = config.acceleration;
   active_ = true;
+  last_ = {};
   homing_.start(*method, config, inputs(axis));
+}
+
+// Goes on with what the halt interrupted, unless homing was given up meanwhile.
+void HomingMode::resume(Axis& axis) {
+  if (active_) carry_out(axis, last_);
 }
 
 void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {

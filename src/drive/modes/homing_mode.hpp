@@ -14,7 +14,7 @@ class HomingMode {
   void controlword(Axis& axis, std::uint16_t before, std::uint16_t now);
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis& axis) { carry_out(axis, last_); }
+  void resume(Axis& axis);
   void interrupt(Axis&) {}
   void abort() { homing_.abort(), active_ = false, start_requested_ = false; }
   double deceleration(const Axis& axis) const { return axis.objects.homing_acceleration * axis.units.acceleration; }

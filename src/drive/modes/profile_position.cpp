@@ -43,7 +43,7 @@ ProfilePosition::SetPoint ProfilePosition::capture(const Axis& axis, std::uint16
 void ProfilePosition::controlword(Axis& axis, std::uint16_t before, std::uint16_t now) {
   const bool rising = (now & controlword::mode_bit_4) != 0 && (before & controlword::mode_bit_4) == 0;
   if ((now & controlword::mode_bit_4) == 0) acknowledge_ = false;
-  if (!rising || (now & controlword::halt) != 0) return;
+  if (!rising || ((now & controlword::halt) != 0 && axis.policy.halt_discards_set_points)) return;
   if ((now & controlword::mode_bit_5) != 0) {
     count_ = 0;
     immediate_ = capture(axis, now);
@@ -122,6 +122,10 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
       if (2 * distance <= -range) distance += range;
     }
     user = now + distance;
+  } else {
+    // 6064h shows 32 bits of the position: an absolute target means the turn of that counter the axis is in.
+    const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
+    user += now - wrap_to_32_bits(now);
   }
   axis.limited = false;
   if (axis.software_limits_active()) {
@@ -155,6 +159,10 @@ void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained)
     running_ = false;
     return;
   }
+  plan(axis, set_point, target, chained);
+}
+
+void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target, bool chained) {
   const MotionLimits limits =
       axis.limits(set_point.velocity, set_point.acceleration, set_point.deceleration, set_point.jerk);
   const Trajectory::Result result =
@@ -216,10 +224,8 @@ void ProfilePosition::interrupt(Axis&) {
 
 void ProfilePosition::resume(Axis& axis) {
   if (!running_) return;
-  SetPoint rest = running_set_point_;
-  rest.target = target_user_;  // a relative motion goes on to where it was going
-  rest.relative = false;
-  start(axis, rest, false);
+  const SetPoint rest = running_set_point_;
+  plan(axis, rest, target_, false);
 }
 
 std::uint16_t ProfilePosition::status(const Axis& axis) const {

@@ -42,6 +42,7 @@ class ProfilePosition {
   Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
   bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);
   void start(Axis& axis, const SetPoint& set_point, bool chained);
+  void plan(Axis& axis, const SetPoint& set_point, Counts target, bool chained);
 
   std::array<SetPoint, capacity> queue_{};
   std::size_t head_ = 0;

@@ -88,30 +88,31 @@ std::uint16_t ProfileVelocity::status(const Axis&) const {
 
 namespace {
 
-double ratio(std::int32_t numerator, std::int32_t denominator) {
-  return denominator == 0 || numerator == 0 ? 1.0 : static_cast<double>(numerator) / denominator;
+double ratio(std::int32_t numerator, std::int32_t denominator) { return static_cast<double>(numerator) / denominator; }
+
+double set_point_factor(const Objects& objects) {
+  return ratio(objects.vl_set_point_factor_numerator, objects.vl_set_point_factor_denominator);
 }
 
-double ramp(const Axis& axis, std::uint32_t delta_speed_rpm, std::uint16_t delta_time_s) {
-  // Delta time 0: as fast as the motor can (CiA 402-2 6048h).
-  const double speed = axis.rpm_to_counts_per_s(delta_speed_rpm);
+// Counts/s per vl velocity unit, which is (604Ch) of an rpm. The limits 6046h and the ramps are in this unit; the
+// set-point and its two displays are scaled by 604Bh on top.
+double velocity_unit(const Axis& axis) {
+  const Objects& objects = axis.objects;
+  return axis.rpm_to_counts_per_s(1.0) /
+         ratio(objects.vl_dimension_factor_numerator, objects.vl_dimension_factor_denominator);
+}
+
+double ramp(const Axis& axis, std::uint32_t delta_speed, std::uint16_t delta_time_s) {
+  // Delta time 0: as fast as the motor can.
+  const double speed = std::abs(delta_speed * velocity_unit(axis));
   return delta_time_s == 0 ? speed * 1e4 : speed / delta_time_s;
 }
 
 }  // namespace
 
-double VelocityMode::to_counts_per_s(const Axis& axis, std::int32_t vl_velocity) {
-  const Objects& objects = axis.objects;
-  return axis.rpm_to_counts_per_s(vl_velocity) *
-         ratio(objects.vl_set_point_factor_numerator, objects.vl_set_point_factor_denominator) /
-         ratio(objects.vl_dimension_factor_numerator, objects.vl_dimension_factor_denominator);
-}
-
 double VelocityMode::to_vl(const Axis& axis, double counts_per_s) {
-  const Objects& objects = axis.objects;
-  return counts_per_s / axis.units.counts_per_revolution * 60.0 /
-         ratio(objects.vl_set_point_factor_numerator, objects.vl_set_point_factor_denominator) *
-         ratio(objects.vl_dimension_factor_numerator, objects.vl_dimension_factor_denominator);
+  const double vl_velocity = counts_per_s / (velocity_unit(axis) * set_point_factor(axis.objects));
+  return axis.units.velocity_inverted ? -vl_velocity : vl_velocity;
 }
 
 double VelocityMode::deceleration(const Axis& axis) const {
@@ -130,17 +131,17 @@ void VelocityMode::enter(Axis& axis) {
 
 void VelocityMode::step(Axis& axis) {
   const Objects& objects = axis.objects;
-  // Bit 4: ramp function generator runs, else zero at once on the quick ramp; bit 5: output follows the ramp, else it
-  // is locked; bit 6: input is the set-point, else zero (CiA 402-2 table 158).
+  // Controlword bit 4: the ramp function generator runs, else the demand ramps down to zero; bit 5: its output follows,
+  // else it is locked; bit 6: its input is the set-point, else zero.
   const bool locked = (word_ & controlword::mode_bit_4) != 0 && (word_ & controlword::mode_bit_5) == 0;
   const bool follow = (word_ & controlword::mode_bit_4) != 0 && (word_ & controlword::mode_bit_6) != 0;
   double target = 0.0;
   axis.limited = false;
   if (follow) {
-    target = to_counts_per_s(axis, objects.vl_target_velocity);
-    const double least = std::abs(to_counts_per_s(axis, static_cast<std::int32_t>(objects.vl_velocity_min_amount)));
-    const double most =
-        std::min(std::abs(axis.rpm_to_counts_per_s(objects.vl_velocity_max_amount)), axis.max_velocity(false));
+    const double unit = velocity_unit(axis);
+    target = objects.vl_target_velocity * set_point_factor(objects) * unit;
+    const double least = std::abs(objects.vl_velocity_min_amount * unit);
+    const double most = std::min(std::abs(objects.vl_velocity_max_amount * unit), axis.max_velocity(false));
     const double magnitude =
         objects.vl_target_velocity == 0 ? 0.0 : std::clamp(std::abs(target), std::min(least, most), most);
     axis.limited = magnitude != std::abs(target);

@@ -5,7 +5,7 @@
 
 namespace servodrome::drive {
 
-// Profile velocity mode (CiA 402-2 clause 16).
+// Profile velocity mode (CiA 402-2).
 class ProfileVelocity {
  public:
   static constexpr Loop loop = Loop::velocity;
@@ -41,7 +41,7 @@ class ProfileVelocity {
   Dwell moving_{};
 };
 
-// Velocity mode (CiA 402-2 clause 18, "vl"): the ramp function generator of a frequency converter.
+// Velocity mode (CiA 402-2, "vl"): the ramp function generator of a frequency converter.
 class VelocityMode {
  public:
   static constexpr Loop loop = Loop::velocity;
@@ -56,8 +56,7 @@ class VelocityMode {
   double quick_stop_deceleration(const Axis& axis) const;
   std::uint16_t status(const Axis&) const { return 0; }
 
-  // vl user units (rpm of the shaft) times 604Bh and 604Ch, and back.
-  static double to_counts_per_s(const Axis& axis, std::int32_t vl_velocity);
+  // A velocity as 6043h and 6044h show it: in the unit of the set-point 6042h.
   static double to_vl(const Axis& axis, double counts_per_s);
 
  private:
@@ -67,7 +66,7 @@ class VelocityMode {
   bool planned_ = false;
 };
 
-// Torque-controlled modes share the slope; profile torque mode (CiA 402-2 clause 17).
+// Torque-controlled modes share the slope; profile torque mode (CiA 402-2).
 class ProfileTorque {
  public:
   static constexpr Loop loop = Loop::torque;

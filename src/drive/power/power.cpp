@@ -31,7 +31,9 @@ void Drive::handle_command(Command command) {
     return;
   }
   const Transition* transition = find_transition(state_, command);
-  if (transition == nullptr || (pending_.active && pending_.to == transition->to)) return;
+  if (transition == nullptr) return;
+  // On the way already; but disable voltage does not wait for a ramp to end.
+  if (pending_.active && pending_.to == transition->to && command != Command::disable_voltage) return;
   switch (transition->number) {
     case 3:
       if (command == Command::enable_operation && !policy_.direct_enable) return;
@@ -46,11 +48,14 @@ void Drive::handle_command(Command command) {
       const std::int16_t code = axis_.objects.quick_stop_option_code;
       state_ = PowerState::quick_stop_active;
       leave_operation(stop_of_option_code(code), PowerState::switch_on_disabled);
-      if (code >= first_staying_quick_stop_code) pending_.active = false;
+      if (code >= first_staying_quick_stop_code) {
+        pending_.active = false;
+        if (stage_ == Stage::engaging_brake) switch_power(true);  // it was on its way to another state
+      }
       break;
     }
-    case 16:
-      if (policy_.transition_16) enter_state(PowerState::operation_enabled);
+    case 16:  // not while the stop leads to Switch on disabled by itself
+      if (policy_.transition_16 && !pending_.active) enter_state(PowerState::operation_enabled);
       break;
     default: enter_state(transition->to);
   }
@@ -73,6 +78,7 @@ void Drive::enter_state(PowerState to) {
   halted_ = false;
   limit_stop_ = false;
   short_circuit_ = false;
+  axis_.limited = false;
   homing_mode_.abort();
   const bool power =
       to == PowerState::operation_enabled || (to == PowerState::switched_on && policy_.energised_in_switched_on);
@@ -116,21 +122,23 @@ void Drive::begin_stop(Stop stop) {
   if (objects.max_deceleration != 0) {
     deceleration = std::min(deceleration, objects.max_deceleration * axis_.units.acceleration);
   }
+  const double jerk = objects.profile_jerk[0] * axis_.units.jerk;
+  if (jerk <= 0.0 && shape == RampShape::jerk_limited) shape = RampShape::linear;
   // A ramp without a slope: as hard as the current limit lets.
   if (stop != Stop::voltage_limit && deceleration <= 0.0) stop = Stop::current_limit;
   stop_ = stop;
   stopping_ = true;
   limit_stop_ = false;
-  stop_loop_ = axis_.demand.loop == Loop::torque ? Loop::velocity : axis_.demand.loop;
+  const Loop loop = axis_.demand.loop;  // off: enabled since the last cycle
+  stop_loop_ = loop == Loop::torque ? Loop::velocity : loop == Loop::off ? Loop::position : loop;
   short_circuit_ = stop == Stop::voltage_limit;
   if (stop == Stop::current_limit || stop == Stop::voltage_limit) {
     stop_loop_ = Loop::velocity;
     axis_.generator.start_from(axis_.position(), 0.0);
     return;
   }
-  if (axis_.demand.loop == Loop::torque) axis_.take_over_actual();
-  const double jerk = std::max(1.0, objects.profile_jerk[0] * axis_.units.jerk);
-  axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, jerk}, shape);
+  if (loop == Loop::torque) axis_.take_over_actual();
+  axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
 }
 
 bool Drive::stop_finished() const {
@@ -158,6 +166,8 @@ void Drive::step_power() {
   if (!pending_.active) return;
   if (stage_ == Stage::on && stop_finished()) {
     stage_ = Stage::engaging_brake;
+    // Held in the position loop where it is; the demand of a velocity loop need not be there.
+    if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
     stage_cycles_ = axis_.cycles(axis_.configuration.brake_engage_ms);
   }
   if (stage_ == Stage::engaging_brake && stage_cycles_-- == 0) switch_power(false);

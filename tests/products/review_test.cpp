@@ -1,0 +1,296 @@
+#include <cmath>
+#include <gtest/gtest.h>
+
+#include "products/generic402/generic402.hpp"
+#include "products/ismc/ismc.hpp"
+#include "rig.hpp"
+
+// Corners of CiA 402 that are easy to get wrong: what is left behind when a mode, a stop, a power cycle or a polarity
+// gets in the way of something else.
+namespace servodrome {
+namespace {
+
+using drive::PowerState;
+using products::Generic402;
+using test::Rig;
+
+constexpr std::uint16_t target_reached = 1u << 10;
+constexpr std::uint16_t internal_limit = 1u << 11;
+constexpr std::uint16_t bit_12 = 1u << 12;
+
+class Review : public ::testing::Test {
+ protected:
+  PowerState state() { return rig.device.drive().state(); }
+  std::int64_t counts() const { return rig.plant.position_counts(); }
+  void run_in_profile_velocity(std::int64_t velocity, double milliseconds) {
+    rig.set(0x6060, 0, 3);
+    ASSERT_TRUE(rig.enable());
+    rig.set(0x60FF, 0, velocity);
+    rig.run_ms(milliseconds);
+  }
+
+  Rig<Generic402> rig;
+};
+
+TEST_F(Review, HomingThatWasGivenUpInHaltDoesNotGoOn) {
+  rig.set(0x6060, 0, 6);
+  rig.set(0x6098, 0, 34);
+  ASSERT_TRUE(rig.enable());
+  rig.control(0x1F);
+  rig.run_ms(20);
+  rig.control(0x11F);  // halt ...
+  rig.run_ms(200);
+  rig.control(0x10F);  // ... and the start bit is taken away
+  rig.run_ms(10);
+  rig.control(0x0F);
+  rig.run_ms(10);
+  const std::int64_t stood = counts();
+  rig.run_ms(500);
+  EXPECT_NEAR(static_cast<double>(counts()), static_cast<double>(stood), 2.0);
+  EXPECT_EQ(rig.status() & (target_reached | bit_12), target_reached) << "interrupted";
+}
+
+TEST_F(Review, HaltAndReleaseWithoutHomingMovesNothing) {
+  rig.set(0x6060, 0, 6);
+  rig.set(0x6098, 0, 34);
+  ASSERT_TRUE(rig.enable());
+  rig.control(0x1F);
+  rig.run_ms(50);
+  rig.control(0x06);  // given up by shutting down
+  rig.run_ms(500);
+  rig.control(0x07);
+  rig.control(0x0F);
+  rig.run_ms(20);
+  rig.control(0x10F);
+  rig.run_ms(20);
+  rig.control(0x0F);
+  const std::int64_t stood = counts();
+  rig.run_ms(300);
+  EXPECT_NEAR(static_cast<double>(counts()), static_cast<double>(stood), 2.0);
+}
+
+TEST_F(Review, AMotorWithoutBrakeMayCoast) {
+  run_in_profile_velocity(2000000, 1600);
+  ASSERT_GT(rig.get(0x606C), 1900000);
+  rig.control(0x00);
+  const std::int64_t released_at = counts();
+  rig.run_ms(200);
+  EXPECT_GT(counts() - released_at, 131072);
+  EXPECT_EQ(state(), PowerState::switch_on_disabled);
+  EXPECT_EQ(rig.get(0x603F), 0);
+}
+
+TEST_F(Review, NothingIsDemandedOfAMotorWithoutPower) {
+  run_in_profile_velocity(2000000, 1600);
+  rig.control(0x00);
+  rig.run_ms(50);
+  EXPECT_FALSE(rig.device.drive().in_motion());
+  EXPECT_EQ(rig.get(0x606B), 0);
+  EXPECT_EQ(rig.get(0x6062), rig.get(0x6064)) << "the demand follows the shaft";
+}
+
+TEST_F(Review, QuickStopThatEndsInSwitchOnDisabledIsNotCalledOff) {
+  rig.set(0x605A, 0, 2);
+  run_in_profile_velocity(2000000, 1600);
+  rig.control(0x0B);
+  rig.run_ms(20);
+  ASSERT_EQ(state(), PowerState::quick_stop_active);
+  rig.control(0x0F);
+  rig.run_ms(5);
+  EXPECT_EQ(state(), PowerState::quick_stop_active) << "transition 16 belongs to 605Ah = 5 to 8";
+  rig.run_ms(1000);
+  EXPECT_EQ(state(), PowerState::switch_on_disabled);
+}
+
+TEST_F(Review, QuickStopThatStaysMayBeLeftAtOnce) {
+  rig.set(0x605A, 0, 6);
+  run_in_profile_velocity(2000000, 1600);
+  rig.control(0x0B);
+  rig.run_ms(20);
+  rig.control(0x0F);
+  rig.run_ms(5);
+  EXPECT_EQ(state(), PowerState::operation_enabled);
+}
+
+TEST_F(Review, LongTimesDoNotOverflow) {
+  drive::Axis axis = rig.device.drive().axis();
+  EXPECT_EQ(axis.cycles(1), 2u);
+  EXPECT_EQ(axis.cycles(4294967295u), 4294967295u);
+}
+
+TEST_F(Review, VelocityUnitActsWhenItIsWritten) {
+  rig.set(0x60A9, 0, 0x00B44700);  // rpm
+  run_in_profile_velocity(60, 1000);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x606C)), 60.0, 1.0);
+  const std::int64_t before = counts();
+  rig.run_ms(1000);
+  EXPECT_NEAR(static_cast<double>(counts() - before), 131072.0, 1500.0);
+  EXPECT_EQ(rig.set(0x60A9, 0, 0), dictionary::AbortCode::device_state);
+}
+
+TEST_F(Review, PolarityTurnsTheVelocityModeRoundEverywhere) {
+  rig.set(0x607E, 0, 0x40);
+  rig.set(0x6060, 0, 2);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x6042, 0, 300);
+  rig.control(0x7F);
+  rig.run_ms(1500);
+  const std::int64_t before = counts();
+  rig.run_ms(100);
+  EXPECT_LT(counts(), before);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x6044)), 300.0, 2.0);
+  EXPECT_EQ(rig.get(0x6043), 300);
+}
+
+TEST_F(Review, VelocityModeLimitsAreInItsOwnUnit) {
+  rig.set(0x604C, 1, 10);  // ten user units per rpm
+  rig.set(0x6046, 2, 2000);
+  rig.set(0x6060, 0, 2);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x6042, 0, 5000);
+  rig.control(0x7F);
+  rig.run_ms(1500);
+  EXPECT_EQ(rig.get(0x6043), 2000);
+  EXPECT_NE(rig.status() & internal_limit, 0);
+  const std::int64_t before = counts();
+  rig.run_ms(100);
+  EXPECT_NEAR(static_cast<double>(counts() - before), 200.0 / 60.0 * 0.1 * 131072.0, 200.0);
+  EXPECT_EQ(rig.set(0x604C, 2, 0), dictionary::AbortCode::value_invalid);
+  EXPECT_EQ(rig.set(0x604B, 2, 0), dictionary::AbortCode::value_invalid);
+}
+
+TEST_F(Review, ASetPointGivenInHaltIsRunAfterwards) {
+  rig.set(0x6060, 0, 1);
+  ASSERT_TRUE(rig.enable());
+  rig.control(0x10F);
+  rig.run_ms(5);
+  rig.set(0x607A, 0, 10000);
+  rig.control(0x11F);
+  rig.run_ms(2);
+  EXPECT_NE(rig.status() & bit_12, 0) << "the handshake goes on in halt";
+  rig.control(0x10F);
+  rig.run_ms(50);
+  EXPECT_EQ(rig.get(0x6062), 0);
+  rig.control(0x0F);
+  rig.run_ms(1000);
+  EXPECT_EQ(rig.get(0x6062), 10000);
+}
+
+TEST_F(Review, StopWithoutAJerkIsLinear) {
+  rig.set(0x6086, 0, 3);
+  rig.set(0x6081, 0, 1000000);
+  rig.set(0x607A, 0, 100000000);
+  rig.set(0x6060, 0, 1);
+  ASSERT_TRUE(rig.enable());
+  rig.control(0x1F);
+  rig.run_ms(1600);
+  ASSERT_GT(rig.get(0x606C), 900000);
+  rig.set(0x60A4, 1, 0);
+  rig.control(0x11F);
+  rig.run_ms(1);
+  EXPECT_GE(rig.run_until([&] { return (rig.status() & target_reached) != 0; }, 1000), 0);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x606C)), 0.0, 3000.0);
+}
+
+TEST_F(Review, QuickStopInTheCycleOfEnablingHoldsTheAxis) {
+  rig.set(0x605A, 0, 6);
+  rig.run_ms(1);
+  rig.control(0x06);
+  rig.control(0x07);
+  rig.run_ms(200);
+  rig.control(0x0F);
+  rig.control(0x0B);
+  rig.run_ms(5);
+  ASSERT_EQ(state(), PowerState::quick_stop_active);
+  EXPECT_TRUE(rig.actuation.pwm_enabled);
+  EXPECT_NE(rig.device.drive().axis().demand.loop, drive::Loop::off);
+}
+
+TEST_F(Review, PowerCycleForgetsThatHomingWasAttained) {
+  rig.set(0x6060, 0, 6);
+  rig.set(0x6098, 0, 37);
+  ASSERT_TRUE(rig.enable());
+  rig.control(0x1F);
+  rig.run_ms(20);
+  ASSERT_NE(rig.status() & bit_12, 0);
+  rig.device.power_on(rig.feedback, rig.now());
+  rig.set(0x6060, 0, 6);
+  ASSERT_TRUE(rig.enable());
+  EXPECT_EQ(rig.status() & bit_12, 0);
+}
+
+TEST_F(Review, PowerCycleLeavesNothingOfTheLifeBefore) {
+  Rig<Generic402> other;
+  for (int i = 0; i < 3; ++i) other.tick();
+  other.device.power_on(other.feedback, other.now());
+  for (Rig<Generic402>* each : {&rig, &other}) {
+    each->set(0x6060, 0, 1);
+    ASSERT_TRUE(each->enable());
+    each->set(0x607A, 0, 50000);
+    each->control(0x1F);
+  }
+  for (int tick = 0; tick < 4000; ++tick) {
+    rig.tick();
+    other.tick();
+    ASSERT_EQ(rig.actuation.phase_voltage_v, other.actuation.phase_voltage_v) << "tick " << tick;
+  }
+}
+
+TEST_F(Review, ShortCircuitEndsWithTheHaltItBelongedTo) {
+  rig.set(0x605D, 0, 4);
+  run_in_profile_velocity(500000, 800);
+  rig.control(0x10F);
+  rig.run_ms(100);
+  ASSERT_TRUE(rig.actuation.short_circuit);
+  rig.set(0x6060, 0, 1);
+  rig.control(0x0F);
+  rig.run_ms(10);
+  EXPECT_FALSE(rig.actuation.short_circuit);
+  EXPECT_TRUE(rig.actuation.pwm_enabled);
+}
+
+TEST_F(Review, TorqueModeTakesTheTorqueOverUnderInvertedPolarity) {
+  rig.set(0x607E, 0, 0x40);
+  rig.set(0x6087, 0, 100);  // 10 % per second
+  rig.set(0x6071, 0, 300);
+  rig.set(0x6060, 0, 10);
+  ASSERT_TRUE(rig.enable());
+  rig.run_ms(20);
+  const std::int64_t before = rig.get(0x6074);
+  ASSERT_NEAR(static_cast<double>(before), 300.0, 5.0);
+  rig.set(0x6060, 0, 4);
+  rig.run_ms(2);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x6074)), static_cast<double>(before), 10.0);
+}
+
+TEST_F(Review, HaltOnARotaryAxisDoesNotShortenTheWay) {
+  rig.set(0x607B, 1, 0);
+  rig.set(0x607B, 2, 131071);
+  rig.set(0x6060, 0, 1);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x607A, 0, 3 * 131072 + 1000);
+  rig.control(0x5F);
+  rig.run_ms(400);
+  rig.control(0x14F);
+  rig.run_ms(400);
+  ASSERT_LT(counts(), 131072);
+  rig.control(0x0F);
+  rig.run_ms(5000);
+  EXPECT_NEAR(static_cast<double>(counts()), 3.0 * 131072 + 1000, 2.0);
+  EXPECT_EQ(rig.get(0x6062), 1000);
+}
+
+TEST_F(Review, PositionsBeyond32BitsAreAddressedInTheirTurn) {
+  rig.device.drive().set_position_offset(std::int64_t{1} << 32);
+  rig.set(0x6060, 0, 1);
+  ASSERT_TRUE(rig.enable());
+  EXPECT_NEAR(static_cast<double>(rig.get(0x6064)), 0.0, 2.0);
+  rig.set(0x607A, 0, 5000);
+  rig.control(0x1F);
+  rig.run_ms(1000);
+  EXPECT_EQ(rig.get(0x6062), 5000);
+  EXPECT_NEAR(static_cast<double>(counts()), 5000.0, 2.0);
+}
+
+}  // namespace
+}  // namespace servodrome
