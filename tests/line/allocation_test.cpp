@@ -1,0 +1,84 @@
+#include <atomic>
+#include <cstdlib>
+#include <gtest/gtest.h>
+#include <new>
+
+#include "line/line.hpp"
+#include "line/line_file.hpp"
+#include "links/can/memory_port.hpp"
+
+// Counts every allocation of the program: none may happen while a line runs.
+namespace {
+std::atomic<std::uint64_t> allocations{0};
+}  // namespace
+
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  ++allocations;
+  const auto align = static_cast<std::size_t>(alignment);
+  if (void* memory = std::aligned_alloc(align, (size + align - 1) / align * align)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+
+namespace servodrome::line {
+namespace {
+
+canopen::Frame download(std::uint8_t node, std::uint16_t index, std::uint8_t size, std::uint32_t value) {
+  canopen::Frame frame{.id = 0x600U + node, .length = 8};
+  frame.data = {static_cast<std::uint8_t>(0x23 | (4 - size) << 2),
+                static_cast<std::uint8_t>(index),
+                static_cast<std::uint8_t>(index >> 8),
+                0,
+                static_cast<std::uint8_t>(value),
+                static_cast<std::uint8_t>(value >> 8),
+                static_cast<std::uint8_t>(value >> 16),
+                static_cast<std::uint8_t>(value >> 24)};
+  return frame;
+}
+
+TEST(Allocation, NothingIsAllocatedWhileALineRuns) {
+  const LineFile file = parse_line_file(default_line_text(), "default.toml", all_products());
+  ASSERT_TRUE(file.diagnostics.empty());
+  Line line(file.settings);
+  links::MemoryPort master(line.buses()[0]->bus);
+  line.run_until(std::chrono::milliseconds(10));
+  while (master.receive()) {
+  }
+
+  const std::uint64_t before = allocations;
+  const auto send = [&](const canopen::Frame& frame) {
+    master.send(frame, line.now());
+    line.run_until(line.now() + std::chrono::milliseconds(5));
+  };
+  canopen::Frame start{.id = 0, .length = 2};
+  start.data = {1, 0};
+  send(start);
+  for (const std::uint8_t node : {std::uint8_t{1}, std::uint8_t{2}}) {
+    send(download(node, 0x6060, 1, 1));
+    send(download(node, 0x6081, 4, 500000));
+    send(download(node, 0x607A, 4, 300000));
+    send(download(node, 0x1017, 2, 10));
+    for (const std::uint32_t word : {0x06U, 0x07U, 0x0FU, 0x1FU}) send(download(node, 0x6040, 2, word));
+  }
+  canopen::Frame sync{.id = 0x80, .length = 0};
+  std::size_t received = 0;
+  for (int i = 0; i < 1000; ++i) {
+    send(sync);
+    if (i == 500) line.axes()[0]->plant().inject(plant::Injection::encoder_loss, true);  // a fault and its EMCY too
+    while (master.receive()) ++received;
+  }
+  EXPECT_EQ(allocations - before, 0U);
+  EXPECT_GT(received, 500U);
+  EXPECT_NE(line.axes()[0]->plant().position_counts(), 0);
+}
+
+}  // namespace
+}  // namespace servodrome::line
