@@ -1,11 +1,13 @@
 #include "app/bus_options.hpp"
 
+#include <algorithm>
 #include <csignal>
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include "app/commands.hpp"
-#include "host/canopen/scan.hpp"
+#include "links/can/link_name.hpp"
+#include "links/link_error.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -32,6 +34,15 @@ void add_node_option(CLI::App& command, BusOptions& options) {
       ->check(CLI::Range(1, 127).description(""));
 }
 
+std::unique_ptr<host::Bus> open_bus(const BusOptions& options) {
+  try {
+    links::parse_can_link(options.link);
+  } catch (const links::LinkError& error) {
+    throw Failure::wrong_use(fmt::format("--bus: {}", error.what()));
+  }
+  return host::Bus::open(options.link);
+}
+
 std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives) {
   if (options.node_id != 0) return static_cast<std::uint8_t>(options.node_id);
   std::string list;
@@ -50,6 +61,12 @@ std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives)
         fmt::format("{}: no {} answers; check bit rate and power, or give --node", bus.name(), what));
   }
   throw Failure::wrong_use(fmt::format("{}: several {}s answer: {}; say which with --node", bus.name(), what, list));
+}
+
+int name_width(const std::vector<host::FoundNode>& nodes) {
+  std::size_t longest = std::string_view("product").size();
+  for (const host::FoundNode& node : nodes) longest = std::max(longest, node.name.size());
+  return static_cast<int>(longest) + 2;
 }
 
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }

@@ -6,6 +6,7 @@
 
 #include "host/canopen/axis402.hpp"
 #include "host/canopen/bus.hpp"
+#include "host/canopen/scan.hpp"
 
 // What the commands that talk to a bus share.
 namespace servodrome::app {
@@ -27,9 +28,15 @@ struct BusOptions {
 void add_bus_options(CLI::App& command, BusOptions& options, const std::string& timeout_help);
 void add_node_option(CLI::App& command, BusOptions& options);
 
+// Opens --bus. Throws Failure if it is no link name, HostError if the link cannot be opened.
+std::unique_ptr<host::Bus> open_bus(const BusOptions& options);
+
 // The node of --node, or the only node of the bus that answers (`drives`: the only CiA 402 drive). Throws Failure if
 // there is none, or several.
 std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives);
+
+// Width of a table's column of node names: the longest and a gap.
+int name_width(const std::vector<host::FoundNode>& nodes);
 
 // Standard output is a terminal: something may be rewritten in place.
 bool on_terminal();

@@ -1,6 +1,5 @@
-#include "host/canopen/lss_master.hpp"
-
 #include "can_line.hpp"
+#include "host/canopen/lss_master.hpp"
 #include "host/canopen/master.hpp"
 #include "host/error.hpp"
 

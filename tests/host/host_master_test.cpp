@@ -1,7 +1,6 @@
-#include "host/canopen/master.hpp"
-
 #include "can_line.hpp"
 #include "host/canopen/decode.hpp"
+#include "host/canopen/master.hpp"
 #include "host/canopen/sdo_client.hpp"
 
 namespace servodrome::host::test {
@@ -56,12 +55,12 @@ TEST_F(MasterTest, DecodesEmergencies) {
 }
 
 TEST_F(MasterTest, CodesWithoutWordsOfTheirOwnAreDescribedByTheirClass) {
-  EXPECT_STREQ(text_of_error_code(0x8611), "following error");
-  EXPECT_STREQ(text_of_error_code(0x8619), "positioning controller");
-  EXPECT_STREQ(text_of_error_code(0x2345), "short circuit, device output side");
-  EXPECT_STREQ(text_of_error_code(0x9ABC), "external error");
-  EXPECT_STREQ(text_of_error_code(0xFF42), "device specific");
-  EXPECT_STREQ(text_of_error_code(0xB001), "manufacturer's code");
+  EXPECT_EQ(text_of_error_code(0x8611), "following error");
+  EXPECT_EQ(text_of_error_code(0x8619), "class: positioning controller");
+  EXPECT_EQ(text_of_error_code(0x2345), "class: short circuit, device output side");
+  EXPECT_EQ(text_of_error_code(0x9ABC), "class: external error");
+  EXPECT_EQ(text_of_error_code(0xFF42), "class: device specific");
+  EXPECT_EQ(text_of_error_code(0xB001), "manufacturer's code");
 }
 
 // The SYNCs on the wire, with the time since the watch began.

@@ -1,9 +1,8 @@
-#include "host/object_catalogue.hpp"
-
 #include <gtest/gtest.h>
 #include <sstream>
 
 #include "host/error.hpp"
+#include "host/object_catalogue.hpp"
 
 namespace servodrome::host {
 namespace {

@@ -1,6 +1,5 @@
-#include "host/canopen/scan.hpp"
-
 #include "can_line.hpp"
+#include "host/canopen/scan.hpp"
 #include "host/canopen/sdo_client.hpp"
 
 namespace servodrome::host::test {

@@ -30,7 +30,7 @@ void repeat(const host::Bus& bus, const Options& options, const Step& step) {
 }
 
 void monitor_bus(const Options& options) {
-  const auto bus = host::Bus::open(options.bus.link);
+  const auto bus = open_bus(options.bus);
   const host::Time start = bus->now();
   const auto listening = bus->listen([&](const host::Frame& frame) {
     const double at = seconds_since(*bus, start);
@@ -87,7 +87,7 @@ void print_axis(const Options& options, double at, const host::AxisStatus& statu
 }
 
 void monitor_axis(const Options& options) {
-  const auto bus = host::Bus::open(options.bus.link);
+  const auto bus = open_bus(options.bus);
   host::Axis402 axis(*bus, choose_node(*bus, options.bus, true), {.sdo = {.timeout = options.bus.timeout()}});
   const host::Time start = bus->now();
   const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));

@@ -75,7 +75,7 @@ class Units {
 // Enables the drive, lets `motion` run, and says where the axis is.
 template <typename Motion>
 void run(const MotionOptions& options, const char* done, const Motion& motion) {
-  const auto bus = host::Bus::open(options.bus.link);
+  const auto bus = open_bus(options.bus);
   host::Axis402 axis(*bus, choose_node(*bus, options.bus, true));
   const Units units(axis, options.revolutions);
   const InterruptGuard guard;

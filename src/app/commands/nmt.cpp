@@ -24,7 +24,7 @@ const std::map<std::string, host::NmtCommand> words{{"start", host::NmtCommand::
 void run(const Options& options) {
   if (options.all == (options.bus.node_id != 0)) throw Failure::wrong_use("nmt: give --node N or --all, one of them");
   if (options.all && options.wait) throw Failure::wrong_use("nmt: --wait is for one node; give --node N");
-  const auto bus = host::Bus::open(options.bus.link);
+  const auto bus = open_bus(options.bus);
   host::Master master(*bus);
   const auto node_id = static_cast<std::uint8_t>(options.bus.node_id);
   if (options.wait) {

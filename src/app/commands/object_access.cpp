@@ -59,7 +59,8 @@ host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::s
 nlohmann::ordered_json json_of(const host::ObjectCatalogue& catalogue, std::uint8_t node_id, host::ObjectAddress object,
                                std::span<const std::byte> bytes, std::optional<Type> type) {
   const host::NamedObject* known = catalogue.find(object);
-  nlohmann::ordered_json json{{"node", node_id}, {"index", object.index}, {"sub", object.sub}};
+  nlohmann::ordered_json json{
+      {"node", node_id}, {"object", text_of(object)}, {"index", object.index}, {"sub", object.sub}};
   json["name"] = known == nullptr ? "" : known->name;
   json["type"] = type ? nlohmann::ordered_json(describe::word(*type)) : nullptr;
   const std::size_t size = type ? dictionary::size_of(*type) : 0;
@@ -86,7 +87,7 @@ void get(const Options& options) {
   std::vector<host::ObjectAddress> objects;
   for (const std::string& text : options.objects) objects.push_back(resolve(catalogue, text));
   given_type(options);
-  const auto bus = host::Bus::open(options.bus.link);
+  const auto bus = open_bus(options.bus);
   host::SdoClient sdo(*bus, choose_node(*bus, options.bus, false), {.timeout = options.bus.timeout()});
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const host::ObjectAddress object : objects) {
@@ -125,7 +126,7 @@ void set(const Options& options) {
     }
   };
   if (const auto type = type_of(options, catalogue, object)) value_of(*type);  // wrong use needs no bus to be found
-  const auto bus = host::Bus::open(options.bus.link);
+  const auto bus = open_bus(options.bus);
   host::SdoClient sdo(*bus, choose_node(*bus, options.bus, false), {.timeout = options.bus.timeout()});
   const Type type = type_to_write(options, catalogue, object, sdo);
   const std::vector<std::byte> bytes = value_of(type);

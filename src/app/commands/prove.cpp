@@ -6,7 +6,6 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
-#include "host/canopen/scan.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -131,12 +130,12 @@ Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, int method, cons
 
 std::string name_of(const host::FoundNode& node) { return node.name.empty() ? "-" : node.name; }
 
-void print(const Outcome& outcome) {
+void print(const Outcome& outcome, int width) {
   const std::string homed =
       outcome.homing_seconds > 0 ? fmt::format("method {}, {:.2f} s", outcome.method, outcome.homing_seconds) : "no";
   const std::string moved =
       outcome.moving_seconds > 0 ? fmt::format("{} units, {:.2f} s", outcome.distance, outcome.moving_seconds) : "no";
-  fmt::print("{:<6}{:<28}{:<22}{:<26}{:>14}  {}\n", outcome.node.node_id, name_of(outcome.node), homed, moved,
+  fmt::print("{:<6}{:<{}}{:<22}{:<26}{:>14}  {}\n", outcome.node.node_id, name_of(outcome.node), width, homed, moved,
              outcome.final_position, outcome.problem.empty() ? "passed" : "FAILED");
   if (!outcome.problem.empty()) fmt::print("      {}\n", outcome.problem);
   std::fflush(stdout);
@@ -156,21 +155,23 @@ nlohmann::ordered_json json_of(const Outcome& outcome) {
 
 void run(const Options& options) {
   const auto methods = methods_of(options);
-  const auto bus = host::Bus::open(options.bus.link);
+  const auto bus = open_bus(options.bus);
   const InterruptGuard guard;
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   unsigned drives = 0;
   unsigned failed = 0;
-  for (const host::FoundNode& node : host::scan(*bus)) {
+  const std::vector<host::FoundNode> nodes = host::scan(*bus);
+  const int width = name_width(nodes);
+  for (const host::FoundNode& node : nodes) {
     if (!node.is_drive() || InterruptGuard::interrupted()) continue;
     if (drives++ == 0 && !options.bus.json) {
-      fmt::print("{:<6}{:<28}{:<22}{:<26}{:>14}  {}\n", "node", "product", "homed", "moved", "final position",
+      fmt::print("{:<6}{:<{}}{:<22}{:<26}{:>14}  {}\n", "node", "product", width, "homed", "moved", "final position",
                  "result");
     }
     const auto own = methods.find(node.node_id);
     const Outcome outcome = outcome_of(*bus, node, own != methods.end() ? own->second : methods.at(0), options);
     if (!outcome.problem.empty()) ++failed;
-    options.bus.json ? list.push_back(json_of(outcome)) : print(outcome);
+    options.bus.json ? list.push_back(json_of(outcome)) : print(outcome, width);
   }
   if (options.bus.json) fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"axes", list}}.dump(2));
   if (InterruptGuard::interrupted()) throw Failure::did_not_work("interrupted");

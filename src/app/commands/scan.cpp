@@ -28,16 +28,16 @@ nlohmann::ordered_json json_of(const host::FoundNode& node) {
   return json;
 }
 
-void print(const host::FoundNode& node) {
+void print(const host::FoundNode& node, int width) {
   const auto identity = node.identity.value_or(host::LssAddress{});
-  fmt::print("{:<6}{:<28}{:<26}{:08X}h  {:08X}h  {:08X}h  {:<11}{}\n", node.node_id,
-             node.name.empty() ? "-" : node.name, node.device_type ? host::kind_of(node) : "answers no SDO",
+  fmt::print("{:<6}{:<{}}{:<26}{:08X}h  {:08X}h  {:08X}h  {:<11}{}\n", node.node_id,
+             node.name.empty() ? "-" : node.name, width, node.device_type ? host::kind_of(node) : "answers no SDO",
              identity.vendor_id, identity.product_code, identity.revision_number, identity.serial_number,
              node.state ? host::name(*node.state) : "");
 }
 
 void run(const Options& options) {
-  const auto bus = host::Bus::open(options.bus.link);
+  const auto bus = open_bus(options.bus);
   const auto listen = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.listen_s));
   const auto nodes = host::scan(*bus, {.timeout = options.bus.timeout(), .listen = listen});
   if (options.bus.json) {
@@ -45,9 +45,10 @@ void run(const Options& options) {
     for (const host::FoundNode& node : nodes) list.push_back(json_of(node));
     fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"nodes", std::move(list)}}.dump(2));
   } else if (!nodes.empty()) {
-    fmt::print("{:<6}{:<28}{:<26}{:<11}{:<11}{:<11}{:<11}{}\n", "node", "name", "kind", "vendor", "product", "revision",
-               "serial", "NMT state");
-    for (const host::FoundNode& node : nodes) print(node);
+    const int width = name_width(nodes);
+    fmt::print("{:<6}{:<{}}{:<26}{:<11}{:<11}{:<11}{:<11}{}\n", "node", "name", width, "kind", "vendor", "product",
+               "revision", "serial", "NMT state");
+    for (const host::FoundNode& node : nodes) print(node, width);
   }
   if (nodes.empty()) {
     throw Failure::did_not_work(

@@ -107,13 +107,12 @@ AxisStatus Axis402::status() {
 
 void Axis402::fail(const std::string& happened, const std::string& remedy) {
   const std::uint16_t word = statusword();
-  std::string where = fmt::format("{}, node {}, state {}, statusword {}", bus_.name(), node_id(),
-                                  drive::name(state_of(word)), text_of_statusword(word));
+  std::string shown = fmt::format("state {}, statusword {}", drive::name(state_of(word)), text_of_statusword(word));
   if (const auto code = sdo_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
-    where += fmt::format(", error code 603Fh {:04X}h {}", *code, text_of_error_code(*code));
+    shown += fmt::format(", error code 603Fh {:04X}h {}", *code, text_of_error_code(*code));
   }
-  if (emergency_) where += ", latest " + text_of(*emergency_);
-  throw HostError(happened, where, remedy);
+  if (emergency_) shown += ", latest " + text_of(*emergency_);
+  throw HostError(fmt::format("{} [{}]", happened, shown), fmt::format("{}, node {}", bus_.name(), node_id()), remedy);
 }
 
 void Axis402::write_controlword(std::uint16_t word) {
@@ -188,10 +187,7 @@ void Axis402::enable() {
         // Back by way of switch on disabled, since transition 16 is optional.
         step(disable_voltage, PowerState::switch_on_disabled, "leave quick stop");
         break;
-      case PowerState::operation_enabled:
-        // Another master may have left a halt behind; it holds back a move that is not to go on.
-        if (controlword_ == 0) controlword_ = sdo_.read<std::uint16_t>(0x6040);
-        return;
+      case PowerState::operation_enabled: return;
       case PowerState::fault_reaction_active:
       case PowerState::fault:
         fail("the drive cannot be enabled: it has a fault", "remove its cause and reset it (`--reset-fault`)");

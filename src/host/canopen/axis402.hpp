@@ -96,7 +96,8 @@ class Axis402 {
   // Runs the homing method; the drive is to be enabled. Returns when attained and at rest.
   void home(const HomingRequest& request, Time timeout, const Progress& progress = {});
 
-  // Profile position; the drive is to be enabled. Returns when the target is reached. A halted move is dropped.
+  // Profile position; the drive is to be enabled. Returns when the target is reached. A distance counts from the last
+  // target, or from where the axis stands after stop(); the stopped move is dropped.
   void move_to(std::int32_t position, const MotionProfile& profile, Time timeout, const Progress& progress = {});
   void move_by(std::int32_t distance, const MotionProfile& profile, Time timeout, const Progress& progress = {});
 

@@ -23,6 +23,8 @@ void Axis402::require_enabled(const char* doing) {
   if (state() != PowerState::operation_enabled) {
     fail(fmt::format("the drive is not enabled and cannot {}", doing), "enable it first");
   }
+  // Another master may have left a halt behind, which holds back a move that is not to go on.
+  if (controlword_ == 0) controlword_ = sdo_.read<std::uint16_t>(0x6040);
 }
 
 void Axis402::write_profile(const MotionProfile& profile) {
@@ -120,7 +122,14 @@ void Axis402::move_to(std::int32_t position, const MotionProfile& profile, Time 
 }
 
 void Axis402::move_by(std::int32_t distance, const MotionProfile& profile, Time timeout, const Progress& progress) {
-  move(distance, true, profile, timeout, progress);
+  require_enabled("move");
+  if ((controlword_ & controlword::halt) == 0) return move(distance, true, profile, timeout, progress);
+  // To the drive, relative would be relative to the target that was given up.
+  const std::int64_t target = std::int64_t{position()} + distance;
+  if (target != static_cast<std::int32_t>(target)) {
+    fail(fmt::format("{} is no position", target), "move by less, or home the axis");
+  }
+  move(static_cast<std::int32_t>(target), false, profile, timeout, progress);
 }
 
 void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress) {

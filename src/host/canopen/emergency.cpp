@@ -118,10 +118,11 @@ std::optional<Emergency> parse_emergency(const canopen::Frame& frame) {
   return emergency;
 }
 
-const char* text_of_error_code(std::uint16_t code) {
+std::string text_of_error_code(std::uint16_t code) {
   if (code < 0x1000) return "no error";  // 00xxh: error reset or no error
-  for (const unsigned mask : {0xFFFFU, 0xFFF0U, 0xFF00U, 0xF000U}) {
-    if (const char* text = find(static_cast<std::uint16_t>(code & mask))) return text;
+  if (const char* text = find(code)) return text;
+  for (const unsigned mask : {0xFFF0U, 0xFF00U, 0xF000U}) {
+    if (const char* text = find(static_cast<std::uint16_t>(code & mask))) return fmt::format("class: {}", text);
   }
   return "manufacturer's code";
 }

@@ -20,9 +20,9 @@ struct Emergency {
 // The EMCY in a frame of the default COB-IDs 081h..0FFh, or nothing.
 std::optional<Emergency> parse_emergency(const canopen::Frame& frame);
 
-// What an EMCY code or 603Fh says: the standard's words for the code, or for the class it belongs to (CiA 301 table 26,
-// CiA 402-1 table of error codes).
-const char* text_of_error_code(std::uint16_t code);
+// What an EMCY code or 603Fh says: the standard's words for the code, or "class: ..." for the class it belongs to (CiA
+// 301 table 26, CiA 402-1 table of error codes).
+std::string text_of_error_code(std::uint16_t code);
 
 // "EMCY 3210h DC link over-voltage, error register 05h, vendor 01 00 00 00 00"
 std::string text_of(const Emergency& emergency);
