@@ -21,7 +21,7 @@ struct Request {
 
 struct Response {
   unsigned status = 200;
-  std::string body{};   // JSON, empty for 204
+  std::string body;   // JSON, empty for 204
   std::string allow;  // of a 405: the methods the address has
 };
 

@@ -1,0 +1,262 @@
+#include "line/line_server.hpp"
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/read.hpp>
+#include <boost/asio/write.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <filesystem>
+#include <fstream>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "links/can/client.hpp"
+#include "links/link_error.hpp"
+#include "support.hpp"
+
+namespace servodrome::line {
+namespace {
+
+using namespace test;
+using boost::asio::ip::tcp;
+using testing::HasSubstr;
+namespace http = boost::beast::http;
+
+constexpr std::string_view open_line = R"(
+clock = "virtual"
+[api]
+address = "127.0.0.1:0"
+[[bus]]
+name = "can0"
+links = ["socketcand:127.0.0.1:0/can0"]
+[[axis]]
+name = "x"
+product = "ismc"
+)";
+
+// A server in a thread of its own, as the world sees it.
+class Running {
+ public:
+  explicit Running(const LineSettings& settings) : server_(settings), thread_([this] { server_.run(); }) {}
+  ~Running() {
+    boost::asio::post(server_.io(), [this] { server_.stop(); });
+    thread_.join();
+  }
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+
+  LineServer& server() { return server_; }
+  std::string link() { return server_.line().buses()[0]->links[0]->name(); }
+
+ private:
+  LineServer server_;
+  std::thread thread_;
+};
+
+class Client {
+ public:
+  explicit Client(std::uint16_t port) : stream_(io_), host_("127.0.0.1:" + std::to_string(port)) {
+    stream_.connect(tcp::endpoint(boost::asio::ip::make_address("127.0.0.1"), port));
+    stream_.expires_never();
+  }
+
+  http::response<http::string_body> ask(http::verb verb, const std::string& target, const std::string& body = {},
+                                        const std::map<http::field, std::string>& fields = {}) {
+    http::request<http::string_body> request(verb, "/api/v1" + target, 11);
+    request.set(http::field::host, host_);
+    for (const auto& [field, value] : fields) request.set(field, value);
+    request.body() = body;
+    request.prepare_payload();
+    http::write(stream_, request);
+    return read();
+  }
+
+  http::response<http::string_body> read() {
+    http::response<http::string_body> response;
+    http::read(stream_, buffer_, response);
+    return response;
+  }
+
+  void write(std::string_view bytes) { boost::asio::write(stream_, boost::asio::buffer(bytes)); }
+
+  bool closed_by_peer() {
+    char byte = 0;
+    boost::system::error_code code;
+    boost::asio::read(stream_, boost::asio::buffer(&byte, 1), code);
+    return code == boost::asio::error::eof || code == boost::asio::error::connection_reset;
+  }
+
+ private:
+  boost::asio::io_context io_;
+  boost::beast::tcp_stream stream_;
+  boost::beast::flat_buffer buffer_;
+  std::string host_;
+};
+
+nlohmann::json json_of(const http::response<http::string_body>& response) {
+  return nlohmann::json::parse(response.body());
+}
+
+TEST(LineServer, ServesTheBenchApi) {
+  Running running(settings_of(open_line));
+  Client client(running.server().api_port());
+  const auto version = client.ask(http::verb::get, "/version");
+  EXPECT_EQ(version.result_int(), 200U);
+  EXPECT_EQ(version[http::field::content_type], "application/json");
+  EXPECT_EQ(json_of(version)["name"], "servodrome");
+  // The same connection, and another one at once.
+  EXPECT_EQ(json_of(client.ask(http::verb::post, "/clock/advance", R"({"ms": 20})"))["time_ns"], 20'000'000);
+  Client other(running.server().api_port());
+  EXPECT_EQ(json_of(other.ask(http::verb::get, "/clock"))["time_ns"], 20'000'000);
+  EXPECT_EQ(client.ask(http::verb::put, "/axes/x/objects/6081/0", R"({"value": 77})").result_int(), 204U);
+  EXPECT_EQ(json_of(other.ask(http::verb::get, "/axes/x/objects/6081/0"))["value"], 77);
+  EXPECT_EQ(client.ask(http::verb::get, "/nowhere").result_int(), 404U);
+  const auto refused = client.ask(http::verb::patch, "/clock");
+  EXPECT_EQ(refused.result_int(), 405U);
+  EXPECT_EQ(refused[http::field::allow], "GET");
+}
+
+TEST(LineServer, KeepsStrangersOut) {
+  Running running(settings_of(open_line));
+  Client client(running.server().api_port());
+  const std::string body = R"({"ms": 1})";
+  EXPECT_EQ(client.ask(http::verb::post, "/clock/advance", body, {{http::field::origin, "https://x.org"}}).result_int(),
+            403U);
+  EXPECT_EQ(client.ask(http::verb::get, "/clock", "", {{http::field::host, "x.org"}}).result_int(), 403U);
+  EXPECT_EQ(client.ask(http::verb::get, "/clock", "", {{http::field::authorization, "Bearer no"}}).result_int(), 401U);
+  EXPECT_EQ(client
+                .ask(http::verb::post, "/clock/advance", body,
+                     {{http::field::origin, "https://x.org"},
+                      {http::field::authorization, "Bearer " + running.server().token()}})
+                .result_int(),
+            200U);
+  const auto clock = client.ask(http::verb::get, "/clock");
+  EXPECT_EQ(json_of(clock)["time_ns"], 1'000'000);
+  EXPECT_EQ(clock.find(http::field::access_control_allow_origin), clock.end());
+}
+
+TEST(LineServer, BoundsWhatItReads) {
+  Running running(settings_of(open_line));
+  const std::uint16_t port = running.server().api_port();
+  {
+    Client client(port);
+    client.write("POST /api/v1/clock/advance HTTP/1.1\r\nHost: localhost\r\nContent-Length: 300000\r\n\r\n");
+    EXPECT_EQ(client.read().result_int(), 413U);
+    EXPECT_TRUE(client.closed_by_peer());
+  }
+  {
+    Client client(port);
+    client.write("GET / HTTP/1.1\r\nHost: localhost\r\nX: " + std::string(9000, 'x'));
+    EXPECT_EQ(client.read().result_int(), 431U);
+  }
+  {
+    Client client(port);
+    EXPECT_EQ(client.ask(http::verb::get, std::string(3000, 'x')).result_int(), 414U);
+  }
+  {
+    Client client(port);
+    client.write("how are you?\r\n\r\n");
+    const auto response = client.read();
+    EXPECT_EQ(response.result_int(), 400U);
+    EXPECT_THAT(json_of(response)["error"]["what"].get<std::string>(), HasSubstr("not HTTP"));
+  }
+  std::vector<std::unique_ptr<Client>> crowd;
+  for (int i = 0; i < 64; ++i) {
+    crowd.push_back(std::make_unique<Client>(port));
+    EXPECT_EQ(crowd.back()->ask(http::verb::get, "/version").result_int(), 200U);
+  }
+  Client one_too_many(port);
+  EXPECT_TRUE(one_too_many.closed_by_peer());
+  crowd.pop_back();
+  // The place is free again as soon as the server has noticed.
+  for (bool served = false; !served;) {
+    try {
+      served = Client(port).ask(http::verb::get, "/version").result_int() == 200U;
+    } catch (const boost::system::system_error&) {
+    }
+  }
+}
+
+TEST(LineServer, ABusyPortLeavesNothingOpen) {
+  LineServer first(settings_of(open_line));
+  const std::string pty = testing::TempDir() + "servodrome_line_server_test_pty";
+  LineSettings settings = settings_of(open_line);
+  settings.buses[0].links = {"slcan:" + pty};
+  settings.api.port = first.api_port();
+  try {
+    LineServer second(settings);
+    FAIL() << "two servers on one port";
+  } catch (const links::LinkError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("another program has this port"));
+    EXPECT_EQ(error.code(), std::errc::address_in_use);
+  }
+  EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(pty)));
+  settings.api.port = 0;
+  {
+    LineServer third(settings);
+    EXPECT_TRUE(std::filesystem::is_symlink(std::filesystem::symlink_status(pty)));
+  }
+  EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(pty)));
+}
+
+TEST(LineServer, AnAddressThatIsNotOursIsRefused) {
+  LineSettings settings = settings_of(open_line);
+  settings.api.address = "192.0.2.1";
+  EXPECT_THROW(LineServer{settings}, links::LinkError);
+  settings.api.address = "nonsense";
+  EXPECT_THROW(LineServer{settings}, links::LinkError);
+  settings.api.enabled = false;
+  EXPECT_EQ(LineServer(settings).api_port(), 0);
+}
+
+std::optional<canopen::Frame> receive_id(links::CanClient& client, std::uint32_t id) {
+  while (const auto frame = client.receive(60s)) {
+    if (frame->id == id) return frame;
+  }
+  return std::nullopt;
+}
+
+TEST(LineServer, AnswersAMasterInRealTime) {
+  LineSettings settings = settings_of(open_line);
+  settings.clock = ClockMode::real;
+  Running running(settings);
+  const auto master = links::open_can_client(running.link());
+  for (int i = 0; i < 50; ++i) {
+    master->send(sdo_write(1, 0x6081, 0, static_cast<std::uint32_t>(i), 4));
+    ASSERT_TRUE(receive_id(*master, 0x581));
+    master->send(sdo_read(1, 0x6081, 0));
+    const auto answer = receive_id(*master, 0x581);
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(number_in(*answer), static_cast<std::uint32_t>(i));
+  }
+  // Time goes on by itself, and is never ahead of the clock.
+  Client client(running.server().api_port());
+  const auto time = [&client] { return json_of(client.ask(http::verb::get, "/clock"))["time_ns"].get<std::int64_t>(); };
+  const auto start = std::chrono::steady_clock::now();
+  const std::int64_t first = time();
+  while (time() < first + 20'000'000) std::this_thread::sleep_for(1ms);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, 20ms);
+}
+
+TEST(LineServer, ALogHasEveryFrame) {
+  const std::string path = testing::TempDir() + "servodrome_line_server_test.log";
+  LineSettings settings = settings_of(open_line);
+  {
+    LineServer server(settings);
+    server.log(*server.line().buses()[0], path);
+    server.line().run_until(20ms);
+  }
+  std::ifstream file(path);
+  std::string line;
+  ASSERT_TRUE(std::getline(file, line));
+  EXPECT_THAT(line, testing::MatchesRegex(R"(\([0-9]+\.[0-9]+\) can0 701#00)"));
+  std::filesystem::remove(path);
+  LineServer server(settings);
+  EXPECT_THROW(server.log(*server.line().buses()[0], "/nonexistent/x.log"), links::LinkError);
+}
+
+}  // namespace
+}  // namespace servodrome::line
