@@ -3,55 +3,30 @@
 #include <array>
 
 #include "drive/axis.hpp"
+#include "drive/modes/line.hpp"
 
 namespace servodrome::drive {
 
-// Interpolation time period 60C2h in position-loop cycles, at least 1.
-std::uint32_t interpolation_cycles(const Axis& axis);
-
-// A straight line between two cyclic set-points, one step per position-loop cycle. Integer end points: it arrives
-// exactly.
-class Line {
+// The interpolation time period 60C2h in position-loop cycles: a real number, at least 1.
+class InterpolationPeriod {
  public:
-  void stand(Counts position, double fraction = 0.0) {
-    *this = {};
-    from_ = to_ = position;
-    fraction_from_ = fraction;
-  }
-  void go(Counts to, std::uint32_t cycles) {
-    from_ = now();
-    fraction_from_ = fraction();
-    to_ = to;
-    step_ = 0;
-    steps_ = cycles;
-  }
-  void step() {
-    if (step_ < steps_) ++step_;
-  }
-  void shift(Counts delta) { from_ += delta, to_ += delta; }
-  bool arrived() const { return step_ >= steps_; }
-  Counts target() const { return to_; }
-  Counts now() const { return from_ + static_cast<Counts>(std::floor(progress())); }
-  double fraction() const { return progress() - std::floor(progress()); }
-  // Counts per cycle of the piece just travelled.
-  double rate() const {
-    return steps_ == 0 ? 0.0 : (static_cast<double>(to_ - from_) - fraction_from_) / static_cast<double>(steps_);
+  double cycles(const Axis& axis) {
+    const Objects& objects = axis.objects;
+    if (objects.interpolation_time_period_value != value_ || objects.interpolation_time_index != index_) update(axis);
+    return cycles_;
   }
 
  private:
-  double progress() const {
-    if (steps_ == 0) return fraction_from_;
-    if (step_ >= steps_) return static_cast<double>(to_ - from_);
-    return fraction_from_ + rate() * static_cast<double>(step_);
-  }
-  Counts from_ = 0;
-  Counts to_ = 0;
-  double fraction_from_ = 0.0;
-  std::uint32_t step_ = 0;
-  std::uint32_t steps_ = 0;
+  void update(const Axis& axis);
+
+  std::uint8_t value_ = 0;
+  std::int8_t index_ = 0;
+  double cycles_ = 1.0;
 };
 
-// Cyclic synchronous position mode (CiA 402-2 clause 13).
+// Cyclic synchronous position mode (CiA 402-2). Targets are due one period 60C2h apart; the drive interpolates between
+// them on that time base of its own, not on the moments they arrive: a target may come up to a cycle early or late
+// (jitter of bus and master, or a period that is no multiple of the cycle) without a trace in the velocity.
 class CyclicSyncPosition {
  public:
   static constexpr Loop loop = Loop::position;
@@ -66,13 +41,18 @@ class CyclicSyncPosition {
   std::uint16_t status(const Axis& axis) const;
 
  private:
+  void follow(Axis& axis, std::int64_t user);
+
   Line line_{};
+  InterpolationPeriod period_{};
   std::int64_t given_ = 0;  // the target the line leads to, with its offset
-  std::uint32_t quiet_cycles_ = 0;
+  double due_ = 0.0;        // cycles until the line's target is due; below 0: since
+  double phase_ = 0.0;      // mean of due_ when the next target comes
   bool following_ = false;  // a target was given since the mode was entered
+  bool regular_ = false;    // the last target came when it was due
 };
 
-// Cyclic synchronous velocity and torque modes (CiA 402-2 clauses 14 and 15).
+// Cyclic synchronous velocity and torque modes (CiA 402-2).
 class CyclicSyncVelocity {
  public:
   static constexpr Loop loop = Loop::velocity;
@@ -101,7 +81,7 @@ class CyclicSyncTorque {
   std::uint16_t status(const Axis&) const;
 };
 
-// Interpolated position mode (CiA 402-2 clause 12), linear interpolation 60C0h = 0, with the buffer of 60C4h.
+// Interpolated position mode (CiA 402-2), linear interpolation 60C0h = 0, with the buffer of 60C4h.
 class InterpolatedPosition {
  public:
   static constexpr Loop loop = Loop::position;
@@ -126,7 +106,9 @@ class InterpolatedPosition {
   Line line_{};
   bool enabled_ = false;    // controlword bit 4
   bool following_ = false;  // a record was taken since the mode was entered
-  std::uint32_t quiet_cycles_ = 0;
+  bool waited_ = false;     // the line's end has passed without another record
+  bool regular_ = false;    // the last record came before the end of the line before
+  InterpolationPeriod period_{};
 };
 
 }  // namespace servodrome::drive
