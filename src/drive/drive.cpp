@@ -60,6 +60,7 @@ void Drive::power_on(const Feedback& feedback) {
   outputs_ = {};
   tick_in_cycle_ = 0;
   edge_count_ = 0;
+  tripped_ = 0;
   wires_ = feedback.inputs;
   axis_.encoder_position = feedback.position_counts;
   supervision_.reset(axis_);
@@ -99,10 +100,11 @@ void Drive::restart() {
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   if (feedback.edge_count != 0) capture_edges(feedback);
   const bool cycle_due = tick_in_cycle_ == 0;
+  if (tripped_ == 0) tripped_ = feedback.hardware_faults;  // the first to speak; what follows it is its consequence
   if (cycle_due) {
     cycle(feedback);
     actuation = outputs_;
-  } else if (feedback.hardware_faults != 0 && outputs_.pwm_enabled) {
+  } else if (tripped_ != 0 && outputs_.pwm_enabled) {
     // The comparators do not wait for the end of a cycle.
     outputs_.pwm_enabled = false;
     actuation.pwm_enabled = false;
@@ -150,7 +152,8 @@ void Drive::cycle(const Feedback& feedback) {
   axis_.edges = std::span(edges_.data(), edge_count_);
 
   supervision_.cycle(axis_, feedback,
-                     {.energised = energised() && !short_circuit_,
+                     {.hardware_faults = tripped_,
+                      .energised = energised() && !short_circuit_,
                       .dc_link_expected = dc_link_cycles_ > axis_.cycles(precharge_ms),
                       .brake_closed = axis_.configuration.has_brake() &&
                                       brake_closed_cycles_ > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
@@ -187,6 +190,7 @@ void Drive::cycle(const Feedback& feedback) {
   axis_.objects.statusword = statusword();
   axis_.synchronised = false;
   edge_count_ = 0;
+  tripped_ = 0;
 }
 
 void Drive::change_mode() {

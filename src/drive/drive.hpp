@@ -165,6 +165,7 @@ class Drive final : public dictionary::Listener {
   float dc_link_v_ = 0.0F;
   std::array<SignalEdge, edge_capacity> edges_{};
   std::size_t edge_count_ = 0;
+  std::uint32_t tripped_ = 0;  // HardwareFault bits since the last cycle
   std::uint8_t tick_in_cycle_ = 0;
 };
 

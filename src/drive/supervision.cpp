@@ -57,9 +57,9 @@ void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& s
       if ((feedback.encoder_faults & row.flag) != 0) present_.set(row.cause);
     }
   }
-  if (feedback.hardware_faults != 0) {
+  if (situation.hardware_faults != 0) {
     for (const FlagCause& row : hardware_causes) {
-      if ((feedback.hardware_faults & row.flag) != 0) present_.set(row.cause);
+      if ((situation.hardware_faults & row.flag) != 0) present_.set(row.cause);
     }
   }
   if (axis.active(Signal::external_fault)) present_.set(Cause::external);

@@ -11,10 +11,11 @@ namespace servodrome::drive {
 class Supervision {
  public:
   struct Situation {
-    bool energised = false;         // the power stage works
-    bool dc_link_expected = false;  // the DC link should have its voltage
-    bool brake_closed = false;      // engaged for longer than its delay
-    bool pressing = false;          // homing against a hard stop: following error and torque limit are meant
+    std::uint32_t hardware_faults = 0;  // since the last cycle, where a comparator speaks for a tick only
+    bool energised = false;             // the power stage works
+    bool dc_link_expected = false;      // the DC link should have its voltage
+    bool brake_closed = false;          // engaged for longer than its delay
+    bool pressing = false;              // homing against a hard stop: following error and torque limit are meant
     Loop loop = Loop::off;
   };
 

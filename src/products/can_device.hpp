@@ -48,6 +48,7 @@ class CanDevice : public Device,
     load_objects(dictionary::Area::all, node_id_);
     drive_.configure(product().configuration());
     drive_.power_on(feedback);
+    last_sync_ = {};
     node_.start(node_id_, now);
   }
   void power_off() override {
@@ -56,7 +57,14 @@ class CanDevice : public Device,
     }
   }
 
-  void cycle(Time now) override { node_.process_image_updated(now); }
+  void cycle(Time now) override {
+    node_.process_image_updated(now);
+    // 8700h: a SYNC that is expected every 1006h does not come while the axis depends on it.
+    const auto period = std::chrono::microseconds(objects_.communication.communication_cycle_period_us);
+    const bool depends = period.count() != 0 && last_sync_ != Time{} && drive::is_cyclic_synchronous(drive_.mode()) &&
+                         drive_.state() == drive::PowerState::operation_enabled;
+    if (depends && now - last_sync_ > 2 * period) drive_.raise(drive::Cause::sync_lost);
+  }
   void receive(const canopen::Frame& frame, Time now) override { node_.receive(frame, now); }
   void poll(Time now) override { node_.poll(now); }
   Time next_deadline() const override { return node_.next_deadline(); }
@@ -101,7 +109,10 @@ class CanDevice : public Device,
     if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
     return dictionary::Store(*settings_.store).restore_defaults(areas);
   }
-  void sync(std::uint8_t, canopen::Time) override { drive_.synchronise(); }
+  void sync(std::uint8_t, canopen::Time now) override {
+    last_sync_ = now;
+    drive_.synchronise();
+  }
   canopen::LossReaction communication_lost(canopen::LossCause, canopen::LossReaction standard) override {
     reported_by_node_ = true;  // with the code of what was lost
     drive_.communication_lost();
@@ -143,6 +154,7 @@ class CanDevice : public Device,
       storage_{};
   canopen::Node node_;
   bool reported_by_node_ = false;
+  Time last_sync_{};  // 0: none since power on
   std::uint8_t node_id_ = Product::factory_node_id;
   std::uint32_t bit_rate_ = Product::factory_bit_rate;
 };

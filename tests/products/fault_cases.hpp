@@ -39,6 +39,7 @@ struct FaultCase {
   Reset reset = Reset::by_controlword;
   double within_ms = 200.0;
   const char* variant = "";
+  double comparator_a = 20.0;  // phase current at which the power stage's comparators speak
 };
 
 // The EMCY frames since the record was cleared, as text.
@@ -72,9 +73,10 @@ constexpr std::uint16_t disabled = 0x40;
 
 // One life of a fault. `option_code` is 605Eh.
 template <typename DeviceType>
-void check_fault(const FaultCase<DeviceType>& fault, std::uint8_t error_register, std::int16_t option_code,
-                 const plant::Parameters& parameters) {
+void check_fault(const FaultCase<DeviceType>& fault, std::uint8_t error_register, std::int16_t option_code) {
   SCOPED_TRACE("605Eh = " + std::to_string(option_code) + " " + fault.variant);
+  plant::Parameters parameters = default_plant();
+  parameters.supply.overcurrent_a = fault.comparator_a;
   Rig<DeviceType> rig(parameters);
   const std::uint8_t node_id = rig.device.node_id();
   auto& drive = rig.device.drive();

@@ -541,6 +541,7 @@ TEST_F(Braked, BrakeThatDoesNotHoldIsAFault) {
   plant::Parameters parameters = hanging_load();
   parameters.motor.brake_torque_nm = 0.55;
   Axis axis(parameters);
+  axis.set(0x2020, 2, 25);
   ASSERT_GE(axis.run_until([&] { return axis.device.drive().any_fault(); }, 2000.0), 0);
   EXPECT_EQ(axis.get(0x603F), 0x7110);
 }

@@ -193,8 +193,8 @@ void ProfilePosition::step(Axis& axis) {
     passing_ = true;
   }
   axis.generator.step(axis.cycle_s);
-  if (axis.generator.finished() && !interrupted_) {
-    if (running_ && count_ == 0 && !immediate_pending_) running_ = running_set_point_.end_velocity > 0.0;
+  if (axis.generator.finished() && !interrupted_ && count_ == 0 && !immediate_pending_) {
+    if (running_) running_ = running_set_point_.end_velocity > 0.0;
     const std::uint32_t window = axis.objects.position_window;
     const std::int64_t distance = axis.units.to_user(target_) - axis.units.to_user(axis.position());
     const bool inside = window == 0xFFFFFFFF || (distance < 0 ? -distance : distance) <= window;

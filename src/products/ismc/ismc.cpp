@@ -84,18 +84,4 @@ void Ismc::written(const dictionary::Entry& entry) {
   reconfigure();
 }
 
-void Ismc::sync(std::uint8_t counter, canopen::Time now) {
-  last_sync_ = now;
-  CanDevice::sync(counter, now);
-}
-
-void Ismc::cycle(Time now) {
-  CanDevice::cycle(now);
-  // 8700h: a SYNC that is expected every 1006h does not come while the axis depends on it (L2811).
-  const std::uint32_t period_us = objects().communication.communication_cycle_period_us;
-  const bool depends = period_us != 0 && drive().mode() == drive::Mode::cyclic_sync_position &&
-                       drive().state() == drive::PowerState::operation_enabled && last_sync_ != Time{};
-  if (depends && now - last_sync_ > 2 * std::chrono::microseconds(period_us)) drive().raise(drive::Cause::sync_lost);
-}
-
 }  // namespace servodrome::products

@@ -26,8 +26,6 @@ class Ismc final : public CanDevice<Ismc, ismc::Objects> {
 
   explicit Ismc(const Settings& settings) : CanDevice(settings) {}
 
-  void cycle(Time now) override;
-
  private:
   friend CanDevice;
 
@@ -38,9 +36,6 @@ class Ismc final : public CanDevice<Ismc, ismc::Objects> {
 
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
   void written(const dictionary::Entry& entry) override;
-  void sync(std::uint8_t counter, canopen::Time now) override;
-
-  Time last_sync_{};
 };
 
 }  // namespace servodrome::products
