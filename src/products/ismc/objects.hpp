@@ -213,12 +213,17 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.at(0x6099, 1).pdo = Pdo::none;
   builder.at(0x6099, 2).pdo = Pdo::none;
   builder.at(0x60C2, 1).pdo = Pdo::none;
-  // All quantities of motion are in user units, which are counts (L1096-1099).
+  // Units as the manual names them: all quantities of motion are in user units, which are counts (L1096-1099).
   for (std::size_t i = 0; i < builder.count; ++i) {
     Entry& entry = builder.entries[i];
     const std::string_view unit = entry.unit;
     if (unit == "pos" || unit == "vel" || unit == "acc" || unit == "jerk") entry.unit = "UU";
+    if (unit == "inc") entry.unit = "cnt";
+    if (unit == "inc/s") entry.unit = "cnt/s";
+    if (unit == "0.1%") entry.unit = "rated torque/1000";
+    if (unit == "0.1%/s") entry.unit = "rated torque/1000/s";
   }
+  builder.at(0x6078, 0).unit = "rated current/1000";
   return builder;
 }>();
 static_assert(dictionary::is_valid_table(object_table));
