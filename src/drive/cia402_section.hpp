@@ -1,6 +1,7 @@
 #pragma once
 
 #include "dictionary/table.hpp"
+#include "drive/homing/methods.hpp"
 #include "drive/objects.hpp"
 
 // The CiA 402-2 objects with the reference drive's defaults. A product picks the objects it has and overrides what its
@@ -379,5 +380,19 @@ inline constexpr auto cia402_section = [] {
           {.owner = Owner::drive}),
   });
 }();
+
+// 60E3h, Supported homing methods: what a product's table of methods has.
+template <std::size_t Count>
+constexpr auto supported_homing_methods(const std::array<Method, Count>& methods) {
+  using namespace dictionary;  // NOLINT(google-build-using-namespace)
+  static_assert(Count < 255);
+  std::array<Entry, Count + 1> section{};
+  section[0] = highest_sub(0x60E3, ObjectCode::array, "Supported homing methods", Count);
+  for (std::size_t i = 0; i < Count; ++i) {
+    section[i + 1] = number_constant(0x60E3, static_cast<std::uint8_t>(i + 1), ObjectCode::array,
+                                     "Supported homing method", Type::integer8, methods[i].number);
+  }
+  return section;
+}
 
 }  // namespace servodrome::drive

@@ -114,15 +114,19 @@ class CanDevice : public Device,
     drive_.synchronise();
   }
   canopen::LossReaction communication_lost(canopen::LossCause, canopen::LossReaction standard) override {
-    reported_by_node_ = true;  // with the code of what was lost
+    reported_by_node_ = standard.emergency_code;
     drive_.communication_lost();
-    reported_by_node_ = false;
+    reported_by_node_ = 0;
     return standard;
   }
 
   // --- drive::DriveEvents
   void fault_raised(const drive::FaultRow& fault) override {
-    if (!reported_by_node_) node_.raise(fault.code, fault.error_register);
+    if (reported_by_node_ == 0) {
+      node_.raise(fault.code, fault.error_register);
+    } else {
+      objects_.drive.error_code = reported_by_node_;  // 603Fh tells what the EMCY tells
+    }
   }
   void faults_reset() override { node_.clear(0); }
 
@@ -153,8 +157,8 @@ class CanDevice : public Device,
                        Communication::heartbeat_consumer_count, SdoBufferBytes>
       storage_{};
   canopen::Node node_;
-  bool reported_by_node_ = false;
-  Time last_sync_{};  // 0: none since power on
+  std::uint16_t reported_by_node_ = 0;  // code of the EMCY that the node itself is about to send
+  Time last_sync_{};                    // 0: none since power on
   std::uint8_t node_id_ = Product::factory_node_id;
   std::uint32_t bit_rate_ = Product::factory_bit_rate;
 };

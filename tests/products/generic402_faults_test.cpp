@@ -95,13 +95,13 @@ std::vector<Row> rows() {
   const auto at_once = Cut::at_once;
   const auto option = Cut::by_option_code;
   return {
-      injected(0x2330, current, Injection::bus_overcurrent, at_once),
+      injected(0x2220, current, Injection::bus_overcurrent, at_once),
       shorted(0x2310, Injection::short_phase_u),
       shorted(0x2311, Injection::short_phase_v),
       shorted(0x2312, Injection::short_phase_w),
       injected(0x2320, current, Injection::short_circuit, at_once),
-      {current,
-       {0x2340, turning_under_load, inject(Injection::open_phase_v), take_back(Injection::open_phase_v),
+      {voltage,
+       {0x3321, turning_under_load, inject(Injection::open_phase_v), take_back(Injection::open_phase_v),
         Gone::with_reaction, at_once, Reset::by_controlword, 2000.0}},
       {current,
        {.code = 0x2350,
@@ -145,18 +145,18 @@ std::vector<Row> rows() {
         [](Axis& axis) { axis.plant.set_ambient_c(25.0); }, Gone::when_removed, option}},
       injected(0x4210, temperature, Injection::stage_overheat, option),
       injected(0x4310, temperature, Injection::winding_overheat, option),
-      on_input(0x4311, temperature, static_cast<std::int64_t>(drive::Signal::motor_temperature)),
-      injected(0x4312, temperature, Injection::encoder_overheat, option),
-      injected(0x5112, profile, Injection::gate_supply_low, at_once),
+      on_input(0xFF30, temperature, static_cast<std::int64_t>(drive::Signal::motor_temperature)),
+      injected(0xFF31, temperature, Injection::encoder_overheat, option),
+      injected(0x5111, profile, Injection::gate_supply_low, at_once),
       injected(0x5200, profile, Injection::internal, at_once, Reset::by_power_cycle),
       injected(0x7305, profile, Injection::encoder_loss, at_once),
       injected(0x7306, profile, Injection::hall_wiring, at_once),
-      injected(0x7307, profile, Injection::hall_state, at_once),
-      injected(0x7310, profile, Injection::encoder_crc, at_once),
-      injected(0x7311, profile, Injection::encoder_delimiter, at_once),
-      injected(0x7312, profile, Injection::encoder_multi_turn, at_once, Reset::by_power_cycle),
-      injected(0x7313, profile, Injection::encoder_count, at_once, Reset::by_power_cycle),
-      injected(0x7314, profile, Injection::encoder_overflow, at_once, Reset::by_power_cycle),
+      injected(0x7122, profile, Injection::hall_state, at_once),
+      injected(0x7510, profile, Injection::encoder_crc, at_once),
+      injected(0xFF20, profile, Injection::encoder_delimiter, at_once),
+      injected(0xFF21, profile, Injection::encoder_multi_turn, at_once, Reset::by_power_cycle),
+      injected(0x7320, profile, Injection::encoder_count, at_once, Reset::by_power_cycle),
+      injected(0xFF22, profile, Injection::encoder_overflow, at_once, Reset::by_power_cycle),
       {profile,
        {.code = 0x8400,
         .prepare =
@@ -201,8 +201,8 @@ std::vector<Row> rows() {
   };
 }
 
-// Told in tests of their own: 7110h (power_state_test) needs a brake and no power, 8130h is reported by the node.
-const std::set<std::uint16_t> elsewhere{0x7110, 0x8130};
+// Told in tests of their own: FF10h (power_state_test) needs a brake and no power, 8130h is reported by the node.
+const std::set<std::uint16_t> elsewhere{0xFF10, 0x8130};
 
 TEST(Generic402Faults, EveryRowByItsCause) {
   const std::vector<Row> all = rows();

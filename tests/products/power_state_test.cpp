@@ -543,7 +543,7 @@ TEST_F(Braked, BrakeThatDoesNotHoldIsAFault) {
   Axis axis(parameters);
   axis.set(0x2020, 2, 25);
   ASSERT_GE(axis.run_until([&] { return axis.device.drive().any_fault(); }, 2000.0), 0);
-  EXPECT_EQ(axis.get(0x603F), 0x7110);
+  EXPECT_EQ(axis.get(0x603F), 0xFF10);
 }
 
 // --- Halt

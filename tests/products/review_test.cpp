@@ -1,5 +1,6 @@
 #include <cmath>
 #include <gtest/gtest.h>
+#include <set>
 
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
@@ -110,6 +111,33 @@ TEST_F(Review, QuickStopThatStaysMayBeLeftAtOnce) {
   rig.control(0x0F);
   rig.run_ms(5);
   EXPECT_EQ(state(), PowerState::operation_enabled);
+}
+
+TEST_F(Review, EveryHomingMethodOfferedIsAccepted) {
+  const std::int64_t count = rig.get(0x60E3, 0);
+  ASSERT_GT(count, 30);
+  std::set<std::int64_t> methods;
+  for (std::int64_t sub = 1; sub <= count; ++sub) methods.insert(rig.get(0x60E3, static_cast<std::uint8_t>(sub)));
+  for (std::int64_t method = -128; method < 128; ++method) {
+    const bool accepted = rig.set(0x6098, 0, method) == dictionary::AbortCode::none;
+    EXPECT_EQ(accepted, methods.count(method) == 1) << method;
+  }
+}
+
+TEST_F(Review, ALossOfTheMasterIsNamedAlikeInEmergencyAndErrorCode) {
+  rig.set(0x1400, 5, 10);  // event timer: deadline of the RPDO
+  rig.set(0x1400, 2, 255);
+  ASSERT_TRUE(rig.enable());
+  rig.send(0x000, {0x01, 0x00});
+  rig.send(0x202, {0x0F, 0x00});
+  rig.sent.clear();
+  rig.run_ms(100);
+  std::uint16_t emergency = 0;
+  for (const canopen::Frame& frame : rig.sent) {
+    if (frame.id == 0x82) emergency = static_cast<std::uint16_t>(frame.data[0] | frame.data[1] << 8);
+  }
+  EXPECT_EQ(emergency, 0x8250);
+  EXPECT_EQ(rig.get(0x603F), 0x8250);
 }
 
 TEST_F(Review, LongTimesDoNotOverflow) {

@@ -5,7 +5,7 @@
 
 namespace servodrome::drive {
 
-// Homing mode (CiA 402-2 clause 11): runs the executor of homing methods, moves the coordinates when home is found.
+// Homing mode (CiA 402-2): runs the executor of homing methods, moves the coordinates when home is found.
 class HomingMode {
  public:
   static constexpr Loop loop = Loop::position;

@@ -7,7 +7,7 @@
 
 namespace servodrome::drive {
 
-// Profile position mode (CiA 402-2 clause 10): set-points with a queue, immediate change, change on set-point.
+// Profile position mode (CiA 402-2): set-points with a queue, immediate change, change on set-point.
 class ProfilePosition {
  public:
   static constexpr Loop loop = Loop::position;

@@ -3,7 +3,7 @@
 #include <array>
 #include <cstdint>
 
-// The power drive system's finite state automaton (CiA 402-2 clause 5): states, commands, transitions. Pure data and
+// The power drive system's finite state automaton (CiA 402-2): states, commands, transitions. Pure data and
 // functions; what a transition does to the motor is the drive's business.
 namespace servodrome::drive {
 
@@ -30,7 +30,7 @@ enum class Command : std::uint8_t {
   quick_stop,
 };
 
-// Controlword bits (CiA 402-2 table 23).
+// Controlword bits (CiA 402-2).
 namespace controlword {
 inline constexpr std::uint16_t enable_voltage = 1u << 1;
 inline constexpr std::uint16_t quick_stop_inactive = 1u << 2;
@@ -43,7 +43,7 @@ inline constexpr std::uint16_t halt = 1u << 8;
 inline constexpr std::uint16_t mode_bit_9 = 1u << 9;
 }  // namespace controlword
 
-// Statusword bits (CiA 402-2 table 26).
+// Statusword bits (CiA 402-2).
 namespace statusword {
 inline constexpr std::uint16_t voltage_enabled = 1u << 4;
 inline constexpr std::uint16_t warning = 1u << 7;
@@ -60,7 +60,7 @@ constexpr std::uint16_t state_bits(PowerState state) {
   return bits[static_cast<std::size_t>(state)];
 }
 
-// The command in a controlword's bits 0 to 3 (CiA 402-2 table 24). `switch_on` stands for "disable operation" as well.
+// The command in a controlword's bits 0 to 3 (CiA 402-2). `switch_on` stands for "disable operation" as well.
 constexpr Command command_of(std::uint16_t word) {
   if ((word & controlword::enable_voltage) == 0) return Command::disable_voltage;
   if ((word & controlword::quick_stop_inactive) == 0) return Command::quick_stop;
@@ -72,7 +72,7 @@ struct Transition {
   PowerState from;
   Command command;
   PowerState to;
-  std::uint8_t number;  // CiA 402-2 figure 4
+  std::uint8_t number;  // as the standard counts them
 };
 
 inline constexpr auto transitions = std::to_array<Transition>({

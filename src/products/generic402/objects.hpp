@@ -179,6 +179,8 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.add(text_constant(0x1009, "Manufacturer hardware version", "simulated"));
   builder.add(text_constant(0x100A, "Manufacturer software version", "1.0"));
   builder.append(drive::cia402_section, offsetof(Objects, drive));
+  builder.append(drive::supported_homing_methods(drive::cia402_methods));
+  builder.add(number_constant(0x67FF, 0, ObjectCode::var, "Single device type", Type::unsigned32, device_type));
   builder.append(manufacturer_section, offsetof(Objects, manufacturer));
   builder.remove(0x1002).remove(0x6090).remove(0x6093).remove(0x6094);
 

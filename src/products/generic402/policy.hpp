@@ -9,17 +9,16 @@ using drive::Cause;
 using drive::Reaction;
 using drive::ResetRule;
 
-// Error codes of CiA 402-2 table 8 (and CiA 301 table 26). Register bits: 0 generic, 1 current, 2 voltage, 3
-// temperature, 4 communication, 5 device profile.
+// Error codes of CiA 402-2; what they do not know is in the manufacturer's range FFxxh.
+// Register bits: 0 generic, 1 current, 2 voltage, 3 temperature, 4 communication, 5 device profile.
 inline constexpr auto faults = std::to_array<drive::FaultRow>({
-    {Cause::bus_overcurrent, 0x2330, 0x03, Reaction::power_off, ResetRule::when_cause_gone,
-     "Earth leakage or DC overcurrent"},
+    {Cause::bus_overcurrent, 0x2220, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "DC link overcurrent"},
     {Cause::overcurrent_u, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone,
      "Continuous overcurrent, phase U"},
     {Cause::overcurrent_v, 0x2311, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Overcurrent, phase V"},
     {Cause::overcurrent_w, 0x2312, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Overcurrent, phase W"},
     {Cause::short_circuit, 0x2320, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Short circuit"},
-    {Cause::phase_loss, 0x2340, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Motor phase open"},
+    {Cause::phase_loss, 0x3321, 0x05, Reaction::power_off, ResetRule::when_cause_gone, "Armature circuit interrupted"},
     {Cause::i2t, 0x2350, 0x03, Reaction::option_code, ResetRule::when_cause_gone, "Load level, I2t"},
     {Cause::over_voltage, 0x3210, 0x05, Reaction::option_code, ResetRule::when_cause_gone, "DC link over-voltage"},
     {Cause::under_voltage, 0x3220, 0x05, Reaction::power_off, ResetRule::when_cause_gone, "DC link under-voltage"},
@@ -29,21 +28,21 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::power_stage_hot, 0x4210, 0x09, Reaction::option_code, ResetRule::when_cause_gone,
      "Excess device temperature"},
     {Cause::motor_hot, 0x4310, 0x09, Reaction::option_code, ResetRule::when_cause_gone, "Excess motor temperature"},
-    {Cause::motor_contact, 0x4311, 0x09, Reaction::option_code, ResetRule::when_cause_gone,
+    {Cause::motor_contact, 0xFF30, 0x09, Reaction::option_code, ResetRule::when_cause_gone,
      "Motor temperature contact"},
-    {Cause::encoder_hot, 0x4312, 0x09, Reaction::option_code, ResetRule::when_cause_gone, "Excess encoder temperature"},
-    {Cause::gate_supply, 0x5112, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Gate driver supply"},
+    {Cause::encoder_hot, 0xFF31, 0x09, Reaction::option_code, ResetRule::when_cause_gone, "Excess encoder temperature"},
+    {Cause::gate_supply, 0x5111, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Gate driver supply"},
     {Cause::internal_hardware, 0x5200, 0x21, Reaction::power_off, ResetRule::power_cycle, "Control hardware"},
-    {Cause::brake, 0x7110, 0x21, Reaction::option_code, ResetRule::when_cause_gone, "Brake does not hold"},
+    {Cause::brake, 0xFF10, 0x21, Reaction::option_code, ResetRule::when_cause_gone, "Brake does not hold"},
     {Cause::encoder_connection, 0x7305, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Encoder connection"},
-    {Cause::encoder_crc, 0x7310, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Encoder checksum"},
-    {Cause::encoder_delimiter, 0x7311, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Encoder frame"},
-    {Cause::encoder_multi_turn, 0x7312, 0x21, Reaction::power_off, ResetRule::power_cycle, "Encoder multi-turn"},
-    {Cause::encoder_count, 0x7313, 0x21, Reaction::power_off, ResetRule::power_cycle, "Encoder count"},
-    {Cause::encoder_count_overflow, 0x7314, 0x21, Reaction::power_off, ResetRule::clear_multi_turn_and_power_cycle,
+    {Cause::encoder_crc, 0x7510, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Encoder checksum"},
+    {Cause::encoder_delimiter, 0xFF20, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Encoder frame"},
+    {Cause::encoder_multi_turn, 0xFF21, 0x21, Reaction::power_off, ResetRule::power_cycle, "Encoder multi-turn"},
+    {Cause::encoder_count, 0x7320, 0x21, Reaction::power_off, ResetRule::power_cycle, "Encoder position"},
+    {Cause::encoder_count_overflow, 0xFF22, 0x21, Reaction::power_off, ResetRule::clear_multi_turn_and_power_cycle,
      "Encoder turn overflow"},
     {Cause::hall_wiring, 0x7306, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Hall wiring"},
-    {Cause::hall_state, 0x7307, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Hall state"},
+    {Cause::hall_state, 0x7122, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Commutation, Hall state"},
     {Cause::communication_lost, 0x8130, 0x11, Reaction::option_code, ResetRule::when_cause_gone, "Master lost"},
     {Cause::over_speed, 0x8400, 0x21, Reaction::option_code, ResetRule::when_cause_gone,
      "Velocity controller, over-speed"},
@@ -75,7 +74,7 @@ inline constexpr auto digital_inputs = [] {
   };
 }();
 
-// The factor group of CiA 402-2 clause 8.
+// The factor group of CiA 402-2.
 bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units);
 
 constexpr drive::Policy make_policy() {
