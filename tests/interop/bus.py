@@ -64,7 +64,7 @@ class Network(canopen.Network):
     def send(self, identifier, data=b"", remote=False):
         self.send_message(identifier, bytes(data), remote=remote)
 
-    def sync(self):
+    def send_sync(self):
         self.send(0x080)
 
     def settle(self, node_id):

@@ -97,7 +97,7 @@ def eds(tmp_path_factory):
     def export(product):
         file = folder / f"{product}.eds"
         if not file.exists():
-            file.write_text(servodrome("export", "eds", product))
+            servodrome("export", "eds", product, "-o", file)
         return str(file)
 
     return export

@@ -86,10 +86,25 @@ class Drive402:
         self.wait_state("Switch on disabled")
 
     def reset_fault(self):
+        """Edges of the reset bit until one is accepted: a cause may take its time to go."""
+
+        def left():
+            self.control(0x00)
+            self.control(0x80)
+            return self.state != "Fault"
+
+        wait_for(left, lambda: f"the fault {self.read(0x603F):04X}h to be reset")
         self.control(0x00)
-        self.control(0x80)
         self.wait_state("Switch on disabled")
-        self.control(0x00)
+
+    def place(self, network, counts):
+        """Turns the shaft to a true position by hand, while the drive has no power."""
+        self.bench.post(f"axes/{self.name}/power", {"action": "off"})
+        self.bench.put(f"axes/{self.name}/plant", {"position_counts": counts})
+        network.seen.clear()
+        self.bench.post(f"axes/{self.name}/power", {"action": "on"})
+        network.seen.wait(0x700 + self.node.id)
+        self.wait_state("Switch on disabled")
 
     def set_ramps(self, velocity=1_000_000, acceleration=5_000_000):
         self.write(0x6081, velocity)

@@ -9,7 +9,9 @@ import time
 import urllib.error
 import urllib.request
 
-PROGRAM = os.environ["SERVODROME"]
+PROGRAM = os.environ.get("SERVODROME") or str(
+    pathlib.Path(__file__).parents[2] / "build/release/src/app/servodrome"
+)
 
 # Both products with the same travel: 131072 counts per revolution, the home switch around 0, start beside it.
 COUNTS = 131072

@@ -5,17 +5,17 @@ from line import wait_for
 
 
 def test_a_fault_is_told_kept_and_reset(drive, network):
-    code = {"ismc": 0x3220, "reference": 0x3220}[drive.name]
+    code = {"ismc": 0x4310, "reference": 0x4210}[drive.name]
     drive.write(0x1003, 0, 0)
     drive.enable()
     network.seen.clear()
-    drive.bench.put(f"axes/{drive.name}/plant", {"supply_v": 50})
-    emergency = drive.node.emcy.wait(code, timeout=60)
-    assert emergency is not None and emergency.register & 0x05 == 0x05, "generic and voltage"
+    drive.bench.post(f"axes/{drive.name}/faults", {"inject": "stage_overheat"})
     assert network.seen.wait(0x080 + drive.node.id)[0][:2] == code.to_bytes(2, "little")
+    emergency = wait_for(lambda: drive.node.emcy.active, "the client's own view of it")[0]
+    assert emergency.code == code and emergency.register & 0x09 == 0x09, "generic and temperature"
     drive.wait_state("Fault")
     assert drive.read(0x603F) == code
-    assert drive.read(0x1001) & 0x05 == 0x05
+    assert drive.read(0x1001) & 0x09 == 0x09
     assert drive.read(0x1003, 0) == 1
     assert drive.read(0x1003, 1) & 0xFFFF == code
     assert f"0x{code:04X}" in [fault["code"] for fault in drive.bench.axis(drive.name)["faults"]]
@@ -25,16 +25,28 @@ def test_a_fault_is_told_kept_and_reset(drive, network):
     network.settle(drive.node.id)
     assert drive.state == "Fault", "the cause is still there"
 
-    drive.bench.put(f"axes/{drive.name}/plant", {"supply_v": 325})
-    wait_for(lambda: drive.bench.axis(drive.name)["supply_v"] > 300, "the DC link to charge")
     network.seen.clear()
+    drive.bench.delete(f"axes/{drive.name}/faults")
     drive.reset_fault()
-    assert network.seen.wait(0x080 + drive.node.id)[0][:3] == b"\x00\x00\x00", "error reset"
+    assert network.seen.wait(0x080 + drive.node.id)[-1][:3] == b"\x00\x00\x00", "error reset"
     assert drive.read(0x1001) == 0
-    assert drive.read(0x1003, 1) & 0xFFFF == code, "history stays"
+    assert code in (drive.read(0x1003, sub) & 0xFFFF for sub in range(1, drive.read(0x1003, 0) + 1)), "history stays"
     drive.write(0x1003, 0, 0)
     assert drive.read(0x1003, 0) == 0
     drive.enable()
+
+
+def test_supply_fails_while_enabled(drive, network):
+    drive.enable()
+    network.seen.clear()
+    drive.bench.put(f"axes/{drive.name}/plant", {"supply_v": 50})
+    assert network.seen.wait(0x080 + drive.node.id)[0][:2] == b"\x20\x32"
+    drive.wait_state("Fault")
+    assert drive.read(0x603F) == 0x3220
+    drive.bench.put(f"axes/{drive.name}/plant", {"supply_v": 325})
+    drive.reset_fault()
+    drive.enable()
+    wait_for(lambda: drive.bench.axis(drive.name)["supply_v"] > 300, "the DC link to charge")
 
 
 def test_encoder_fault_by_injection(drive, network):

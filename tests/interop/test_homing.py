@@ -1,8 +1,8 @@
 """Homing by third-party master: where zero ends up, told by the drive and by the true shaft."""
 
 import pytest
-from drive402 import BIT_12, BIT_13, HOMING
-from line import COUNTS, HOME_EDGES, LIMITS, START, wait_for
+from drive402 import BIT_12, BIT_13, HOMING, Drive402
+from line import COUNTS, HOME_EDGES, LIMITS, START, TWO_DRIVES, wait_for
 
 
 def true_zero(drive):
@@ -11,46 +11,57 @@ def true_zero(drive):
 
 
 @pytest.mark.parametrize(
-    "method, zero",
+    "method, start, zero",
     [
-        (17, LIMITS[0]),  # negative limit switch, its inner edge
-        (18, LIMITS[1]),
-        (19, HOME_EDGES[0]),  # home switch coming from its low side (as the region is a switch that is high inside)
-        (24, HOME_EDGES[0]),
-        (28, HOME_EDGES[1]),
+        (17, 2, LIMITS[0]),  # the inner edge of the negative limit switch
+        (18, 2, LIMITS[1]),
+        (19, -2, HOME_EDGES[0]),
+        (19, 0, HOME_EDGES[0]),
+        (21, 2, HOME_EDGES[1]),
+        (24, -2, HOME_EDGES[0]),
+        (28, 2, HOME_EDGES[1]),
     ],
 )
-def test_zero_is_at_the_edge(drive, method, zero):
-    if method == 19:
-        drive.bench.put(f"axes/{drive.name}/plant", {"position_counts": -2 * COUNTS})
+def test_zero_is_at_the_edge(drive, network, method, start, zero):
+    drive.place(network, start * COUNTS)
     drive.home(method)
-    # One position-loop sample at 50000 counts/s is 50 counts at 1 kHz; the switch has no hysteresis here.
+    # The switch is looked at once per position loop: 50 counts at 50000 counts/s and 1 kHz.
     assert abs(true_zero(drive) - zero) <= 100
     assert drive.bench.axis(drive.name)["homed"]
     drive.set_mode(1)
     drive.set_ramps()
     drive.move_to(0)
-    assert abs(drive.true_position - zero) <= 110
+    assert abs(drive.true_position - zero) <= 105
 
 
 @pytest.mark.parametrize("method", [33, 34])
-def test_zero_is_at_the_index(drive, method):
-    drive.bench.put(f"axes/{drive.name}/plant", {"position_counts": START + 1000})
+def test_zero_is_at_the_index(drive, network, method):
+    drive.place(network, 2 * COUNTS + COUNTS // 3)
     drive.home(method)
-    assert abs(true_zero(drive) % COUNTS - 0) <= 100 or COUNTS - true_zero(drive) % COUNTS <= 100
+    index = (2 if method == 33 else 3) * COUNTS
+    assert abs(true_zero(drive) - index) <= 100
 
 
-def test_zero_is_here(drive):
-    drive.bench.put(f"axes/{drive.name}/plant", {"position_counts": 54_321})
-    drive.write(0x607C, 1000)
+@pytest.mark.parametrize("offset", [0, 1000, -70_000])
+def test_zero_is_here(drive, network, offset):
+    """Method 35. Zero lies by 607Ch beyond home in ISMC's reading of it, as in CiA 402: home reads -607Ch or 607Ch."""
+    drive.place(network, 54_321)
+    drive.write(0x607C, offset)
+    before = drive.true_position
     drive.home(35)
-    assert abs(true_zero(drive) - (54_321 - drive.position)) <= 1
-    assert abs(abs(drive.position) - 1000) <= 1
+    assert abs(drive.true_position - before) <= 3, "no motion"
+    assert abs(abs(drive.position) - abs(offset)) <= 3
+
+
+HARD_STOPS = TWO_DRIVES.replace("  negative_limit = -10\n  positive_limit = 10\n", "")
 
 
 @pytest.mark.parametrize("method", [-1, -2])
-def test_against_a_hard_stop(drive, method):
-    """The stop of the travel is at 11 revolutions; the limit switches are no part of these methods."""
+@pytest.mark.parametrize("name, node_id, product", [("ismc", 1, "ismc"), ("reference", 2, "generic402")])
+def test_against_a_hard_stop(start_line, connect, eds, name, node_id, product, method):
+    """A travel without limit switches; the stop, at 11 revolutions, gives way a little to the torque."""
+    line = start_line(HARD_STOPS)
+    drive = Drive402(connect(line).add_node(node_id, eds(product)), line.bench, name)
     drive.home(method, fast=300_000)
     stop = 11 * COUNTS if method == -2 else -11 * COUNTS
     assert abs(true_zero(drive) - stop) <= COUNTS // 20

@@ -92,11 +92,11 @@ def test_profile_torque_turns_the_free_shaft(drive):
     drive.enable()
     true_start = drive.true_position
     drive.write(0x6071, 100)
+    wait_for(lambda: drive.read(0x6074) == 100, "torque demand 10 %")
     drive.wait_bits(TARGET_REACHED, TARGET_REACHED)
-    assert drive.read(0x6074) == 100
     wait_for(lambda: drive.true_position > true_start + 1000, "motion in positive direction")
     drive.disable()
-    assert abs(drive.read(0x6074)) == 0
+    wait_for(lambda: abs(drive.bench.axis(drive.name)["current_a"]) < 0.01, "no current after disable")
 
 
 def test_profile_torque_against_a_locked_rotor(drive):
@@ -107,6 +107,7 @@ def test_profile_torque_against_a_locked_rotor(drive):
     rated = None
     for target in (200, -300):
         drive.write(0x6071, target)
+        wait_for(lambda: drive.read(0x6074) == target, "torque demand")
         drive.wait_bits(TARGET_REACHED, TARGET_REACHED)
         wait_for(lambda: abs(drive.read(0x6077) - target) <= 5, f"actual torque {target}")
         torque = drive.bench.axis(drive.name)["torque_nm"] / target
@@ -155,7 +156,7 @@ def test_cyclic_synchronous_position(drive, network):
     for step in range(1, 251):
         target = start + 2 * step * step
         network.send(drive.node.rpdo[1].cob_id, struct.pack("<Hi", 0x0F, target))
-        network.sync()
+        network.send_sync()
         network.settle(drive.node.id)
     drive.wait_standstill()
     assert drive.statusword & BIT_12
@@ -168,10 +169,10 @@ def test_cyclic_synchronous_velocity(reference, network):
     cyclic(reference, network, CYCLIC_VELOCITY, [0x60FF])
     for velocity in (COUNTS // 2, -COUNTS // 2):
         network.send(reference.node.rpdo[1].cob_id, struct.pack("<Hi", 0x0F, velocity))
-        network.sync()
+        network.send_sync()
         turning_at(reference, velocity / COUNTS * 60)
     network.send(reference.node.rpdo[1].cob_id, struct.pack("<Hi", 0x0F, 0))
-    network.sync()
+    network.send_sync()
     reference.wait_standstill()
 
 
@@ -180,7 +181,7 @@ def test_cyclic_synchronous_torque(reference, network):
     cyclic(reference, network, CYCLIC_TORQUE, [0x6071])
     for torque in (250, -250):
         network.send(reference.node.rpdo[1].cob_id, struct.pack("<Hh", 0x0F, torque))
-        network.sync()
+        network.send_sync()
         wait_for(lambda: abs(reference.read(0x6077) - torque) <= 5, f"torque {torque}")
         assert reference.bench.axis("reference")["torque_nm"] * torque > 0
 

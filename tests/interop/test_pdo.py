@@ -53,7 +53,7 @@ def syncs(network, drive, identifier, count):
     """Sends `count` SYNCs one by one; how many PDOs had come after each."""
     seen = []
     for _ in range(count):
-        network.sync()
+        network.send_sync()
         network.settle(drive.node.id)
         seen.append(len(network.seen.of(identifier)))
     return seen
@@ -139,7 +139,7 @@ def test_on_remote_request(reference, network):
         identifier = set_tpdo(reference, 1, transmission_type, [MODE_DISPLAY])
         start(network, reference)
         reference.set_mode(3)
-        network.sync()
+        network.send_sync()
         network.settle(reference.node.id)
         reference.set_mode(1)
         network.seen.clear()
@@ -165,7 +165,7 @@ def test_synchronous_rpdo_takes_effect_with_the_sync(drive, network, transmissio
     network.send(identifier, struct.pack("<bi", 3, 123_456))
     network.settle(drive.node.id)
     assert (drive.read(0x6060), drive.read(0x607A)) == (0, 0), "not before the SYNC"
-    network.sync()
+    network.send_sync()
     network.settle(drive.node.id)
     assert (drive.read(0x6060), drive.read(0x607A)) == (3, 123_456)
 
@@ -218,7 +218,7 @@ def test_the_client_maps_by_name(reference, network):
     node.rpdo[2]["Controlword"].raw = 0
     node.rpdo[2].transmit()
     wait_for(lambda: reference.read(0x6061) == 3, "mode by PDO")
-    network.sync()
+    network.send_sync()
     network.seen.wait(0x2A2)
     wait_for(lambda: node.tpdo[5].is_received, "the PDO")
     assert node.tpdo[5]["Statusword"].raw == reference.statusword

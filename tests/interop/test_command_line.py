@@ -1,0 +1,136 @@
+"""The program's own client commands against its own line, its log, and what it says to wrong use."""
+
+import json
+import re
+import signal
+import socket
+import subprocess
+
+import can
+import pytest
+from line import COUNTS, PROGRAM, TWO_DRIVES, ApiError, servodrome, wait_for
+
+
+@pytest.fixture
+def client(line):
+    """client(COMMAND, ...): a client command on the line's bus."""
+    link = line.links["can0"][0]
+    return lambda command, *arguments, **options: servodrome(command, "--bus", link, *arguments, **options)
+
+
+def test_scan(client):
+    found = json.loads(client("scan", "--json"))
+    nodes = found["nodes"] if isinstance(found, dict) else found
+    assert [node["node"] for node in nodes] == [1, 2]
+    assert "Sapphire" in client("scan")
+
+
+def test_get_and_set(client, bench):
+    client("set", "--node", "2", "6083", "123456")
+    assert "123456" in client("get", "--node", "2", "6083")
+    assert bench.get("axes/reference/objects/6083/0")["value"] == 123456
+    assert "0602" in client("get", "--node", "1", "5FFF", status=1)
+
+
+def test_home_and_move(client, bench):
+    client("home", "--node", "2", "--method", "24", "--speed", "500000", "--zero-speed", "50000")
+    before = bench.true_position("reference")
+    client("move", "--node", "2", "--by", "131072")
+    wait_for(lambda: abs(bench.true_position("reference") - before - COUNTS) <= 3, "the move")
+
+
+def test_prove(client):
+    table = client("prove")
+    assert "ismc" in table.lower() or "sapphire" in table.lower()
+
+
+def test_prove_fails_when_a_drive_does(client, bench):
+    bench.put("axes/reference/plant", {"locked_rotor": True})
+    client("prove", "--timeout", "5", status=1)
+
+
+def test_monitor_shows_decoded_frames(line, tmp_path):
+    shown = tmp_path / "monitor.txt"
+    with open(shown, "wb") as output:
+        monitor = subprocess.Popen([PROGRAM, "monitor", "--bus", line.links["can0"][0]], stdout=output)
+    try:
+
+        def boots():
+            line.bench.post("axes/ismc/power", {"action": "cycle"})
+            return "boot" in shown.read_text().lower()
+
+        wait_for(boots, lambda: f"a boot-up in {shown.read_text()!r}")
+    finally:
+        monitor.send_signal(signal.SIGINT)
+        assert monitor.wait(30) == 0
+
+
+@pytest.mark.once
+def test_candump_log_is_read_by_python_can(start_line, connect, tmp_path):
+    line = start_line(log=tmp_path / "bus.log")
+    network = connect(line)
+    network.send(0x601, bytes.fromhex("4000100000000000"))
+    network.seen.wait(0x581)
+    line.stop()
+    frames = [(f.arbitration_id, bytes(f.data).hex()) for f in can.CanutilsLogReader(tmp_path / "bus.log")]
+    assert (0x601, "4000100000000000") in frames
+    assert (0x581, "4300100092010200") in frames
+    assert frames[0] == (0x701, "00")
+
+
+@pytest.mark.once
+def test_a_line_that_cannot_start_says_why(tmp_path):
+    assert "--nonsense" in servodrome("up", "--nonsense", status=2)
+    assert "no-such.toml" in servodrome("up", tmp_path / "no-such.toml", status=2)
+
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(TWO_DRIVES.replace('product = "ismc"', 'product = "imsc"'))
+    said = servodrome("up", wrong, status=2)
+    row = 1 + TWO_DRIVES.split("\n").index('product = "ismc"')
+    assert re.search(rf"wrong\.toml:{row}:\d+: ", said) and "ismc" in said, said
+    checked = subprocess.run([PROGRAM, "check", wrong], capture_output=True, text=True, check=False)
+    assert checked.returncode == 2 and f"wrong.toml:{row}:" in checked.stdout + checked.stderr
+
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        said = servodrome("up", "--api", "127.0.0.1:0", "--bus", f"socketcand:127.0.0.1:{port}/can0", status=2)
+        assert str(port) in said
+        said = servodrome("up", "--api", f"127.0.0.1:{port}", "--bus", "socketcand:127.0.0.1:0/can0", status=2)
+        assert str(port) in said
+    assert "nocan7" in servodrome("up", "--api", "127.0.0.1:0", "--bus", "socketcan:nocan7", status=2)
+    assert "--bus" in servodrome("up", "--bus", "pigeon:7", status=2)
+
+
+@pytest.mark.once
+@pytest.mark.parametrize(
+    "method, path, body, status",
+    [
+        ("GET", "axes/nobody", None, 404),
+        ("GET", "nothing", None, 404),
+        ("POST", "axes/ismc", {}, 405),
+        ("PUT", "axes/ismc/inputs", {"DI99": True}, 400),
+        ("PUT", "axes/ismc/inputs", {"DI0": "yes"}, 400),
+        ("PUT", "axes/ismc/plant", {"supply_v": -1}, 422),
+        ("POST", "axes/ismc/power", {"action": "explode"}, 422),
+        ("POST", "axes/ismc/faults", {"inject": "encoder_los"}, 422),
+        ("PUT", "axes/ismc/objects/6060/0", {"value": 55}, 422),
+        ("PUT", "axes/ismc/objects/6041/0", {"value": 1}, 409),
+        ("GET", "axes/ismc/objects/xyz/0", None, 400),
+        ("POST", "clock/advance", {"ms": 1}, 409),
+        ("POST", "buses/can0/disturb", {"drop": 2}, 422),
+    ],
+)
+def test_a_wrong_request_is_told_what_is_wrong(line, method, path, body, status):
+    with pytest.raises(ApiError) as refusal:
+        line.bench.call(method, path, body)
+    assert refusal.value.status == status
+    assert refusal.value.body, "says why"
+    assert line.bench.get("axes/ismc")["state"] == "switch on disabled", "and nothing happened"
+
+
+@pytest.mark.once
+def test_virtual_time_passes_only_when_told(start_line):
+    line = start_line(arguments=["--virtual"])
+    clock = line.bench.get("clock")
+    assert clock["mode"] == "virtual" and line.bench.get("clock") == clock
+    assert line.bench.post("clock/advance", {"ms": 1000})["ticks"] == clock["ticks"] + 16_000
