@@ -17,7 +17,10 @@ def open_bus(link):
         host, _, port = address.rpartition(":")
         return can.Bus(interface="socketcand", host=host, port=int(port), channel=name)
     if kind == "slcan":
-        return can.Bus(interface="slcan", channel=rest, bitrate=1_000_000, sleep_after_open=0)
+        bus = can.Bus(interface="slcan", channel=rest, bitrate=1_000_000, sleep_after_open=0)
+        # The client does not wait for the answer to "open"; what is answered after it comes from an open channel.
+        assert bus.get_version(timeout=PATIENCE) != (None, None)
+        return bus
     assert kind == "socketcan", link
     return can.Bus(interface="socketcan", channel=rest)
 
