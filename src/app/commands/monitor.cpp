@@ -1,4 +1,5 @@
 // `monitor`: what happens on a bus, or at an axis.
+#include <cstdlib>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -53,11 +54,14 @@ void monitor_bus(const Options& options) {
   repeat(*bus, options, [&] { bus->run_for(std::chrono::milliseconds(50)); });
 }
 
-// Position and velocity change all the time: in a pipe a line stands for a change of anything else, or for a position
-// that has come to rest somewhere else.
-bool is_news(const host::AxisStatus& before, const host::AxisStatus& now) {
-  const bool at_rest = now.velocity == 0 && now.position != before.position;
-  return now.statusword != before.statusword || now.mode != before.mode || at_rest;
+// In a pipe a line stands for a change. A controlled axis never stands quite still: a position is another one from a
+// thousandth of a revolution on.
+constexpr double moved_revolutions = 0.001;
+constexpr double default_units_per_revolution = 131072.0;  // of drives that do not say
+
+bool is_news(const host::AxisStatus& before, const host::AxisStatus& now, double moved_units) {
+  const std::int64_t moved = std::abs(std::int64_t{now.position} - before.position);
+  return now.statusword != before.statusword || now.mode != before.mode || static_cast<double>(moved) > moved_units;
 }
 
 void print_axis(const Options& options, double at, const host::AxisStatus& status, const std::string& emergency) {
@@ -91,13 +95,14 @@ void monitor_axis(const Options& options) {
   host::Axis402 axis(*bus, choose_node(*bus, options.bus, true), {.sdo = {.timeout = options.bus.timeout()}});
   const host::Time start = bus->now();
   const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));
+  const double moved_units = axis.units_per_revolution().value_or(default_units_per_revolution) * moved_revolutions;
   std::optional<host::AxisStatus> last;
   std::string last_emergency;
   repeat(*bus, options, [&] {
     const host::AxisStatus now = axis.status();
     const std::string emergency = axis.latest_emergency() ? host::text_of(*axis.latest_emergency()) : "";
     const bool live = on_terminal() && !options.bus.json;
-    if (live || !last || is_news(*last, now) || emergency != last_emergency) {
+    if (live || !last || is_news(*last, now, moved_units) || emergency != last_emergency) {
       print_axis(options, seconds_since(*bus, start), now, emergency);
       last = now;
       last_emergency = emergency;

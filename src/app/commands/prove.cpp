@@ -82,8 +82,7 @@ void move_and_check(host::Bus& bus, host::Axis402& axis, std::int32_t target, co
   }
 }
 
-void prove(host::Bus& bus, Outcome& outcome, const Options& options) {
-  host::Axis402 axis(bus, outcome.node.node_id);
+void prove(host::Bus& bus, host::Axis402& axis, Outcome& outcome, const Options& options) {
   double units = options.units_per_revolution;
   if (units <= 0) units = axis.units_per_revolution().value_or(default_units_per_revolution);
   const auto number = [units](double revolutions) {
@@ -114,16 +113,20 @@ void prove(host::Bus& bus, Outcome& outcome, const Options& options) {
   outcome.distance *= 2;  // there and back
   outcome.moving_seconds = seconds_since(start);
   outcome.final_position = axis.position();
-  axis.disable();
 }
 
 Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, int method, const Options& options) {
   Outcome outcome{.node = node, .method = method};
-  try {
-    prove(bus, outcome, options);
-  } catch (const std::exception& error) {
-    outcome.problem = error.what();
-  }
+  host::Axis402 axis(bus, node.node_id);
+  const auto note = [&](const auto& action) {
+    try {
+      action();
+    } catch (const std::exception& error) {
+      if (outcome.problem.empty()) outcome.problem = error.what();
+    }
+  };
+  note([&] { prove(bus, axis, outcome, options); });
+  note([&] { axis.disable(); });  // however it went
   end_progress(options.bus.json);
   return outcome;
 }

@@ -108,11 +108,11 @@ std::optional<LssAddress> LssMaster::fastscan() {
   switch_all_to_waiting();
   if (!scan_step(0, confirm_scan, 0, 0)) return std::nullopt;
   std::array<std::uint32_t, 4> parts{};
-  for (std::uint8_t sub = 0; sub < parts.size(); ++sub) {
+  for (std::uint8_t sub = 0; sub < 4; ++sub) {
     for (std::uint8_t bit = 32; bit-- > 0;) {
       if (!scan_step(parts[sub], bit, sub, sub)) parts[sub] |= std::uint32_t{1} << bit;
     }
-    const auto next = static_cast<std::uint8_t>((sub + 1) % parts.size());
+    const auto next = static_cast<std::uint8_t>((sub + 1) % 4);
     if (!scan_step(parts[sub], 0, sub, next)) return std::nullopt;  // it went away, or answers got lost
   }
   return LssAddress{parts[0], parts[1], parts[2], parts[3]};

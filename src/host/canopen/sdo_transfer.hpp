@@ -15,7 +15,10 @@ using dictionary::AbortCode;
 struct ObjectAddress {
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
-  friend auto operator<=>(const ObjectAddress&, const ObjectAddress&) = default;
+  friend bool operator==(const ObjectAddress&, const ObjectAddress&) = default;
+  friend bool operator<(const ObjectAddress& a, const ObjectAddress& b) {
+    return a.index != b.index ? a.index < b.index : a.sub < b.sub;
+  }
 };
 
 // Which SDO protocol carries the data (CiA 301 7.2.4.2). `ordinary` is expedited for up to 4 bytes, else in segments.
