@@ -24,6 +24,7 @@ void Drive::configure(const Configuration& configuration) {
   axis_.configuration = configuration;
   cascade_.configure(configuration.motor, configuration.gains,
                      {policy_.velocity_loop_ticks, policy_.position_loop_ticks});
+  supervision_.configure(axis_);
   if (touch_probe_.capability() != configuration.touch_probe) {
     touch_probe_ = TouchProbe(configuration.touch_probe);
     load_touch_probe();
@@ -63,7 +64,7 @@ void Drive::power_on(const Feedback& feedback) {
   tripped_ = 0;
   wires_ = feedback.inputs;
   axis_.encoder_position = feedback.position_counts;
-  supervision_.reset(axis_);
+  supervision_.reset();
   cascade_ = {};
   restart();
 }
@@ -74,6 +75,7 @@ void Drive::restart() {
   pending_ = {};
   stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
   stage_ = Stage::off;
+  if (active_.any() && events_ != nullptr) events_->faults_reset();
   active_.clear();
   newest_fault_ = nullptr;
   axis_.objects.error_code = 0;

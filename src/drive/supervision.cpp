@@ -42,8 +42,7 @@ constexpr float open_phase_share = 0.05F;
 
 }  // namespace
 
-void Supervision::reset(const Axis& axis) {
-  *this = {};
+void Supervision::configure(const Axis& axis) {
   const MotorData& motor = axis.configuration.motor;
   i2t_.configure(static_cast<double>(motor.rated_current_a), static_cast<double>(motor.peak_current_a),
                  static_cast<double>(axis.configuration.monitors.i2t_peak_time_s), axis.cycle_s);

@@ -19,7 +19,8 @@ class Supervision {
     Loop loop = Loop::off;
   };
 
-  void reset(const Axis& axis);
+  void reset() { *this = {}; }
+  void configure(const Axis& axis);  // takes the configuration over and keeps what has been measured
   void cycle(Axis& axis, const Feedback& feedback, const Situation& situation);
 
   const CauseSet& present() const { return present_; }

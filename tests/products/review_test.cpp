@@ -140,6 +140,50 @@ TEST_F(Review, ALossOfTheMasterIsNamedAlikeInEmergencyAndErrorCode) {
   EXPECT_EQ(rig.get(0x603F), 0x8250);
 }
 
+TEST_F(Review, ResettingTheNodeClearsTheErrorRegister) {
+  ASSERT_TRUE(rig.enable());
+  rig.device.drive().inject(drive::Cause::external, true);
+  rig.run_ms(2);
+  ASSERT_EQ(state(), PowerState::fault);
+  ASSERT_NE(rig.get(0x1001), 0);
+  rig.device.drive().inject(drive::Cause::external, false);
+  rig.send(0x000, {0x81, 0x00});
+  rig.run_ms(20);
+  EXPECT_EQ(state(), PowerState::switch_on_disabled);
+  EXPECT_EQ(rig.get(0x603F), 0);
+  EXPECT_EQ(rig.get(0x1001), 0);
+}
+
+TEST(ReviewIsmc, LimitsOfTheCurrentActWhenTheyAreWritten) {
+  Rig<products::Ismc> rig;
+  rig.set(0x2017, 0, 2);
+  rig.set(0x6060, 0, 4);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x2F16, 0, 100);  // the peak current for 100 ms only
+  rig.plant.lock_rotor(true);
+  rig.set(0x6071, 0, 3000);
+  const std::int64_t ticks = rig.run_until([&] { return rig.get(0x603F) == 0x8900; }, 5000);
+  EXPECT_GT(ticks, 50 * 16);
+  EXPECT_LT(ticks, 200 * 16);
+}
+
+TEST_F(Review, StartBitTakenAwayInHaltLeavesTheHaltsRamp) {
+  rig.set(0x605D, 0, 2);
+  rig.set(0x609A, 0, 1000000);  // the quick stop ramp 5242880 is steeper
+  rig.set(0x6099, 1, 1000000);
+  rig.set(0x6099, 2, 1000000);
+  rig.set(0x6060, 0, 6);
+  rig.set(0x6098, 0, 17);
+  ASSERT_TRUE(rig.enable());
+  rig.control(0x1F);
+  rig.run_ms(1100);
+  rig.control(0x11F);
+  rig.run_ms(10);
+  rig.control(0x10F);
+  const std::int64_t ticks = rig.run_until([&] { return (rig.status() & target_reached) != 0; }, 3000);
+  EXPECT_NEAR(static_cast<double>(ticks) / 16.0, 1000.0 * 1000000.0 / 5242880.0 - 10.0, 3.0);
+}
+
 TEST_F(Review, LongTimesDoNotOverflow) {
   drive::Axis axis = rig.device.drive().axis();
   EXPECT_EQ(axis.cycles(1), 2u);

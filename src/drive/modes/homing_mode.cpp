@@ -20,24 +20,26 @@ Cause cause_of(HomingError error) {
 
 void HomingMode::enter(Axis& axis) {
   abort();
+  given_up_ = false;
   error_ = false;
   standing_ = true;
   acceleration_ = axis.objects.homing_acceleration * axis.units.acceleration;
   axis.come_to_rest(RampShape::linear);
 }
 
-void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now) {
+void HomingMode::controlword(Axis&, std::uint16_t before, std::uint16_t now) {
   const bool was = (before & controlword::mode_bit_4) != 0;
   const bool is = (now & controlword::mode_bit_4) != 0;
   if (is && !was) {
     start_requested_ = true;
+    given_up_ = false;
     attained_ = false;
     error_ = false;
     standing_ = false;
   }
   if (!is && was && (active_ || start_requested_)) {
     abort();
-    axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
+    given_up_ = true;
   }
 }
 
@@ -107,6 +109,10 @@ void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
 }
 
 void HomingMode::step(Axis& axis) {
+  if (given_up_) {  // here, so that a halt or another stop keeps its own ramp
+    given_up_ = false;
+    axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
+  }
   if (start_requested_) {
     start_requested_ = false;
     start(axis);

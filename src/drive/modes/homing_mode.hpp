@@ -11,7 +11,7 @@ class HomingMode {
   static constexpr Loop loop = Loop::position;
 
   void enter(Axis& axis);
-  void controlword(Axis& axis, std::uint16_t before, std::uint16_t now);
+  void controlword(Axis&, std::uint16_t before, std::uint16_t now);
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis& axis);
@@ -32,6 +32,7 @@ class HomingMode {
   HomingCommand last_{};
   double acceleration_ = 0.0;
   bool start_requested_ = false;
+  bool given_up_ = false;  // the start bit was taken away: ramp to zero
   bool active_ = false;
   bool attained_ = false;
   bool error_ = false;
