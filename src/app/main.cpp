@@ -1,7 +1,9 @@
+#include <algorithm>
 #include <array>
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
+#include "line/nearest_name.hpp"
 
 namespace {
 
@@ -15,6 +17,18 @@ int report(int exit_status, std::string_view message) {
   return exit_status;
 }
 
+// CLI11 reports a mistyped command as a missing one.
+void refuse_unknown_command(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return;
+  const std::vector<const CLI::App*> known = app.get_subcommands([](const CLI::App*) { return true; });
+  std::vector<std::string> names;
+  for (const CLI::App* command : known) names.push_back(command->get_name());
+  if (std::find(names.begin(), names.end(), argv[1]) != names.end()) return;
+  const std::vector<std::string_view> views(names.begin(), names.end());
+  throw Failure::wrong_use(
+      fmt::format("there is no command \"{}\"; {}", argv[1], servodrome::line::suggestion(argv[1], views)));
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -24,6 +38,7 @@ int main(int argc, char** argv) {
   app.failure_message(CLI::FailureMessage::simple);
   for (const auto add : commands) add(app);
   try {
+    refuse_unknown_command(app, argc, argv);
     app.parse(argc, argv);
     return 0;
   } catch (const CLI::Success& success) {  // --help, --version
