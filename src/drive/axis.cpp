@@ -12,6 +12,16 @@ bool Axis::software_limits_active() const {
   return homed || !policy.software_limits_need_homing;
 }
 
+Axis::Room Axis::room() const {
+  constexpr double endless = std::numeric_limits<double>::infinity();
+  if (policy.out_of_limits == OutOfLimits::fault || !software_limits_active() || position_range() != 0) {
+    return {endless, endless};
+  }
+  const auto [low, high] =
+      std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
+  return {static_cast<double>(position() - low), static_cast<double>(high - position())};
+}
+
 std::int64_t Axis::position_range() const {
   const std::int64_t low = objects.min_position_range_limit;
   const std::int64_t high = objects.max_position_range_limit;

@@ -175,6 +175,13 @@ struct Axis {
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
   bool software_limits_active() const;
+  // The ways in counts to the software limits, where a mode without a target position has to keep to them: negative
+  // beyond a limit. Infinite while they are off, or a fault where they are crossed.
+  struct Room {
+    double below;
+    double above;
+  };
+  Room room() const;
 };
 
 }  // namespace servodrome::drive

@@ -244,16 +244,22 @@ void Drive::run_mode() {
   limit_switches(before);
 }
 
-// Outside homing a limit switch ends every motion towards it; away from it the axis may move. `before`: where the
-// demand was before this cycle.
+// Outside homing a limit switch ends every motion towards it; away from it the axis may move. So does a software limit
+// in the modes that have no target position, early enough to stand at it. `before`: where the demand was before this
+// cycle.
 void Drive::limit_switches(Counts before) {
   if (!policy_.limit_switches_stop || mode_ == Mode::homing || axis_.demand.loop == Loop::torque) return;
   const double velocity = axis_.generator.velocity();
-  const bool blocked = (axis_.active(Signal::negative_limit) && velocity < 0.0) ||
-                       (axis_.active(Signal::positive_limit) && velocity > 0.0);
+  const double quick = quick_stop_deceleration();
+  bool blocked = (axis_.active(Signal::negative_limit) && velocity < 0.0) ||
+                 (axis_.active(Signal::positive_limit) && velocity > 0.0);
+  if (axis_.demand.loop == Loop::velocity && velocity != 0.0) {
+    const Axis::Room room = axis_.room();
+    const double way = quick > 0.0 ? velocity * velocity / (2.0 * quick) : 0.0;
+    blocked |= (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * axis_.cycle_s;
+  }
   if (!blocked) return;
   axis_.limited = true;
-  const double quick = axis_.objects.quick_stop_deceleration * axis_.units.acceleration;
   if (std::abs(axis_.velocity()) > 4.0 * quick * axis_.cycle_s) {
     begin_stop(Stop::quick_stop_ramp);
     limit_stop_ = true;
@@ -294,6 +300,14 @@ void Drive::set_limits() {
       if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
       if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
     }
+    // The speed from which the axis still comes to rest before its software limit.
+    const Axis::Room room = axis_.room();
+    const auto approach = [quick = quick_stop_deceleration(), most](double way) {
+      if (way <= 0.0) return 0.0F;
+      return quick > 0.0 ? static_cast<float>(std::sqrt(2.0 * quick * way)) : most;
+    };
+    demand.velocity_limit_positive = std::min(demand.velocity_limit_positive, approach(room.above));
+    demand.velocity_limit_negative = std::min(demand.velocity_limit_negative, approach(room.below));
   }
 }
 

@@ -96,6 +96,7 @@ class Drive final : public dictionary::Listener {
   void leave_operation(Stop stop, PowerState to);
   void enter_state(PowerState to);
   void begin_stop(Stop stop);
+  double quick_stop_deceleration() const;  // counts/s^2
   bool stop_finished() const;
   void step_stop();
   void step_power();

@@ -215,7 +215,7 @@ TEST_F(Review, PolarityTurnsTheVelocityModeRoundEverywhere) {
 }
 
 TEST_F(Review, VelocityModeLimitsAreInItsOwnUnit) {
-  rig.set(0x604C, 1, 10);  // ten user units per rpm
+  rig.set(0x604C, 2, 10);  // ten user units per rpm
   rig.set(0x6046, 2, 2000);
   rig.set(0x6060, 0, 2);
   ASSERT_TRUE(rig.enable());

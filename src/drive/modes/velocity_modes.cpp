@@ -94,11 +94,11 @@ double set_point_factor(const Objects& objects) {
   return ratio(objects.vl_set_point_factor_numerator, objects.vl_set_point_factor_denominator);
 }
 
-// Counts/s per vl velocity unit, which is (604Ch) of an rpm. The limits 6046h and the ramps are in this unit; the
-// set-point and its two displays are scaled by 604Bh on top.
+// Counts/s per vl velocity unit: velocity in rpm = velocity in user units x (604Ch). The limits 6046h and the ramps are
+// in this unit; the set-point and its two displays are scaled by 604Bh on top.
 double velocity_unit(const Axis& axis) {
   const Objects& objects = axis.objects;
-  return axis.rpm_to_counts_per_s(1.0) /
+  return axis.rpm_to_counts_per_s(1.0) *
          ratio(objects.vl_dimension_factor_numerator, objects.vl_dimension_factor_denominator);
 }
 
@@ -125,6 +125,7 @@ double VelocityMode::quick_stop_deceleration(const Axis& axis) const {
 
 void VelocityMode::enter(Axis& axis) {
   planned_ = false;
+  blocked_ = false;
   word_ = axis.objects.controlword;
   axis.limited = false;
 }
@@ -136,7 +137,7 @@ void VelocityMode::step(Axis& axis) {
   const bool locked = (word_ & controlword::mode_bit_4) != 0 && (word_ & controlword::mode_bit_5) == 0;
   const bool follow = (word_ & controlword::mode_bit_4) != 0 && (word_ & controlword::mode_bit_6) != 0;
   double target = 0.0;
-  axis.limited = false;
+  axis.limited = blocked_;
   if (follow) {
     const double unit = velocity_unit(axis);
     target = objects.vl_target_velocity * set_point_factor(objects) * unit;
@@ -144,7 +145,7 @@ void VelocityMode::step(Axis& axis) {
     const double most = std::min(std::abs(objects.vl_velocity_max_amount * unit), axis.max_velocity(false));
     const double magnitude =
         objects.vl_target_velocity == 0 ? 0.0 : std::clamp(std::abs(target), std::min(least, most), most);
-    axis.limited = magnitude != std::abs(target);
+    axis.limited = blocked_ || magnitude != std::abs(target);
     target = std::copysign(magnitude, target);
     if (axis.units.velocity_inverted) target = -target;
   }
@@ -158,6 +159,7 @@ void VelocityMode::step(Axis& axis) {
              limits.deceleration != limits_.deceleration) {
     axis.generator.run_at(target, limits, RampShape::linear);
     planned_ = true;
+    blocked_ = false;
     target_ = target;
     limits_ = limits;
   }

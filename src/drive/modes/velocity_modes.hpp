@@ -51,7 +51,7 @@ class VelocityMode {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis&) {}
+  void interrupt(Axis&) { blocked_ = true; }
   double deceleration(const Axis& axis) const;
   double quick_stop_deceleration(const Axis& axis) const;
   std::uint16_t status(const Axis&) const { return 0; }
@@ -64,6 +64,7 @@ class VelocityMode {
   double target_ = 0.0;
   MotionLimits limits_{};
   bool planned_ = false;
+  bool blocked_ = false;  // the axis met a limit and stands until it is asked for something else
 };
 
 // Torque-controlled modes share the slope; profile torque mode (CiA 402-2).

@@ -116,8 +116,7 @@ void Drive::begin_stop(Stop stop) {
     deceleration = with_mode(*this, [&](auto& mode) { return mode.deceleration(axis_); });
     shape = axis_.demand.loop == Loop::velocity ? axis_.velocity_stop_shape() : axis_.shape();
   } else if (stop == Stop::quick_stop_ramp) {
-    deceleration = mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_)
-                                           : objects.quick_stop_deceleration * axis_.units.acceleration;
+    deceleration = quick_stop_deceleration();
   }
   if (objects.max_deceleration != 0) {
     deceleration = std::min(deceleration, objects.max_deceleration * axis_.units.acceleration);
@@ -139,6 +138,11 @@ void Drive::begin_stop(Stop stop) {
   }
   if (loop == Loop::torque) axis_.take_over_actual();
   axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
+}
+
+double Drive::quick_stop_deceleration() const {
+  return mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_)
+                                 : axis_.objects.quick_stop_deceleration * axis_.units.acceleration;
 }
 
 bool Drive::stop_finished() const {
