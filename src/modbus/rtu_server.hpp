@@ -1,0 +1,69 @@
+#pragma once
+
+#include <utility>
+
+#include "modbus/character_format.hpp"
+#include "modbus/crc16.hpp"
+#include "modbus/server.hpp"
+
+namespace servodrome::modbus {
+
+inline constexpr std::uint8_t broadcast_station = 0;
+inline constexpr std::uint8_t highest_station = 247;
+inline constexpr std::size_t longest_rtu_frame = 256;
+
+// One station of a serial line in RTU mode (Modbus over Serial Line V1.02, 2.5.1): every character of the line goes in
+// with the time its stop bit ended, frames come out. A frame ends with silence; what is spoilt, has a wrong CRC or is
+// for another station is not answered. Stations on one line are all handed all characters, but not their own.
+//
+// Use: receive() each character, poll() no later than next_deadline(), and take() what there is to send after each of
+// these calls. Times never go back.
+class RtuServer {
+ public:
+  // `station` 1..247. The server outlives this.
+  RtuServer(Server& server, std::uint8_t station, const RtuTiming& timing)
+      : server_(server), timing_(timing), station_(station) {}
+
+  void receive(std::uint8_t character, Time at);
+  // A character with a parity or framing error, or one that two stations sent at once: the frame is spoilt.
+  void receive_garbled(Time at);
+  void poll(Time now) {
+    if (now >= next_deadline()) end_frame();
+  }
+  // When the silence ends the frame. `never`: there is none.
+  Time next_deadline() const { return is_receiving_ ? last_ + timing_.silence : never; }
+  // The frame to send, empty if there is none; its bytes are valid until the next call of receive() or poll().
+  std::span<const std::uint8_t> take() { return std::span(frame_).first(std::exchange(to_send_, 0)); }
+
+  std::uint8_t station() const { return station_; }
+  void set_station(std::uint8_t station) { station_ = station; }
+  // Forgets what has been received and what was to be sent, as a serial port does that is set up anew.
+  void reset(const RtuTiming& timing);
+
+ private:
+  void start_character(Time at);
+  void end_frame();
+
+  Server& server_;
+  RtuTiming timing_;
+  std::uint8_t station_;
+  bool is_receiving_ = false;
+  bool is_spoilt_ = false;
+  Time last_{};  // end of the last character
+  std::size_t received_ = 0;
+  std::size_t to_send_ = 0;
+  std::array<std::uint8_t, longest_rtu_frame> frame_{};
+};
+
+// Puts the CRC behind `size` bytes of `frame`; the length of the whole.
+constexpr std::size_t seal_rtu_frame(std::span<std::uint8_t> frame, std::size_t size) {
+  const std::uint16_t crc = crc16(frame.first(size));
+  frame[size] = static_cast<std::uint8_t>(crc);
+  frame[size + 1] = static_cast<std::uint8_t>(crc >> 8);
+  return size + 2;
+}
+
+// Station, function and CRC at least, and the CRC is right. (The CRC of a frame with its own CRC is 0.)
+constexpr bool is_rtu_frame(std::span<const std::uint8_t> frame) { return frame.size() >= 4 && crc16(frame) == 0; }
+
+}  // namespace servodrome::modbus

@@ -1,0 +1,218 @@
+// Requests and responses of the standard (Modbus Application Protocol V1.1b3), on a device with objects of all kinds.
+#include "modbus/ismk_modbus.hpp"
+
+namespace servodrome::modbus::test {
+namespace {
+
+struct Objects {
+  std::uint16_t plain = 0x1234;
+  std::int8_t small = -3;
+  std::int32_t position = 0;
+  std::uint64_t wide = 0x1122334455667788;
+  std::int16_t ranged = 0;
+  std::uint16_t owned = 0;
+  std::uint16_t secret = 0;
+  std::uint16_t constant = 7;
+  dictionary::Blob<6> name;
+};
+
+constexpr auto table = dictionary::make_table<[] {
+  using namespace dictionary;
+  TableBuilder<20> t;
+  t.add(text_constant(0x1008, "", "abc"));
+  t.add(var(0x2000, "", SERVODROME_FIELD(Objects, plain), Access::rw));
+  t.add(var(0x2001, "", SERVODROME_FIELD(Objects, small), Access::rw));
+  t.add(var(0x2002, "", SERVODROME_FIELD(Objects, position), Access::rw));
+  t.add(var(0x2003, "", SERVODROME_FIELD(Objects, wide), Access::rw));
+  t.add(var(0x2004, "", SERVODROME_FIELD(Objects, ranged), Access::rw, Pdo::none, {.minimum = -100, .maximum = 100}));
+  t.add(var(0x2005, "", SERVODROME_FIELD(Objects, owned), Access::rw, Pdo::none, {.owner = Owner::drive}));
+  t.add(var(0x2006, "", SERVODROME_FIELD(Objects, secret), Access::wo));
+  t.add(var(0x2007, "", SERVODROME_FIELD(Objects, constant), Access::ro));
+  t.add(var(0x2008, "", SERVODROME_FIELD(Objects, name), Access::rw));
+  return t;
+}>();
+
+constexpr auto map = std::to_array<Register>({{0, 0x2000, 0, 1},
+                                              {1, 0x2001, 0, 1},
+                                              {2, 0x2002, 0, 2},
+                                              {4, 0x2003, 0, 4},
+                                              {8, 0x2004, 0, 1},
+                                              {9, 0x2005, 0, 1},
+                                              {10, 0x2006, 0, 1},
+                                              {11, 0x2007, 0, 1},
+                                              {12, 0x2008, 0, 3},
+                                              {15, 0x1008, 0, 2},
+                                              {0xFFFF, 0x2000, 0, 1}});
+static_assert(is_valid_map(map, table));
+static_assert(!is_valid_map(std::to_array<Register>({{0, 0x2003, 0, 3}}), table), "too narrow");
+static_assert(!is_valid_map(std::to_array<Register>({{0, 0x2002, 0, 2}, {1, 0x2000, 0, 1}}), table), "overlap");
+static_assert(!is_valid_map(std::to_array<Register>({{1, 0x2000, 0, 1}, {0, 0x2001, 0, 1}}), table), "not sorted");
+static_assert(!is_valid_map(std::to_array<Register>({{0, 0x3000, 0, 1}}), table), "no such object");
+static_assert(!is_valid_map(std::to_array<Register>({{0xFFFF, 0x2002, 0, 2}}), table), "behind the last register");
+
+constexpr auto identification = std::to_array<Identification>(
+    {{0x00, "Servodrome"}, {0x01, "REF402"}, {0x02, "1.0"}, {0x04, "Reference drive"}, {0x80, "extended"}});
+constexpr Profile standard{.identification = identification};
+
+struct Owner final : dictionary::Listener {
+  dictionary::AbortCode answer = dictionary::AbortCode::none;
+  dictionary::AbortCode check(const dictionary::Entry&, std::span<const std::byte>) override { return answer; }
+};
+
+struct ServerTest : testing::Test {
+  ServerTest() { dictionary.set_listener(dictionary::Owner::drive, &owner); }
+
+  std::string ask(std::span<const std::uint8_t> request) {
+    std::array<std::uint8_t, longest_pdu> response{};
+    return hex_of(std::span(response).first(server.answer(request, response)));
+  }
+  std::string ask(const std::string& request) { return ask(bytes_of(request)); }
+
+  Objects objects;
+  Owner owner;
+  dictionary::Dictionary dictionary{table, std::as_writable_bytes(std::span(&objects, 1))};
+  Profile profile = standard;
+  Server server{dictionary, map, profile};
+};
+
+TEST_F(ServerTest, ReadsRegisters) {
+  objects.position = -2;
+  EXPECT_EQ(ask("03 00 00 00 01"), "03 02 12 34");
+  EXPECT_EQ(ask("04 00 00 00 01"), "04 02 12 34");
+  EXPECT_EQ(ask("03 00 01 00 01"), "03 02 FF FD");
+  EXPECT_EQ(ask("03 00 00 00 08"), "03 10 12 34 FF FD FF FF FF FE 11 22 33 44 55 66 77 88");
+  EXPECT_EQ(ask("03 00 05 00 02"), "03 04 33 44 55 66");  // the middle of an object
+  EXPECT_EQ(ask("03 00 0F 00 02"), "03 04 61 62 63 00");
+  EXPECT_EQ(ask("03 FF FF 00 01"), "03 02 12 34");
+  EXPECT_EQ(ask("03 FF FF 00 02"), "83 02");
+}
+
+TEST_F(ServerTest, WritesRegisters) {
+  EXPECT_EQ(ask("06 00 00 BE EF"), "06 00 00 BE EF");
+  EXPECT_EQ(objects.plain, 0xBEEF);
+  EXPECT_EQ(ask("10 00 02 00 06 0C 00 01 00 02 00 00 00 00 00 00 00 09"), "10 00 02 00 06");
+  EXPECT_EQ(objects.position, 0x10002);
+  EXPECT_EQ(objects.wide, 9U);
+  EXPECT_EQ(ask("06 00 01 FF 80"), "06 00 01 FF 80");
+  EXPECT_EQ(objects.small, -128);
+  EXPECT_EQ(ask("06 00 01 00 80"), "86 03") << "128 is no INTEGER8";
+  EXPECT_EQ(ask("06 00 01 FF 7F"), "86 03") << "-129 is no INTEGER8";
+  EXPECT_EQ(ask("06 00 02 00 01"), "86 03") << "half of an object";
+  EXPECT_EQ(ask("10 00 03 00 01 02 00 01"), "90 03") << "the other half";
+  EXPECT_EQ(ask("10 00 0C 00 03 06 78 79 7A 00 00 00"), "10 00 0C 00 03");
+  EXPECT_EQ(std::string(objects.name.bytes.data(), objects.name.length), "xyz");
+  EXPECT_EQ(ask("03 00 0C 00 03"), "03 06 78 79 7A 00 00 00");
+}
+
+// Nothing is written unless all of it can be; what an owner refuses comes too late for that.
+TEST_F(ServerTest, SeveralObjectsAtOnce) {
+  EXPECT_EQ(ask("10 00 00 00 03 06 00 01 00 02 00 03"), "90 03");              // ends within 2002h
+  EXPECT_EQ(ask("10 00 08 00 05 0A 00 01 00 02 00 03 00 04 00 05"), "90 02");  // 11 is read only
+  EXPECT_EQ(ask("10 00 07 00 02 04 00 00 00 01"), "90 03");
+  EXPECT_EQ(objects.plain, 0x1234);
+  EXPECT_EQ(objects.ranged, 0);
+  owner.answer = dictionary::AbortCode::device_state;
+  EXPECT_EQ(ask("10 00 08 00 03 06 00 05 00 06 00 07"), "90 04");
+  EXPECT_EQ(objects.ranged, 5);
+  EXPECT_EQ(objects.secret, 0);
+}
+
+TEST_F(ServerTest, WritesThenReads) {
+  EXPECT_EQ(ask("17 00 00 00 02 00 00 00 01 02 AB CD"), "17 04 AB CD FF FD");
+  EXPECT_EQ(ask("17 00 20 00 01 00 00 00 01 02 11 11"), "97 02") << "what cannot be read is not written";
+  EXPECT_EQ(objects.plain, 0xABCD);
+  EXPECT_EQ(ask("17 00 00 00 01 00 0B 00 01 02 11 11"), "97 02");
+}
+
+// Every exception by its cause.
+TEST_F(ServerTest, Exceptions) {
+  for (unsigned function = 0; function < 256; ++function) {
+    if (standard.functions.contains(static_cast<std::uint8_t>(function))) continue;
+    const std::vector<std::uint8_t> request = {static_cast<std::uint8_t>(function), 0, 0, 0, 1};
+    EXPECT_EQ(ask(request), hex_of(std::vector<std::uint8_t>{static_cast<std::uint8_t>(function | 0x80), 1}));
+  }
+  EXPECT_EQ(ask("03 00 11 00 01"), "83 02") << "no such register";
+  EXPECT_EQ(ask("03 00 10 00 02"), "83 02") << "the second does not exist";
+  EXPECT_EQ(ask("03 00 0A 00 01"), "83 02") << "write only";
+  EXPECT_EQ(ask("06 00 0B 00 01"), "86 02") << "read only";
+  EXPECT_EQ(ask("06 00 0F 00 01"), "86 02") << "constant";
+  EXPECT_EQ(ask("06 00 08 00 65"), "86 03") << "101 is above 100";
+  EXPECT_EQ(ask("06 00 08 FF 9B"), "86 03") << "-101 is below -100";
+  EXPECT_EQ(ask("06 00 08 FF 9C"), "06 00 08 FF 9C");
+  owner.answer = dictionary::AbortCode::value_too_high;
+  EXPECT_EQ(ask("06 00 09 00 01"), "86 03");
+  owner.answer = dictionary::AbortCode::general_error;
+  EXPECT_EQ(ask("06 00 09 00 01"), "86 04") << "anything else";
+  EXPECT_EQ(ask("03 00 00 00 00"), "83 03");
+  EXPECT_EQ(ask("03 00 00 00 7E"), "83 03") << "126 registers";
+  EXPECT_EQ(ask("03 00 00 00 7D"), "83 02") << "125 are a lawful number";
+  EXPECT_EQ(ask("10 00 00 00 00 00"), "90 03");
+  EXPECT_EQ(ask("10 00 00 00 01 04 00 00"), "90 03") << "byte count";
+  EXPECT_EQ(ask("10 00 00 00 7C F8"), "90 03") << "124 registers";
+  EXPECT_EQ(ask("17 00 00 00 7E 00 00 00 01 02 00 00"), "97 03");
+  EXPECT_EQ(ask("17 00 00 00 01 00 00 00 7A F4"), "97 03") << "122 registers";
+}
+
+TEST_F(ServerTest, WrongLengths) {
+  const char* requests[] = {"03 00 00 00 01", "04 00 00 00 01", "06 00 00 00 01", "10 00 00 00 01 02 00 01",
+                            "17 00 00 00 01 00 00 00 01 02 00 01"};
+  for (const char* text : requests) {
+    const std::vector<std::uint8_t> whole = bytes_of(text);
+    const std::string refused = hex_of(std::vector<std::uint8_t>{static_cast<std::uint8_t>(whole[0] | 0x80), 3});
+    for (std::size_t size = 1; size < whole.size(); ++size) {
+      EXPECT_EQ(ask(std::span(whole).first(size)), refused) << text << " cut to " << size;
+    }
+    std::vector<std::uint8_t> longer = whole;
+    longer.push_back(0);
+    EXPECT_EQ(ask(longer), refused) << text;
+    EXPECT_NE(ask(whole), refused) << text;
+  }
+  EXPECT_EQ(ask(std::span<const std::uint8_t>()), "");
+}
+
+TEST_F(ServerTest, DeviceIdentification) {
+  const std::string vendor = "00 0A 53 65 72 76 6F 64 72 6F 6D 65";
+  const std::string code = "01 06 52 45 46 34 30 32";
+  const std::string revision = "02 03 31 2E 30";
+  const std::string name = "04 0F 52 65 66 65 72 65 6E 63 65 20 64 72 69 76 65";
+  const std::string more = "80 08 65 78 74 65 6E 64 65 64";
+  EXPECT_EQ(ask("2B 0E 01 00"), "2B 0E 01 83 00 00 03 " + vendor + " " + code + " " + revision);
+  EXPECT_EQ(ask("2B 0E 02 00"), "2B 0E 02 83 00 00 04 " + vendor + " " + code + " " + revision + " " + name);
+  EXPECT_EQ(ask("2B 0E 03 04"), "2B 0E 03 83 00 00 02 " + name + " " + more);
+  EXPECT_EQ(ask("2B 0E 01 01"), "2B 0E 01 83 00 00 02 " + code + " " + revision);
+  EXPECT_EQ(ask("2B 0E 01 04"), ask("2B 0E 01 00")) << "not of the category: from the beginning";
+  EXPECT_EQ(ask("2B 0E 02 03"), ask("2B 0E 02 00")) << "not there: from the beginning";
+  EXPECT_EQ(ask("2B 0E 04 01"), "2B 0E 04 83 00 00 01 " + code);
+  EXPECT_EQ(ask("2B 0E 04 03"), "AB 02");
+  EXPECT_EQ(ask("2B 0E 00 00"), "AB 03");
+  EXPECT_EQ(ask("2B 0E 05 00"), "AB 03");
+  EXPECT_EQ(ask("2B 0E 01"), "AB 03");
+  EXPECT_EQ(ask("2B 0D 01 00"), "AB 01");
+  EXPECT_EQ(ask("2B"), "AB 01");
+  profile.identification = {};
+  EXPECT_EQ(ask("2B 0E 01 00"), "AB 01");
+}
+
+// Objects that do not fit one response: "more follows" and where to go on.
+TEST_F(ServerTest, DeviceIdentificationInSeveralResponses) {
+  const std::string long_text(200, 'x');
+  const std::string too_long(300, 'y');
+  const Identification objects_list[] = {{0, long_text.c_str()}, {1, long_text.c_str()}, {2, too_long.c_str()}};
+  profile.identification = objects_list;
+  std::vector<std::uint8_t> first = bytes_of(ask("2B 0E 01 00"));
+  EXPECT_EQ(first.size(), 7U + 202U);
+  EXPECT_EQ(hex_of(std::span(first).first(9)), "2B 0E 01 81 FF 01 01 00 C8");
+  std::vector<std::uint8_t> second = bytes_of(ask("2B 0E 01 01"));
+  EXPECT_EQ(hex_of(std::span(second).first(9)), "2B 0E 01 81 FF 02 01 01 C8");
+  std::vector<std::uint8_t> third = bytes_of(ask("2B 0E 01 02"));
+  EXPECT_EQ(third.size(), longest_pdu) << "cut to what fits";
+  EXPECT_EQ(hex_of(std::span(third).first(9)), "2B 0E 01 81 00 00 01 02 F4");
+}
+
+TEST(ModbusException, HasWords) {
+  EXPECT_STREQ(text(Exception::illegal_data_address), "illegal data address");
+  EXPECT_STREQ(text(static_cast<Exception>(99)), "unknown exception");
+}
+
+}  // namespace
+}  // namespace servodrome::modbus::test
