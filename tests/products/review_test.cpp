@@ -1,6 +1,7 @@
 #include <cmath>
 #include <gtest/gtest.h>
 #include <set>
+#include <tuple>
 
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
@@ -182,6 +183,48 @@ TEST_F(Review, StartBitTakenAwayInHaltLeavesTheHaltsRamp) {
   rig.control(0x10F);
   const std::int64_t ticks = rig.run_until([&] { return (rig.status() & target_reached) != 0; }, 3000);
   EXPECT_NEAR(static_cast<double>(ticks) / 16.0, 1000.0 * 1000000.0 / 5242880.0 - 10.0, 3.0);
+}
+
+// 5 turns of the motor are 2 of the shaft; a turn of the shaft is 360000 units; the encoder's 131072 counts written as
+// 262144 in 2 turns.
+TEST_F(Review, FactorGroupWithEveryDivisor) {
+  for (const auto& [index, sub, value] : std::initializer_list<std::tuple<std::uint16_t, std::uint8_t, int>>{
+           {0x608F, 1, 262144}, {0x608F, 2, 2}, {0x6091, 1, 5}, {0x6091, 2, 2}, {0x6092, 1, 720000}, {0x6092, 2, 2}}) {
+    ASSERT_EQ(rig.set(index, sub, value), dictionary::AbortCode::none);
+  }
+  rig.set(0x6081, 0, 360000);
+  rig.set(0x6083, 0, 3600000);
+  rig.set(0x6084, 0, 3600000);
+  rig.set(0x6060, 0, 1);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x607A, 0, 1080000);
+  rig.control(0x1F);
+  rig.run_ms(1500);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x606C)), 360000.0, 2000.0);
+  EXPECT_EQ(rig.get(0x606B), 360000);
+  rig.run_ms(3000);
+  EXPECT_EQ(rig.get(0x6062), 1080000);
+  EXPECT_NEAR(static_cast<double>(counts()), 3.0 * 2.5 * 131072.0, 2.0);
+  EXPECT_EQ(rig.set(0x6091, 2, 3), dictionary::AbortCode::device_state);
+}
+
+// The rounding of units to counts must not add up: moves by a unit that is
+// 1/7 of a turn.
+TEST_F(Review, RelativeMovesInUnitsThatAreNoWholeCountsDoNotDrift) {
+  rig.set(0x6092, 1, 7);
+  rig.set(0x6081, 0, 100);
+  rig.set(0x6083, 0, 10000);
+  rig.set(0x6084, 0, 10000);
+  rig.set(0x6060, 0, 1);
+  ASSERT_TRUE(rig.enable());
+  for (int move = 1; move <= 100; ++move) {
+    rig.set(0x607A, 0, 1);
+    rig.control(0x4F);
+    rig.control(0x5F);
+    rig.run_ms(60);
+  }
+  EXPECT_EQ(rig.get(0x6062), 100);
+  EXPECT_EQ(rig.get(0x60FC), std::llround(100.0 * 131072.0 / 7.0));
 }
 
 TEST_F(Review, LongTimesDoNotOverflow) {
