@@ -208,6 +208,19 @@ TEST_F(Review, FactorGroupWithEveryDivisor) {
   EXPECT_EQ(rig.set(0x6091, 2, 3), dictionary::AbortCode::device_state);
 }
 
+// Velocity in rpm and acceleration in turns per second squared by the factors alone.
+TEST_F(Review, VelocityAndAccelerationFactorsLeadToTheUsersUnit) {
+  rig.set(0x6096, 1, 60);
+  rig.set(0x6096, 2, 131072);
+  rig.set(0x6097, 2, 60);
+  rig.set(0x6083, 0, 2);
+  run_in_profile_velocity(600, 2500);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x606B)), 2.5 * 2.0 * 60.0, 1.0);
+  rig.run_ms(3000);
+  EXPECT_EQ(rig.get(0x606B), 600);
+  EXPECT_NEAR(rig.plant.velocity_rpm(), 600.0, 2.0);
+}
+
 // The rounding of units to counts must not add up: moves by a unit that is
 // 1/7 of a turn.
 TEST_F(Review, RelativeMovesInUnitsThatAreNoWholeCountsDoNotDrift) {

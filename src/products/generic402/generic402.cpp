@@ -37,14 +37,16 @@ bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::
   if (!shaft.valid()) return false;
   const Ratio position = shaft * feed.inverse();
   if (!position.valid()) return false;
-  const auto factor = [](std::uint32_t numerator, std::uint32_t divisor) {
-    return static_cast<double>(numerator) / static_cast<double>(divisor);
+  // Both factors lead to the user's unit: velocity = (position units per second) x (6096h), acceleration = (velocity
+  // units per second) x (6097h). Here the way back is wanted.
+  const auto inverse = [](std::uint32_t numerator, std::uint32_t divisor) {
+    return static_cast<double>(divisor) / static_cast<double>(numerator);
   };
   units.position = position;
   units.velocity = velocity_unit(objects.si_unit_velocity, position.value(), shaft.value()) *
-                   factor(objects.velocity_factor_numerator, objects.velocity_factor_divisor);
+                   inverse(objects.velocity_factor_numerator, objects.velocity_factor_divisor);
   units.acceleration =
-      position.value() * factor(objects.acceleration_factor_numerator, objects.acceleration_factor_divisor);
+      units.velocity * inverse(objects.acceleration_factor_numerator, objects.acceleration_factor_divisor);
   units.jerk = units.acceleration;
   units.counts_per_revolution = motor.counts_per_revolution;
   units.position_inverted = (objects.polarity & 0x80) != 0;
