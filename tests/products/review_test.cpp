@@ -240,6 +240,20 @@ TEST_F(Review, RelativeMovesInUnitsThatAreNoWholeCountsDoNotDrift) {
   EXPECT_EQ(rig.get(0x60FC), std::llround(100.0 * 131072.0 / 7.0));
 }
 
+TEST_F(Review, ParametersAreSavedAndProcessDataAreNot) {
+  const std::set<std::uint32_t> process_data{0x6040'00, 0x6042'00, 0x6060'00, 0x6071'00, 0x607A'00,
+                                             0x60B0'00, 0x60B1'00, 0x60B2'00, 0x60B8'00, 0x60C1'01,
+                                             0x60C4'04, 0x60C4'05, 0x60C4'06, 0x60FE'01, 0x60FF'00};
+  for (const dictionary::Entry& entry : Generic402::table) {
+    if (entry.index < 0x6000 || entry.access == dictionary::Access::ro ||
+        entry.access == dictionary::Access::constant) {
+      continue;
+    }
+    const std::uint32_t key = std::uint32_t{entry.index} << 8 | entry.sub;
+    EXPECT_EQ(entry.saved, process_data.count(key) == 0) << std::hex << key;
+  }
+}
+
 TEST_F(Review, LongTimesDoNotOverflow) {
   drive::Axis axis = rig.device.drive().axis();
   EXPECT_EQ(axis.cycles(1), 2u);
