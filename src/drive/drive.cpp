@@ -73,7 +73,7 @@ void Drive::restart() {
   state_ = PowerState::not_ready_to_switch_on;
   mode_ = Mode::none;
   pending_ = {};
-  stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
+  stopping_ = halted_ = limit_stop_ = short_circuit_ = releasing_torque_ = false;
   stage_ = Stage::off;
   if (active_.any() && events_ != nullptr) events_->faults_reset();
   active_.clear();
@@ -204,12 +204,12 @@ void Drive::change_mode() {
   if (!running) return;
   // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: take the
   // actual.
-  if (axis_.demand.loop == Loop::torque) {
+  if (demand_is_adrift()) {
     axis_.take_over_actual();
   } else if (axis_.demand.loop != Loop::position) {
     axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
   }
-  stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
+  stopping_ = halted_ = limit_stop_ = short_circuit_ = releasing_torque_ = false;
   axis_.limited = false;
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
 }
@@ -226,7 +226,8 @@ void Drive::run_mode() {
       with_mode(*this, [&](auto& mode) { mode.halt(axis_); });
       begin_stop(stop_of_option_code(axis_.objects.halt_option_code));
     } else if (!halt && halted_) {
-      halted_ = stopping_ = short_circuit_ = false;
+      if (demand_is_adrift()) axis_.take_over_actual();
+      halted_ = stopping_ = short_circuit_ = releasing_torque_ = false;
       if (stop_loop_ != Loop::position) axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
       with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
     }

@@ -96,6 +96,8 @@ class Drive final : public dictionary::Listener {
   void leave_operation(Stop stop, PowerState to);
   void enter_state(PowerState to);
   void begin_stop(Stop stop);
+  void begin_ramp();
+  bool demand_is_adrift() const;
   double quick_stop_deceleration() const;  // counts/s^2
   bool stop_finished() const;
   void step_stop();
@@ -146,7 +148,8 @@ class Drive final : public dictionary::Listener {
   PendingTransition pending_{};
   bool stopping_ = false;  // the generator runs a stop instead of the mode
   bool halted_ = false;
-  bool limit_stop_ = false;  // a limit switch is the reason of the stop
+  bool limit_stop_ = false;        // a limit switch is the reason of the stop
+  bool releasing_torque_ = false;  // the stop's first part: the torque of profile torque mode goes to zero
   Stop stop_ = Stop::power_off;
   Loop stop_loop_ = Loop::position;
   Stage stage_ = Stage::off;

@@ -52,7 +52,7 @@ void TouchProbe::write_function(std::uint16_t function) {
   for (std::size_t i = 0; i < capability_.probes; ++i) {
     Probe& probe = probes_[i];
     const unsigned before = probe.function;
-    const unsigned now = (function >> (8 * i)) & 0xFFu;
+    const unsigned now = (unsigned{function} >> (8 * i)) & 0xFFu;
     probe.function = byte(now);
     if ((now & enable) == 0) {
       probe.status = 0;

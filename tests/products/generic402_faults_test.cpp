@@ -109,7 +109,7 @@ std::vector<Row> rows() {
         .raise =
             [](Axis& axis) {
               axis.plant.lock_rotor(true);
-              must_set(axis, 0x6087, 0, 100000);
+              must_set(axis, 0x6087, 0, 10000000);  // also the slope of the reaction
               must_set(axis, 0x6071, 0, 3000);
             },
         .remove = [](Axis& axis) { axis.run_ms(100); },

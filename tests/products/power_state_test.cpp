@@ -198,6 +198,7 @@ TYPED_TEST(PowerStates, EveryCommandInEveryState) {
         const Pattern status = pattern(expected);
         EXPECT_EQ(axis.status() & status.mask, status.value) << std::hex << axis.status();
         EXPECT_EQ(axis.actuation.pwm_enabled, powered(expected));
+        EXPECT_EQ((axis.status() & 0x10) != 0, axis.actuation.dc_link_connected);  // voltage enabled
         EXPECT_EQ(axis.actuation.brake_released, powered(expected));
         EXPECT_EQ(axis.actuation.dc_link_connected,
                   !TypeParam::switches_dc_link || powered(expected) || expected == PowerState::switched_on);
@@ -607,6 +608,40 @@ TEST(Halt, OfTheReferenceDriveInEveryModeAndBack) {
         axis.run_ms(50);
         EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), 1000000.0, 1.0);
       }
+    }
+  }
+}
+
+TEST(Halt, TakenBackBeforeTheAxisStandsGoesOnFromItsSpeed) {
+  for (const std::int8_t mode : {std::int8_t{1}, std::int8_t{3}, std::int8_t{4}}) {
+    for (std::int16_t code = 1; code <= 4; ++code) {
+      if (mode == 4 && code == 4) continue;  // the torque of the short circuit is taken over and fades by 6087h
+      SCOPED_TRACE("mode " + std::to_string(mode) + ", 605Dh = " + std::to_string(code));
+      Rig<Generic402> axis;
+      axis.set(0x605D, 0, code);
+      axis.set(0x6060, 0, mode);
+      axis.set(0x6081, 0, 1000000);
+      axis.set(0x6083, 0, 2621440);
+      axis.set(0x607A, 0, 500000000);
+      axis.set(0x60FF, 0, 1000000);
+      axis.set(0x6087, 0, 100000);
+      axis.set(0x6071, 0, 30);
+      ASSERT_TRUE(axis.enable());
+      axis.control(0x1F);
+      ASSERT_GE(axis.run_until([&] { return axis.plant.velocity_rpm() > 450.0; }, 2000.0), 0);
+      limit_torque(axis);
+      axis.control(0x11F);
+      const auto slow = [&] { return axis.plant.velocity_rpm() < 250.0; };
+      ASSERT_GE(axis.run_until(slow, 2000.0), 0);
+      axis.control(0x1F);
+      double least = 1000.0;
+      for (int i = 0; i < 20; ++i) {
+        axis.run_ms(0.5);
+        least = std::min(least, axis.plant.velocity_rpm());
+      }
+      EXPECT_GT(least, code <= 2 ? 235.0 : 150.0);
+      axis.run_ms(500);
+      EXPECT_GT(axis.plant.velocity_rpm(), 300.0);
     }
   }
 }

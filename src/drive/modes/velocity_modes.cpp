@@ -203,6 +203,18 @@ void ProfileTorque::step(Axis& axis) {
     demand_ += std::clamp(target - demand_, -step, step);
   }
   target_reached_ = demand_ == target;
+  demand_torque(axis);
+}
+
+bool ProfileTorque::release(Axis& axis) {
+  const float slope = static_cast<float>(axis.objects.torque_slope) * 0.001F;
+  const float step = slope > 0.0F ? slope * static_cast<float>(axis.cycle_s) : std::abs(demand_);
+  demand_ -= std::clamp(demand_, -step, step);
+  demand_torque(axis);
+  return demand_ != 0.0F;
+}
+
+void ProfileTorque::demand_torque(Axis& axis) const {
   axis.generator.start_from(axis.position(), axis.velocity());
   axis.demand.loop = loop;
   axis.demand.torque = axis.units.velocity_inverted ? -demand_ : demand_;

@@ -75,6 +75,7 @@ class ProfileTorque {
   void enter(Axis& axis);
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
+  bool release(Axis& axis);  // instead of `step`: towards no torque, by 6087h; false when there is none any more
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
   void interrupt(Axis&) {}
@@ -82,6 +83,8 @@ class ProfileTorque {
   std::uint16_t status(const Axis& axis) const;
 
  private:
+  void demand_torque(Axis& axis) const;
+
   float demand_ = 0.0F;  // fraction of rated torque
   float start_ = 0.0F;   // sin2 slope: where the present ramp began
   float goal_ = 0.0F;

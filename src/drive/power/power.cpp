@@ -78,6 +78,7 @@ void Drive::enter_state(PowerState to) {
   halted_ = false;
   limit_stop_ = false;
   short_circuit_ = false;
+  releasing_torque_ = false;
   axis_.limited = false;
   homing_mode_.abort();
   const bool power =
@@ -108,14 +109,34 @@ void Drive::switch_power(bool on) {
   }
 }
 
+// Whether the motor goes its own way, so that what follows has to begin with where it is: under torque, and while it is
+// stopped without a ramp.
+bool Drive::demand_is_adrift() const {
+  const bool without_ramp = stop_ == Stop::current_limit || stop_ == Stop::voltage_limit;
+  return axis_.demand.loop == Loop::torque || (stopping_ && without_ramp);
+}
+
 void Drive::begin_stop(Stop stop) {
+  if (demand_is_adrift()) axis_.take_over_actual();
+  stop_ = stop;
+  stopping_ = true;
+  limit_stop_ = false;
+  short_circuit_ = stop == Stop::voltage_limit;
+  // Under torque slowing down begins with the torque slope 6087h (ISMC digest 3.5).
+  releasing_torque_ =
+      stop == Stop::slow_down_ramp && mode_ == Mode::profile_torque && axis_.demand.loop == Loop::torque;
+  if (!releasing_torque_) begin_ramp();
+}
+
+// The ramp to rest of `stop_`, or what stands for it, from where the generator is.
+void Drive::begin_ramp() {
   const Objects& objects = axis_.objects;
   double deceleration = 0.0;
   RampShape shape = RampShape::linear;
-  if (stop == Stop::slow_down_ramp) {
+  if (stop_ == Stop::slow_down_ramp) {
     deceleration = with_mode(*this, [&](auto& mode) { return mode.deceleration(axis_); });
     shape = axis_.demand.loop == Loop::velocity ? axis_.velocity_stop_shape() : axis_.shape();
-  } else if (stop == Stop::quick_stop_ramp) {
+  } else if (stop_ == Stop::quick_stop_ramp) {
     deceleration = quick_stop_deceleration();
   }
   if (objects.max_deceleration != 0) {
@@ -124,19 +145,14 @@ void Drive::begin_stop(Stop stop) {
   const double jerk = objects.profile_jerk[0] * axis_.units.jerk;
   if (jerk <= 0.0 && shape == RampShape::jerk_limited) shape = RampShape::linear;
   // A ramp without a slope: as hard as the current limit lets.
-  if (stop != Stop::voltage_limit && deceleration <= 0.0) stop = Stop::current_limit;
-  stop_ = stop;
-  stopping_ = true;
-  limit_stop_ = false;
+  if (stop_ != Stop::voltage_limit && deceleration <= 0.0) stop_ = Stop::current_limit;
   const Loop loop = axis_.demand.loop;  // off: enabled since the last cycle
   stop_loop_ = loop == Loop::torque ? Loop::velocity : loop == Loop::off ? Loop::position : loop;
-  short_circuit_ = stop == Stop::voltage_limit;
-  if (stop == Stop::current_limit || stop == Stop::voltage_limit) {
+  if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
     stop_loop_ = Loop::velocity;
     axis_.generator.start_from(axis_.position(), 0.0);
     return;
   }
-  if (loop == Loop::torque) axis_.take_over_actual();
   axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
 }
 
@@ -146,6 +162,7 @@ double Drive::quick_stop_deceleration() const {
 }
 
 bool Drive::stop_finished() const {
+  if (releasing_torque_) return false;
   if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
     return std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
   }
@@ -153,6 +170,12 @@ bool Drive::stop_finished() const {
 }
 
 void Drive::step_stop() {
+  if (releasing_torque_) {
+    if (profile_torque_.release(axis_)) return;
+    releasing_torque_ = false;
+    axis_.take_over_actual();
+    begin_ramp();
+  }
   if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
     axis_.generator.start_from(axis_.position(), 0.0);
   } else {
