@@ -2,35 +2,14 @@
 
 #include <boost/asio/io_context.hpp>
 #include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <string>
 
 #include "links/can/bus.hpp"
 #include "links/can/link_name.hpp"
+#include "links/link.hpp"
 
 namespace servodrome::links {
-
-// What a link needs of the line it belongs to; all calls come from the line's thread.
-class LineHost {
- public:
-  virtual ~LineHost() = default;
-  // The line's time at this instant: when a frame that has just been read came in.
-  virtual Time now() = 0;
-  // A frame was queued on the bus: its next_event() may be earlier than it was.
-  virtual void wake() = 0;
-  // Wall-clock time (since 1970) of the line's time 0, for the timestamps a link hands out.
-  virtual Time epoch() const { return Time{}; }
-};
-
-struct LinkCounters {
-  std::uint64_t to_bus = 0;     // frames outside programs put on the bus
-  std::uint64_t from_bus = 0;   // frames handed to outside programs
-  std::uint64_t dropped = 0;    // frames lost because a reader was too slow
-  std::uint64_t refused = 0;    // frames the bus did not take (queue full, bus-off)
-  std::uint64_t malformed = 0;  // commands that could not be read
-  std::uint32_t clients = 0;    // connected now
-};
 
 // A door to the bus: one port, and what is behind it. Closes on destruction; the bus and the io_context must outlive
 // it.

@@ -5,6 +5,8 @@
 #include <string_view>
 #include <variant>
 
+#include "links/link_text.hpp"
+
 namespace servodrome::links {
 
 struct SocketcandName {
@@ -18,7 +20,6 @@ struct SlcanName {
 struct SocketcanName {
   std::string interface;  // at most 15 characters
 };
-struct MemName {};
 
 using CanLinkName = std::variant<SocketcandName, SlcanName, SocketcanName, MemName>;
 

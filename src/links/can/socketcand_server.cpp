@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "links/can/socketcand_protocol.hpp"
-#include "links/link_error.hpp"
+#include "links/listen.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -22,21 +22,6 @@ constexpr auto rawmode_quiet_time = std::chrono::milliseconds(50);
 constexpr auto accept_retry_time = std::chrono::milliseconds(200);
 // Keeps what waits in the system small, so that a slow reader sees recent frames.
 constexpr int socket_send_buffer_bytes = 64 * 1024;
-
-std::error_code to_std(const error_code& code) { return {code.value(), std::system_category()}; }
-
-[[noreturn]] void cannot_listen(const SocketcandName& name, const error_code& code) {
-  std::string advice = "check the host";
-  if (code == boost::asio::error::address_in_use) {
-    advice = fmt::format("another program has port {}; stop it or choose another port", name.port);
-  } else if (code == boost::asio::error::access_denied) {
-    advice = "choose a port above 1023";
-  } else if (code == boost::system::errc::address_not_available) {
-    advice = "the host must be an address of this computer, such as 127.0.0.1";
-  }
-  throw LinkError(to_std(code),
-                  fmt::format("cannot listen on \"{}\": {}; {}", to_string(name), to_std(code).message(), advice));
-}
 
 }  // namespace
 
@@ -239,27 +224,9 @@ SocketcandServer::SocketcandServer(const SocketcandName& name, CanBus& bus, boos
     : name_(name),
       bus_(bus),
       host_(host),
-      port_(bus.attach(*this, link_queue_depth)),
-      acceptor_(io),
-      accept_retry_(io) {
-  error_code code;
-  tcp::resolver resolver(io);
-  const auto found = resolver.resolve(name.host, std::to_string(name.port), tcp::resolver::passive, code);
-  if (code || found.empty()) {
-    bus_.detach(port_);
-    throw LinkError(to_std(code), fmt::format("cannot listen on \"{}\": host \"{}\" is unknown ({}); write an address "
-                                              "of this computer, such as 127.0.0.1",
-                                              to_string(name), name.host, code.message()));
-  }
-  const tcp::endpoint endpoint = found.begin()->endpoint();
-  acceptor_.open(endpoint.protocol(), code);
-  if (!code) acceptor_.set_option(tcp::acceptor::reuse_address(true), code);
-  if (!code) acceptor_.bind(endpoint, code);
-  if (!code) acceptor_.listen(tcp::acceptor::max_listen_connections, code);
-  if (code) {
-    bus_.detach(port_);
-    cannot_listen(name, code);
-  }
+      acceptor_(listen_at(io, {name.host, name.port}, to_string(name))),
+      accept_retry_(io),
+      port_(bus.attach(*this, link_queue_depth)) {
   name_.port = acceptor_.local_endpoint().port();
   accept();
 }

@@ -45,9 +45,9 @@ class SocketcandServer final : public CanLink, private Receiver {
   SocketcandName name_;
   CanBus& bus_;
   LineHost& host_;
-  PortId port_;
   boost::asio::ip::tcp::acceptor acceptor_;
   boost::asio::steady_timer accept_retry_;
+  PortId port_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   std::vector<std::shared_ptr<Client>> clients_;
   std::uint32_t last_client_number_ = 0;  // 0 is nobody's
