@@ -391,6 +391,48 @@ TEST(CyclicOffsets, AddUp) {  // 60B0h, 60B1h, 60B2h
   EXPECT_NEAR(static_cast<double>(torque.get(0x6077)), 200.0, 3.0);
 }
 
+// Targets in a synchronous RPDO, one each SYNC: the demand is on the straight line between the last two at every cycle,
+// on the target a period after its SYNC, and never beyond the last.
+TEST(CyclicPosition, SynchronousTargetsOfOneToFourMilliseconds) {
+  for (const int period_ms : {1, 2, 3, 4}) {
+    SCOPED_TRACE(period_ms);
+    Servo axis(8);
+    axis.must(0x60C2, 1, period_ms);
+    axis.must(0x1400, 2, 1);
+    axis.send(0, {1, 0});
+    ASSERT_TRUE(axis.enable());
+    const auto send_target = [&axis](std::int64_t value) {
+      std::vector<std::uint8_t> data{0x0F, 0x00, 0x08};
+      for (int i = 0; i < 4; ++i) data.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+      axis.send(0x201, data);
+      axis.send(0x80, {});
+    };
+    const std::int64_t final = 100000;
+    std::int64_t from = 0;
+    for (int i = 1; i <= 100; ++i) {
+      // A smooth way of 100 periods.
+      const double x = i / 100.0;
+      const std::int64_t to = std::llround(static_cast<double>(final) * x * x * (3.0 - 2.0 * x));
+      send_target(to);
+      for (int part = 1; part <= 2 * period_ms; ++part) {
+        axis.run_ms(0.5);
+        const double line = static_cast<double>(from) + static_cast<double>(to - from) * part / (2.0 * period_ms);
+        ASSERT_NEAR(static_cast<double>(axis.get(0x60FC)), line, part == 2 * period_ms ? 0.0 : 0.51)
+            << i << "." << part;
+      }
+      from = to;
+    }
+    for (int i = 0; i < 100; ++i) {
+      send_target(final);
+      axis.run_ms(period_ms);
+      EXPECT_EQ(axis.get(0x60FC), final);
+    }
+    axis.run_ms(1000);  // the last counts against friction
+    EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), static_cast<double>(final), 1.0);
+    EXPECT_EQ(axis.status() & (limited | 0x106F), 0x1027);
+  }
+}
+
 TEST(CyclicPositionOfTheIsmc, IsNotDisturbedByItsOtherPdos) {
   // Targets every 4 ms by asynchronous PDO, target velocity and SYNC in between: the line stays a line.
   Servo axis(8);
