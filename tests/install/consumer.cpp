@@ -1,6 +1,7 @@
 // A drive moved by ten revolutions in virtual time, without a bus in between: what a test of motion code would do.
 #include <cstdio>
 #include <cstdlib>
+#include <string_view>
 
 #include "drive/drive.hpp"
 #include "line/line.hpp"
@@ -37,6 +38,7 @@ int main() {
   line.run_until(line.now() + 20s);
 
   const std::int64_t moved = axis.plant().position_counts() - start;
-  std::printf("%s moved by %lld counts\n", drive::name(axis.device().drive().state()), static_cast<long long>(moved));
-  return std::llabs(moved - 10 * 131072) <= 3 ? EXIT_SUCCESS : EXIT_FAILURE;
+  const std::string_view state = drive::name(axis.device().drive().state());
+  std::printf("%s, moved by %lld counts\n", state.data(), static_cast<long long>(moved));
+  return state == "operation enabled" && std::llabs(moved - 10 * 131072) <= 3 ? EXIT_SUCCESS : EXIT_FAILURE;
 }
