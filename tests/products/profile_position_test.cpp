@@ -106,6 +106,32 @@ TEST(SetPoints, ReferenceDriveHasOneBehindTheRunningOne) {
   EXPECT_EQ(axis.status() & (acknowledge | reached), reached);
 }
 
+TEST(SetPoints, TargetMayComeInAnotherPdoOfTheSameSync) {
+  Positioning<Ismc> axis;
+  ASSERT_TRUE(axis.enable());
+  axis.must(0x1401, 1, 0x80000301);
+  axis.must(0x1601, 0, 0);
+  axis.must(0x1601, 1, 0x607A0020);
+  axis.must(0x1601, 0, 1);
+  axis.must(0x1400, 1, 0x80000201);
+  axis.must(0x1600, 0, 0);
+  axis.must(0x1600, 1, 0x60400010);
+  axis.must(0x1600, 0, 1);
+  for (const std::uint16_t index : {std::uint16_t{0x1400}, std::uint16_t{0x1401}}) {
+    axis.must(index, 2, 1);
+    axis.must(index, 1, index == 0x1400 ? 0x201 : 0x301);
+  }
+  axis.send(0, {1, 0});
+  axis.send(0x201, {0x1F, 0x00});  // the controlword first
+  axis.send(0x301, {0x10, 0x27, 0x00, 0x00});
+  axis.run_ms(5);
+  EXPECT_EQ(axis.demand(), 0) << "before SYNC";
+  axis.send(0x80, {});
+  axis.run_ms(2);
+  axis.arrive();
+  EXPECT_EQ(axis.demand(), 10000);
+}
+
 TEST(SetPoints, QueuedPointFreesTheBufferWhenItStarts) {
   Positioning<Generic402> axis;
   ASSERT_TRUE(axis.enable());

@@ -70,10 +70,12 @@ inline std::uint64_t pack(const dictionary::Dictionary& dictionary, std::span<co
 }
 
 // Writes the data of an RPDO to its objects. An object whose range or owner refuses the value keeps what it has; the
-// others of the PDO are written all the same. Owners are told when all values are there, so that a controlword acts
-// with the target that came with it, wherever the mapping puts the two.
+// others of the PDO are written all the same. Returns whose owners are to be told, bit n for object n: that comes when
+// all values are there, so that a controlword acts with the target that came with it, wherever the mapping puts the
+// two, and with those of the other PDOs of the same SYNC.
 bool store_checked(dictionary::Dictionary& dictionary, const MappedObject& object, std::uint64_t value);
-inline void unpack(dictionary::Dictionary& dictionary, std::span<const MappedObject> objects, std::uint64_t word) {
+inline std::uint64_t unpack(dictionary::Dictionary& dictionary, std::span<const MappedObject> objects,
+                            std::uint64_t word) {
   std::uint64_t to_tell = 0;  // a PDO has at most 64 objects
   std::uint64_t bit = 1;
   for (const MappedObject& object : objects) {
@@ -85,6 +87,11 @@ inline void unpack(dictionary::Dictionary& dictionary, std::span<const MappedObj
     }
     bit <<= 1;
   }
+  return to_tell;
+}
+
+inline void tell_owners(const dictionary::Dictionary& dictionary, std::span<const MappedObject> objects,
+                        std::uint64_t to_tell) {
   for (std::size_t i = 0; to_tell != 0; ++i, to_tell >>= 1) {
     if ((to_tell & 1) == 0) continue;
     const dictionary::Entry& entry = *objects[i].entry;

@@ -99,7 +99,7 @@ void Rpdos::receive_one(std::uint16_t number, Rpdo& pdo, const Frame& frame) {
   std::uint64_t word = 0;
   std::memcpy(&word, frame.data.data(), sizeof word);
   if (!pdo.synchronous) {
-    deliver(number, pdo, word);
+    tell(number, unpack(dictionary_, mapped(number), word));
     return;
   }
   // After the synchronous window nothing is accepted until the next SYNC (CiA 301 7.5.2.7).
@@ -111,19 +111,28 @@ void Rpdos::receive_one(std::uint16_t number, Rpdo& pdo, const Frame& frame) {
   }
 }
 
-void Rpdos::deliver(std::uint16_t number, const Rpdo& pdo, std::uint64_t word) {
-  unpack(dictionary_, std::span<const MappedObject>(objects(number)).first(pdo.mapping.count), word);
+std::span<const MappedObject> Rpdos::mapped(std::uint16_t number) {
+  return std::span<const MappedObject>(objects(number)).first(pdos_[number].mapping.count);
+}
+
+void Rpdos::tell(std::uint16_t number, std::uint64_t to_tell) {
+  tell_owners(dictionary_, mapped(number), to_tell);
   events_.rpdo_written(number);
 }
 
 void Rpdos::sync(Time window_end) {
   window_end_ = window_end;
+  // The values of all of them, then the events; `received` keeps what remains to be told.
   for (std::size_t i = 0; i < pending_count_; ++i) {
-    const std::uint16_t number = pending_[i];
-    Rpdo& pdo = pdos_[number];
+    Rpdo& pdo = pdos_[pending_[i]];
+    pdo.pending = pdo.pending && pdo.valid;
+    if (pdo.pending) pdo.received = unpack(dictionary_, mapped(pending_[i]), pdo.received);
+  }
+  for (std::size_t i = 0; i < pending_count_; ++i) {
+    Rpdo& pdo = pdos_[pending_[i]];
     if (!pdo.pending) continue;
     pdo.pending = false;
-    if (pdo.valid) deliver(number, pdo, pdo.received);
+    tell(pending_[i], pdo.received);
   }
   pending_count_ = 0;
 }

@@ -65,7 +65,8 @@ class Rpdos {
 
  private:
   void receive_one(std::uint16_t number, Rpdo& pdo, const Frame& frame);
-  void deliver(std::uint16_t number, const Rpdo& pdo, std::uint64_t word);
+  void tell(std::uint16_t number, std::uint64_t to_tell);
+  std::span<const MappedObject> mapped(std::uint16_t number);
   bool check_length(Rpdo& pdo, std::uint8_t length);
   std::size_t entries() const { return objects_.size() / pdos_.size(); }
   std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries(), entries()); }
