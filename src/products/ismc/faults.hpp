@@ -13,8 +13,9 @@ using drive::ResetRule;
 // The fault table of the manual's chapter on troubleshooting (L2755-2833). The EMCY code is the fault code; error
 // registers are the recommendation of the digest, because the manual is silent. The reaction is 605Eh throughout;
 // faults after which the current or the rotor angle is no longer known cut the power stage whatever 605Eh says,
-// because no ramp could be driven. Causes that no simulation has (calibration, angle identification) are
-// raised by injection.
+// because no ramp could be driven. Causes that no simulation has (calibration, angle identification), those of an end
+// velocity that this drive does not have (6181h, 6281h, 6282h, G19), and mishaps of its own planning (6180h, 6184h) are
+// raised by injection only.
 inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::bus_overcurrent, 0x2230, 0x03, Reaction::power_off, ResetRule::when_cause_gone,
      "Bus overcurrent"},  // L2762
