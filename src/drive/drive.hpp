@@ -46,7 +46,8 @@ class Drive final : public dictionary::Listener {
   // The same without the supply having been off: NMT reset node. Encoder, coordinates and wires stay.
   void restart();
 
-  // One base tick: 62.5 us. True when it ran a position-loop cycle.
+  // One base tick: 62.5 us. True when it ran a position-loop cycle, which writes all of `actuation`; the ticks between
+  // write the phase voltages only, so it is the same object every time.
   bool tick(const Feedback& feedback, Actuation& actuation);
 
   // --- Events from the bus
