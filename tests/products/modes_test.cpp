@@ -530,6 +530,24 @@ TEST(LimitSwitches, CyclicTargetsBeyondThemDoNotCreepIn) {
   EXPECT_NEAR(static_cast<double>(axis.plant.position_counts()), static_cast<double>(stopped - 5000), 2.0);
 }
 
+TEST(LimitSwitches, QuickStopDuringTheirStopIsOneThatStays) {
+  Reference axis(9, with_limit_switches());
+  wire_limit_switches(axis);
+  axis.must(0x605A, 0, 6);
+  ASSERT_TRUE(axis.enable());
+  axis.must(0x60FF, 0, 400000);
+  axis.ms_until([&] { return axis.device.drive().axis().active(Signal::positive_limit); });
+  axis.run_ms(5);
+  EXPECT_GT(axis.plant.velocity_rpm(), 50.0);
+  axis.control(0x02);
+  axis.run_ms(200);
+  EXPECT_EQ(axis.status() & 0x6F, 0x07);
+  axis.must(0x60FF, 0, -400000);  // away from the switch, but in Quick stop active nothing moves
+  axis.run_ms(200);
+  EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 0.1);
+  EXPECT_EQ(axis.status() & 0x6F, 0x07);
+}
+
 TEST(LimitSwitches, TorqueDoesNotPushBeyondThem) {
   Reference axis(4, with_limit_switches());
   wire_limit_switches(axis);
