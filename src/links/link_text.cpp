@@ -26,7 +26,7 @@ std::optional<std::string_view> LinkText::rest() const {
 
 void LinkText::refuse(std::string_view what, std::string_view form) const {
   throw LinkError(std::make_error_code(std::errc::invalid_argument),
-                  fmt::format("{} link \"{}\": {}; write {}", bus, text, what, form));
+                  fmt::format("{} link {:?}: {}; write {}", bus, text, what, form));
 }
 
 void LinkText::refuse_scheme(std::string_view forms) const {

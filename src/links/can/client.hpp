@@ -8,6 +8,7 @@
 
 #include "canopen/frame.hpp"
 #include "links/can/memory_port.hpp"
+#include "links/virtual_clock.hpp"
 
 namespace servodrome::links {
 
@@ -32,15 +33,6 @@ struct CanClientOptions {
 
 // Opens `socketcand:HOST:PORT/BUS`, `slcan:/dev/...` or `socketcan:can0` as a client. Throws LinkError.
 std::unique_ptr<CanClient> open_can_client(std::string_view link, const CanClientOptions& options = {});
-
-// Moves virtual time for a client in the same process.
-class VirtualClock {
- public:
-  virtual ~VirtualClock() = default;
-  virtual Time now() const = 0;
-  // Advances the line, and with it the bus, by its smallest step.
-  virtual void step() = 0;
-};
 
 // A client on a line in virtual time: receive() steps the line until a frame is there or the timeout has passed.
 class MemoryCanClient final : public CanClient {

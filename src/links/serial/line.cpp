@@ -1,0 +1,100 @@
+#include "links/serial/line.hpp"
+
+#include <algorithm>
+
+namespace servodrome::links {
+namespace {
+
+std::size_t index_of(SerialPortId port) { return static_cast<std::size_t>(port); }
+
+}  // namespace
+
+SerialPortId SerialLine::attach(SerialStation& station) {
+  auto place = std::find_if(ports_.begin(), ports_.end(), [](const Port& port) { return port.station == nullptr; });
+  if (place == ports_.end()) place = ports_.emplace(ports_.end());
+  *place = Port{};
+  place->station = &station;
+  place->format = format_;
+  return static_cast<SerialPortId>(place - ports_.begin());
+}
+
+void SerialLine::detach(SerialPortId port) { ports_[index_of(port)] = Port{}; }
+
+void SerialLine::set_format(SerialPortId port, const modbus::CharacterFormat& format) {
+  ports_[index_of(port)].format = format;
+}
+
+void SerialLine::transmit(SerialPortId id, std::span<const std::uint8_t> characters, Time at) {
+  Port& port = ports_[index_of(id)];
+  port.queue.insert(port.queue.end(), characters.begin(), characters.end());
+  if (!port.is_sending && !port.queue.empty()) begin_character(port, std::max(at, now_));
+}
+
+std::size_t SerialLine::pending(SerialPortId id) const {
+  const Port& port = ports_[index_of(id)];
+  return port.queue.size() + (port.is_sending ? 1U : 0U);
+}
+
+void SerialLine::begin_character(Port& port, Time at) {
+  port.character = port.queue.front();
+  port.queue.pop_front();
+  port.is_sending = true;
+  port.is_garbled = false;
+  port.begin = at;
+  port.end = at + port.format.character_time();
+  ++counters_.characters;
+  for (Port& other : ports_) {
+    if (&other == &port || !other.is_sending || other.begin >= port.end || port.begin >= other.end) continue;
+    for (Port* one : {&port, &other}) {
+      if (!one->is_garbled) ++counters_.collisions;
+      one->is_garbled = true;
+    }
+    // What receivers make of it is anybody's guess; both senders' zeros get through.
+    port.character = other.character = port.character & other.character;
+  }
+}
+
+void SerialLine::end_character(Port& sender) {
+  sender.is_sending = false;
+  for (std::size_t i = 0; i < ports_.size(); ++i) {
+    Port& receiver = ports_[i];
+    if (&receiver == &sender || receiver.station == nullptr) continue;
+    receiver.station->receive(sender.character, !sender.is_garbled && sender.format == receiver.format, now_);
+  }
+  if (!sender.is_sending && !sender.queue.empty()) begin_character(sender, now_);
+}
+
+Time SerialLine::next_event() const {
+  Time next = never;
+  for (const Port& port : ports_) {
+    if (port.station == nullptr) continue;
+    if (port.is_sending) next = std::min(next, port.end);
+    next = std::min(next, port.station->next_deadline());
+  }
+  return next == never ? never : std::max(next, now_);
+}
+
+void SerialLine::collect() {
+  for (std::size_t i = 0; i < ports_.size(); ++i) {
+    if (ports_[i].station == nullptr) continue;
+    const auto characters = ports_[i].station->take();
+    if (!characters.empty()) transmit(static_cast<SerialPortId>(i), characters, now_);
+  }
+}
+
+void SerialLine::advance(Time until) {
+  for (Time next = next_event(); next <= until && next != never; next = next_event()) {
+    now_ = next;
+    for (std::size_t i = 0; i < ports_.size(); ++i) {
+      if (ports_[i].is_sending && ports_[i].end <= now_) end_character(ports_[i]);
+    }
+    for (std::size_t i = 0; i < ports_.size(); ++i) {
+      SerialStation* station = ports_[i].station;
+      if (station != nullptr && station->next_deadline() <= now_) station->poll(now_);
+    }
+    collect();
+  }
+  now_ = std::max(now_, until);
+}
+
+}  // namespace servodrome::links

@@ -1,0 +1,104 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <span>
+#include <vector>
+
+#include "links/time.hpp"
+#include "modbus/character_format.hpp"
+
+namespace servodrome::links {
+
+// Somebody on a serial line. All calls come from SerialLine::advance(); they may transmit, but neither attach nor
+// detach.
+class SerialStation {
+ public:
+  virtual ~SerialStation() = default;
+  // A character of somebody else, at the end of its stop bit. Not `intact`: a framing error, or two sent at once.
+  virtual void receive(std::uint8_t character, bool intact, Time at) = 0;
+  virtual void poll(Time /*now*/) {}
+  virtual Time next_deadline() const { return never; }
+  // What it wants to send now; asked after each of the above. Valid until the next call.
+  virtual std::span<const std::uint8_t> take() { return {}; }
+};
+
+// The server of a protocol (modbus::RtuServer, serial10::Server) as a station.
+template <typename Server>
+class StationOf final : public SerialStation {
+ public:
+  explicit StationOf(Server& server) : server_(server) {}
+
+  void receive(std::uint8_t character, bool intact, Time at) override {
+    if (intact) {
+      server_.receive(character, at);
+    } else {
+      server_.receive_garbled(at);
+    }
+  }
+  void poll(Time now) override { server_.poll(now); }
+  Time next_deadline() const override { return server_.next_deadline(); }
+  std::span<const std::uint8_t> take() override { return server_.take(); }
+
+ private:
+  Server& server_;
+};
+
+enum class SerialPortId : std::uint32_t {};
+
+struct SerialLineCounters {
+  std::uint64_t characters = 0;  // all that were sent
+  std::uint64_t collisions = 0;  // of them, those that met another
+};
+
+// A half-duplex line (RS485, two wires): whatever a station sends, all others receive when its last bit has passed. No
+// clock of its own: advance() does in order of time what is due, stations' deadlines included.
+class SerialLine {
+ public:
+  explicit SerialLine(const modbus::CharacterFormat& format) : format_(format) {}
+  SerialLine(const SerialLine&) = delete;
+  SerialLine& operator=(const SerialLine&) = delete;
+
+  const modbus::CharacterFormat& format() const { return format_; }
+
+  // The station outlives its port.
+  SerialPortId attach(SerialStation& station);
+  void detach(SerialPortId port);
+  // A station that is set to another format than those it talks to hears, and is heard, garbled.
+  void set_format(SerialPortId port, const modbus::CharacterFormat& format);
+
+  // Puts characters behind those the port has still to send; the first goes out at `at`, or when the line's time has
+  // come that far. They are sent back to back, whether or not the line is free.
+  void transmit(SerialPortId port, std::span<const std::uint8_t> characters, Time at);
+  // Characters of the port that have not yet been received.
+  std::size_t pending(SerialPortId port) const;
+
+  // When advance() has something to do; never: nothing is planned.
+  Time next_event() const;
+  void advance(Time until);
+  Time now() const { return now_; }
+  const SerialLineCounters& counters() const { return counters_; }
+
+ private:
+  struct Port {
+    SerialStation* station = nullptr;  // nullptr: detached
+    modbus::CharacterFormat format;
+    std::deque<std::uint8_t> queue;
+    bool is_sending = false;
+    bool is_garbled = false;
+    std::uint8_t character = 0;
+    Time begin{};
+    Time end{};
+  };
+
+  void begin_character(Port& port, Time at);
+  void end_character(Port& port);
+  void collect();
+
+  modbus::CharacterFormat format_;
+  std::vector<Port> ports_;
+  Time now_{};
+  SerialLineCounters counters_;
+};
+
+}  // namespace servodrome::links

@@ -1,0 +1,39 @@
+#include "links/serial/link.hpp"
+
+#include "links/link_error.hpp"
+#include "links/serial/modbus_tcp_listener.hpp"
+#include "links/serial/stream_link.hpp"
+
+namespace servodrome::links {
+namespace {
+
+struct Open {
+  SerialLine& line;
+  modbus::Units& units;
+  boost::asio::io_context& io;
+  LineHost& host;
+
+  std::unique_ptr<SerialLink> operator()(const PtyName& name) const {
+    return std::make_unique<PtyLink>(name, line, io, host);
+  }
+  std::unique_ptr<SerialLink> operator()(const TtyName& name) const {
+    return std::make_unique<TtyLink>(name, line, io, host);
+  }
+  std::unique_ptr<SerialLink> operator()(const ModbusTcpName& name) const {
+    return std::make_unique<ModbusTcpListener>(name, units, io, host);
+  }
+  std::unique_ptr<SerialLink> operator()(const MemName&) const {
+    throw LinkError(std::make_error_code(std::errc::invalid_argument),
+                    "serial link \"mem:\" is for a master in the same process and cannot be opened for others; choose "
+                    "pty:, serial: or tcp: to let other programs in");
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<SerialLink> open_serial_link(const SerialLinkName& name, SerialLine& line, modbus::Units& units,
+                                             boost::asio::io_context& io, LineHost& host) {
+  return std::visit(Open{line, units, io, host}, name);
+}
+
+}  // namespace servodrome::links

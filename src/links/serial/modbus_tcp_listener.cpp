@@ -1,0 +1,152 @@
+#include "links/serial/modbus_tcp_listener.hpp"
+
+#include <algorithm>
+#include <array>
+#include <boost/asio/write.hpp>
+
+#include "links/listen.hpp"
+
+namespace servodrome::links {
+namespace {
+
+using boost::asio::ip::tcp;
+using boost::system::error_code;
+
+// Once more after the system had no descriptor for a new client.
+constexpr auto accept_retry_time = std::chrono::milliseconds(200);
+
+}  // namespace
+
+class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
+ public:
+  Client(ModbusTcpListener& listener, tcp::socket socket)
+      : listener_(&listener), socket_(std::move(socket)), connection_(listener.units_) {}
+
+  void read() {
+    socket_.async_read_some(boost::asio::buffer(input_),
+                            [self = shared_from_this()](error_code code, std::size_t size) {
+                              if (self->listener_ == nullptr) return;
+                              if (code) {
+                                self->close();
+                                return;
+                              }
+                              self->unread_ = std::span<const std::uint8_t>(self->input_).first(size);
+                              self->work();
+                            });
+  }
+
+  // No call of the listener after this.
+  void disconnect() {
+    listener_ = nullptr;
+    error_code ignored;
+    socket_.close(ignored);
+  }
+
+ private:
+  // Goes through what has been read. Goes on when the client has taken its responses, reads more when all is done.
+  void work() {
+    LinkCounters& counters = listener_->counters_;
+    while (!unread_.empty() && waiting_.size() < most_waiting_bytes && !connection_.is_broken()) {
+      unread_ = unread_.subspan(connection_.receive(unread_));
+      const auto response = connection_.take();
+      if (response.empty()) continue;
+      ++counters.to_bus;
+      ++counters.from_bus;
+      waiting_.insert(waiting_.end(), response.begin(), response.end());
+      listener_->host_.wake();
+    }
+    if (connection_.is_broken() && !is_closing_) {
+      ++counters.malformed;
+      is_closing_ = true;
+    }
+    const bool is_done = unread_.empty() && !is_closing_;
+    write();
+    if (is_done && listener_ != nullptr) read();
+  }
+
+  void write() {
+    if (is_writing_) return;
+    if (waiting_.empty()) {
+      if (is_closing_) close();
+      return;
+    }
+    is_writing_ = true;
+    std::swap(writing_, waiting_);
+    boost::asio::async_write(socket_, boost::asio::buffer(writing_),
+                             [self = shared_from_this()](error_code code, std::size_t) {
+                               if (self->listener_ == nullptr) return;
+                               self->is_writing_ = false;
+                               self->writing_.clear();
+                               if (code) {
+                                 self->close();
+                               } else if (self->unread_.empty() || self->is_closing_) {
+                                 self->write();
+                               } else {
+                                 self->work();
+                               }
+                             });
+  }
+
+  void close() {
+    if (listener_ != nullptr) listener_->remove(*this);
+  }
+
+  ModbusTcpListener* listener_;
+  tcp::socket socket_;
+  modbus::TcpConnection connection_;
+  std::array<std::uint8_t, 4096> input_{};
+  std::span<const std::uint8_t> unread_;
+  std::vector<std::uint8_t> writing_;
+  std::vector<std::uint8_t> waiting_;
+  bool is_writing_ = false;
+  bool is_closing_ = false;
+};
+
+ModbusTcpListener::ModbusTcpListener(const ModbusTcpName& name, modbus::Units& units, boost::asio::io_context& io,
+                                     LineHost& host)
+    : name_(name),
+      units_(units),
+      host_(host),
+      acceptor_(listen_at(io, name.endpoint, to_string(name))),
+      accept_retry_(io) {
+  name_.endpoint.port = acceptor_.local_endpoint().port();
+  accept();
+}
+
+ModbusTcpListener::~ModbusTcpListener() {
+  *alive_ = false;
+  for (const auto& client : clients_) client->disconnect();
+}
+
+void ModbusTcpListener::accept() {
+  acceptor_.async_accept([this, alive = alive_](error_code code, tcp::socket socket) {
+    if (!*alive || code == boost::asio::error::operation_aborted) return;
+    if (code) {
+      accept_retry_.expires_after(accept_retry_time);
+      accept_retry_.async_wait([this, alive](error_code cancelled) {
+        if (*alive && !cancelled) accept();
+      });
+      return;
+    }
+    if (clients_.size() < most_clients) {  // else it is closed at once
+      error_code ignored;
+      socket.set_option(tcp::no_delay(true), ignored);
+      clients_.push_back(std::make_shared<Client>(*this, std::move(socket)));
+      counters_.clients = static_cast<std::uint32_t>(clients_.size());
+      clients_.back()->read();
+    }
+    accept();
+  });
+}
+
+void ModbusTcpListener::remove(const Client& client) {
+  const auto place = std::find_if(clients_.begin(), clients_.end(),
+                                  [&client](const std::shared_ptr<Client>& other) { return other.get() == &client; });
+  if (place == clients_.end()) return;
+  const std::shared_ptr<Client> kept = *place;
+  clients_.erase(place);
+  counters_.clients = static_cast<std::uint32_t>(clients_.size());
+  kept->disconnect();
+}
+
+}  // namespace servodrome::links

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <memory>
+#include <vector>
+
+#include "links/serial/link.hpp"
+
+namespace servodrome::links {
+
+// `tcp:HOST:PORT`: Modbus TCP for any number of clients (at most 32). Each client's requests are answered in their
+// order; one that does not read its responses is not served further until it does. What is not Modbus TCP ends the
+// connection.
+class ModbusTcpListener final : public SerialLink {
+ public:
+  static constexpr std::size_t most_clients = 32;
+  static constexpr std::size_t most_waiting_bytes = 16 * 1024;
+
+  ModbusTcpListener(const ModbusTcpName& name, modbus::Units& units, boost::asio::io_context& io, LineHost& host);
+  ~ModbusTcpListener() override;
+  ModbusTcpListener(const ModbusTcpListener&) = delete;
+  ModbusTcpListener& operator=(const ModbusTcpListener&) = delete;
+
+  std::string name() const override { return to_string(name_); }
+  std::uint16_t port() const { return name_.endpoint.port; }
+  const LinkCounters& counters() const override { return counters_; }
+
+ private:
+  class Client;
+
+  void accept();
+  void remove(const Client& client);
+
+  ModbusTcpName name_;
+  modbus::Units& units_;
+  LineHost& host_;
+  boost::asio::ip::tcp::acceptor acceptor_;
+  boost::asio::steady_timer accept_retry_;
+  std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
+  std::vector<std::shared_ptr<Client>> clients_;
+  LinkCounters counters_;
+};
+
+}  // namespace servodrome::links

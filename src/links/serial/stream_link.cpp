@@ -1,0 +1,115 @@
+#include "links/serial/stream_link.hpp"
+
+#include <algorithm>
+#include <boost/asio/write.hpp>
+#include <unistd.h>
+
+#include "links/serial/tty.hpp"
+
+namespace servodrome::links {
+namespace {
+
+using boost::system::error_code;
+
+// A pty whose other end is closed gives no event when it is opened again: look this often.
+constexpr auto client_poll_time = std::chrono::milliseconds(10);
+// Until the line has sent some of what it was given.
+constexpr auto full_line_wait = std::chrono::milliseconds(5);
+
+}  // namespace
+
+StreamLink::StreamLink(int descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host)
+    : line_(line), host_(host), port_(line.attach(*this)), stream_(io, descriptor), timer_(io) {}
+
+StreamLink::~StreamLink() {
+  *alive_ = false;
+  line_.detach(port_);
+}
+
+void StreamLink::open() {
+  counters_.clients = 1;
+  read();
+}
+
+void StreamLink::read() {
+  const std::size_t pending = line_.pending(port_);
+  if (pending >= most_pending) {
+    timer_.expires_after(full_line_wait);
+    timer_.async_wait([this, alive = alive_](error_code code) {
+      if (*alive && !code) read();
+    });
+    return;
+  }
+  stream_.async_read_some(boost::asio::buffer(input_.data(), most_pending - pending),
+                          [this, alive = alive_](error_code code, std::size_t size) {
+                            if (!*alive) return;
+                            if (code) {  // EIO: the other end is closed
+                              counters_.clients = 0;
+                              waiting_.clear();
+                              error_code ignored;
+                              stream_.cancel(ignored);
+                              lost();
+                              return;
+                            }
+                            counters_.to_bus += size;
+                            line_.transmit(port_, std::span(input_).first(size), host_.now());
+                            host_.wake();
+                            read();
+                          });
+}
+
+void StreamLink::receive(std::uint8_t character, bool /*intact*/, Time /*at*/) {
+  if (!is_open()) return;
+  if (waiting_.size() + writing_.size() >= most_waiting_bytes) {
+    ++counters_.dropped;
+    return;
+  }
+  ++counters_.from_bus;
+  waiting_.push_back(character);
+  write();
+}
+
+void StreamLink::write() {
+  if (is_writing_ || waiting_.empty()) return;
+  is_writing_ = true;
+  std::swap(writing_, waiting_);
+  boost::asio::async_write(stream_, boost::asio::buffer(writing_),
+                           [this, alive = alive_](error_code code, std::size_t) {
+                             if (!*alive) return;
+                             is_writing_ = false;
+                             writing_.clear();
+                             if (!code) write();  // else the read notices as well
+                           });
+}
+
+PtyLink::PtyLink(const PtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host)
+    : PtyLink(name, std::make_unique<Pty>(name.path), line, io, host) {}
+
+PtyLink::PtyLink(const PtyName& name, std::unique_ptr<Pty> pty, SerialLine& line, boost::asio::io_context& io,
+                 LineHost& host)
+    : StreamLink(::dup(pty->master()), line, io, host), name_(name), pty_(std::move(pty)) {
+  wait_for_client();
+}
+
+void PtyLink::wait_for_client() {
+  if (pty_->has_client()) {
+    open();
+    return;
+  }
+  timer().expires_after(client_poll_time);
+  timer().async_wait([this, alive = alive()](error_code code) {
+    if (*alive && !code) wait_for_client();
+  });
+}
+
+void PtyLink::lost() {
+  pty_->reset();
+  wait_for_client();
+}
+
+TtyLink::TtyLink(const TtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host)
+    : StreamLink(open_tty(name.device, line.format()).release(), line, io, host), name_(name) {
+  open();
+}
+
+}  // namespace servodrome::links

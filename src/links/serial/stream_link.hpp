@@ -1,0 +1,89 @@
+#pragma once
+
+#include <array>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <memory>
+#include <string>
+
+#include "links/pty.hpp"
+#include "links/serial/link.hpp"
+
+namespace servodrome::links {
+
+// A descriptor whose bytes are a station's characters. What is read goes out at the line's bit rate; reading stops
+// while `most_pending` characters wait, so that a program is slowed down as a real port slows it. A program that does
+// not read loses characters (64 KiB may wait for it).
+class StreamLink : public SerialLink, private SerialStation {
+ public:
+  static constexpr std::size_t most_pending = 1024;
+  static constexpr std::size_t most_waiting_bytes = 64 * 1024;
+
+  StreamLink(const StreamLink&) = delete;
+  StreamLink& operator=(const StreamLink&) = delete;
+  ~StreamLink() override;
+
+  const LinkCounters& counters() const final { return counters_; }
+
+ protected:
+  // `descriptor` becomes the link's own.
+  StreamLink(int descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host);
+
+  void open();
+  bool is_open() const { return counters_.clients > 0; }
+  // The other end is gone; the stream is at rest.
+  virtual void lost() = 0;
+  boost::asio::steady_timer& timer() { return timer_; }
+  const std::shared_ptr<bool>& alive() const { return alive_; }
+
+ private:
+  void receive(std::uint8_t character, bool intact, Time at) override;
+
+  void read();
+  void write();
+
+  SerialLine& line_;
+  LineHost& host_;
+  SerialPortId port_;
+  boost::asio::posix::stream_descriptor stream_;
+  boost::asio::steady_timer timer_;
+  std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
+  std::array<std::uint8_t, most_pending> input_{};
+  std::vector<std::uint8_t> writing_;
+  std::vector<std::uint8_t> waiting_;
+  bool is_writing_ = false;
+  LinkCounters counters_;
+};
+
+// `pty:PATH`: a pty found at PATH. One program after the other may open it.
+class PtyLink final : public StreamLink {
+ public:
+  PtyLink(const PtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host);
+
+  std::string name() const override { return to_string(name_); }
+
+ private:
+  PtyLink(const PtyName& name, std::unique_ptr<Pty> pty, SerialLine& line, boost::asio::io_context& io, LineHost& host);
+
+  void lost() override;
+  void wait_for_client();
+
+  PtyName name_;
+  std::unique_ptr<Pty> pty_;
+};
+
+// `serial:DEVICE`: a serial port of this computer, with the line's format. Once lost (unplugged) it stays so:
+// `counters().clients` is 0.
+class TtyLink final : public StreamLink {
+ public:
+  TtyLink(const TtyName& name, SerialLine& line, boost::asio::io_context& io, LineHost& host);
+
+  std::string name() const override { return to_string(name_); }
+
+ private:
+  void lost() override {}
+
+  TtyName name_;
+};
+
+}  // namespace servodrome::links
