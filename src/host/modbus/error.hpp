@@ -1,0 +1,28 @@
+#pragma once
+
+#include "host/error.hpp"
+#include "modbus/pdu.hpp"
+
+namespace servodrome::host {
+
+// A Modbus request failed.
+class ModbusError : public HostError {
+ public:
+  enum class Kind {
+    no_answer,  // in time
+    refused,    // exception() says why
+    malformed,  // an answer that does not belong to the request
+  };
+
+  ModbusError(Kind kind, modbus::Exception exception, std::string happened, std::string where, std::string remedy)
+      : HostError(std::move(happened), std::move(where), std::move(remedy)), kind_(kind), exception_(exception) {}
+
+  Kind kind() const { return kind_; }
+  modbus::Exception exception() const { return exception_; }
+
+ private:
+  Kind kind_;
+  modbus::Exception exception_;
+};
+
+}  // namespace servodrome::host

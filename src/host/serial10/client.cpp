@@ -1,0 +1,84 @@
+#include "host/serial10/client.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+#include "links/link_error.hpp"
+
+namespace servodrome::host {
+namespace {
+
+using serial10::Command;
+using serial10::Frame;
+
+// A drive forgets part of a frame after 50 ms; a new attempt waits a little longer.
+constexpr Time recovery_time = std::chrono::milliseconds(60);
+
+bool answers(const Frame& answer, const Frame& request) {
+  return answer.is_intact() && (answer.id() == request.id() || request.id() == serial10::universal_id) &&
+         answer.index() == request.index() && answer.sub() == request.sub();
+}
+
+bool is_answer_to(Command answer, Command request) {
+  if (answer == Command::error) return true;
+  return request == Command::read ? serial10::data_bytes(answer) != 0 : answer == Command::written;
+}
+
+}  // namespace
+
+Serial10Error::Serial10Error(const std::string& link, std::uint8_t id, std::uint16_t index, std::uint8_t sub,
+                             dictionary::AbortCode code, bool from_drive)
+    : HostError(from_drive ? fmt::format("object {:04X}:{:02X} was refused: {:08X}h, {}", index, sub,
+                                         static_cast<std::uint32_t>(code), dictionary::text(code))
+                           : fmt::format("no answer for object {:04X}:{:02X}", index, sub),
+                fmt::format("{}, drive {}", link, id),
+                from_drive ? "check object, value and the state of the drive"
+                           : "check id and bit rate, and that the drive speaks this protocol on this port"),
+      code_(code),
+      from_drive_(from_drive) {}
+
+Serial10Client Serial10Client::open(const std::string& link, const Serial10Options& options) {
+  try {
+    return {links::open_byte_client(links::parse_serial_link(link), options.format), link, options};
+  } catch (const links::LinkError& error) {
+    throw HostError(error.what(), link, "see whether the device or the line is up");
+  }
+}
+
+Frame Serial10Client::request(std::uint8_t id, Command command, std::uint16_t index, std::uint8_t sub,
+                              std::uint32_t data, unsigned retries) {
+  const Frame frame = Frame::make(id, command, index, sub, data);
+  std::optional<Frame> answer;
+  try {
+    for (unsigned attempt = 0; attempt <= retries && !answer; ++attempt) {
+      if (attempt > 0) client_->wait(recovery_time);
+      answer = exchange(frame);
+    }
+  } catch (const links::LinkError& error) {
+    throw HostError(error.what(), name_, "see whether the device or the line is up");
+  }
+  if (!answer) throw Serial10Error(name_, id, index, sub, dictionary::AbortCode::protocol_timed_out, false);
+  if (answer->command() == Command::error) {
+    throw Serial10Error(name_, id, index, sub, static_cast<dictionary::AbortCode>(answer->data()), true);
+  }
+  return *answer;
+}
+
+std::optional<Frame> Serial10Client::exchange(const Frame& request) {
+  std::vector<std::uint8_t> received;
+  while (client_->receive(received, Time{0})) received.clear();
+  client_->send(request.bytes);
+  const Time deadline = client_->now() + options_.format.character_time() * serial10::frame_bytes + options_.timeout;
+  received.clear();
+  while (received.size() < serial10::frame_bytes) {
+    const Time left = deadline - client_->now();
+    if (left <= Time{0}) return std::nullopt;
+    client_->receive(received, left);
+  }
+  Frame answer;
+  std::copy_n(received.begin(), serial10::frame_bytes, answer.bytes.begin());
+  if (!answers(answer, request) || !is_answer_to(answer.command(), request.command())) return std::nullopt;
+  return answer;
+}
+
+}  // namespace servodrome::host

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <string>
+#include <type_traits>
+
+#include "dictionary/abort_code.hpp"
+#include "host/error.hpp"
+#include "links/serial/client.hpp"
+#include "serial10/frame.hpp"
+
+namespace servodrome::host {
+
+using links::Time;
+
+// A request of the 10-byte protocol failed: refused by the drive, or no answer (code() is protocol_timed_out).
+class Serial10Error : public HostError {
+ public:
+  Serial10Error(const std::string& link, std::uint8_t id, std::uint16_t index, std::uint8_t sub,
+                dictionary::AbortCode code, bool from_drive);
+
+  dictionary::AbortCode code() const { return code_; }
+  bool from_drive() const { return from_drive_; }
+
+ private:
+  dictionary::AbortCode code_;
+  bool from_drive_;
+};
+
+struct Serial10Options {
+  modbus::CharacterFormat format{.bit_rate = 115200, .parity = modbus::Parity::none};  // the iSMK's factory setting
+  Time timeout = std::chrono::milliseconds(500);                                       // for an answer
+  unsigned retries = 1;  // of reads; a write may have acted
+};
+
+// A master of the iSMK's 10-byte protocol. One request at a time. All calls throw Serial10Error, or HostError if the
+// link cannot be opened or is lost.
+class Serial10Client {
+ public:
+  // `name` stands in error messages.
+  Serial10Client(std::unique_ptr<links::ByteClient> client, std::string name, const Serial10Options& options = {})
+      : client_(std::move(client)), name_(std::move(name)), options_(options) {}
+  // `pty:PATH` or `serial:DEVICE`.
+  static Serial10Client open(const std::string& link, const Serial10Options& options = {});
+
+  // `id`: the drive's, or 127 for the one drive there is. An object shorter than T is extended as the drive does.
+  template <typename T>
+  requires(std::is_integral_v<T> && sizeof(T) <= 4) T read(std::uint8_t id, std::uint16_t index, std::uint8_t sub = 0) {
+    return static_cast<T>(request(id, serial10::Command::read, index, sub, 0, options_.retries).data());
+  }
+  // T is the object's type.
+  template <typename T>
+  requires(std::is_integral_v<T> && sizeof(T) <= 4) void write(std::uint8_t id, std::uint16_t index, std::uint8_t sub,
+                                                               std::type_identity_t<T> value) {
+    constexpr auto command = sizeof(T) == 4   ? serial10::Command::write_4
+                             : sizeof(T) == 2 ? serial10::Command::write_2
+                                              : serial10::Command::write_1;
+    request(id, command, index, sub, static_cast<std::uint32_t>(static_cast<std::make_unsigned_t<T>>(value)), 0);
+  }
+
+ private:
+  serial10::Frame request(std::uint8_t id, serial10::Command command, std::uint16_t index, std::uint8_t sub,
+                          std::uint32_t data, unsigned retries);
+  std::optional<serial10::Frame> exchange(const serial10::Frame& request);
+
+  std::unique_ptr<links::ByteClient> client_;
+  std::string name_;
+  Serial10Options options_;
+};
+
+}  // namespace servodrome::host
