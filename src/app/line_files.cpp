@@ -14,7 +14,7 @@ line::LineSettings load_line(const std::string& file) {
   if (loaded.diagnostics.empty()) return std::move(loaded.settings);
   std::string message = fmt::format("{} cannot be run:", file.empty() ? "the built-in line" : file);
   for (const line::Diagnostic& diagnostic : loaded.diagnostics) message += "\n" + to_string(diagnostic);
-  throw Failure::did_not_work(message);
+  throw Failure::wrong_use(message);
 }
 
 }  // namespace servodrome::app

@@ -66,7 +66,15 @@ void Drive::power_on(const Feedback& feedback) {
   axis_.encoder_position = feedback.position_counts;
   supervision_.reset();
   cascade_ = {};
+  cascade_.forget_motion();
   restart();
+}
+
+void Drive::displaced(const Feedback& feedback) {
+  cascade_.forget_motion();
+  wires_ = feedback.inputs;
+  axis_.encoder_position = feedback.position_counts;
+  axis_.generator.reset(axis_.position());
 }
 
 void Drive::restart() {

@@ -46,6 +46,9 @@ class Drive final : public dictionary::Listener {
   // The same without the supply having been off: NMT reset node. Encoder, coordinates and wires stay.
   void restart();
 
+  // The encoder was put to another position by hand, not by moving there, while the motor was off.
+  void displaced(const Feedback& feedback);
+
   // One base tick: 62.5 us. True when it ran a position-loop cycle, which writes all of `actuation`; the ticks between
   // write the phase voltages only, so it is the same object every time.
   bool tick(const Feedback& feedback, Actuation& actuation);

@@ -104,6 +104,7 @@ void Axis::power_on(Time now) {
   last_cycle_ = unknown;
   last_poll_ = Time{-1};
   bus_.set_participation(port_, links::Participation::normal);
+  plant_.sample(feedback_);  // the plant may have been changed meanwhile
   device_->power_on(feedback_, now);
   for (const drive::Cause cause : injected_) device_->drive().inject(cause, true);
   send_waiting(now);
@@ -132,6 +133,14 @@ void Axis::on_error_state(links::ErrorState state, Time at) {
                               canopen::BusState::bus_off};
   device_->node().bus_state(states[static_cast<std::size_t>(state)], at);
   send_waiting(at);
+}
+
+bool Axis::place(std::int64_t position_counts) {
+  if (powered_ && actuation_.pwm_enabled) return false;
+  plant_.set_position_counts(position_counts);
+  plant_.sample(feedback_);
+  if (powered_) device_->drive().displaced(feedback_);
+  return true;
 }
 
 void Axis::force_input(int wire, std::optional<bool> level) {

@@ -56,6 +56,8 @@ class Axis final : public links::Receiver {
   const drive::Actuation& actuation() const { return actuation_; }
   links::PortId port() const { return port_; }
 
+  // Puts the shaft at another encoder position, at rest; only while the motor is not energised. False: it is.
+  bool place(std::int64_t position_counts);
   // The bench forces an input wire to a level, or gives it back to the geometry.
   void force_input(int wire, std::optional<bool> level);
   const std::map<int, bool>& forced_inputs() const { return forced_inputs_; }

@@ -26,6 +26,7 @@ describe::Description describe_ismc() {
   describe::Description description;
   description.vendor_name = "ISMC";
   description.product_name = "Sapphire";  // ISMC manual L3001
+  description.order_code = "ismc";        // not printed; the name on a line
   description.bit_rates_kbit = {20, 50, 125, 250, 500, 800, 1000};
   description.table = table_of<products::Ismc>();
   description.file.name = "ISMC.eds";  // ISMC manual L2871
@@ -39,6 +40,7 @@ describe::Description describe_generic402() {
   describe::Description description;
   description.vendor_name = "Servodrome";
   description.product_name = "Generic CiA 402 drive";
+  description.order_code = "generic402";
   description.bit_rates_kbit = {10, 20, 50, 125, 250, 500, 800, 1000};
   description.lss_supported = true;
   description.table = table_of<products::Generic402>();

@@ -34,7 +34,7 @@ void check(const Options& options) {
     }
   }
   if (!loaded.diagnostics.empty()) {
-    throw Failure::did_not_work(fmt::format("{} has {} to correct", options.file, loaded.diagnostics.size()));
+    throw Failure::wrong_use(fmt::format("{} has {} to correct", options.file, loaded.diagnostics.size()));
   }
 }
 

@@ -146,10 +146,20 @@ void write_ready_file(const std::string& path, const std::string& text) {
   }
 }
 
+// A port that is taken or an interface that is not there is wrong use: nothing has been started.
+std::unique_ptr<line::LineServer> open_line(const line::LineSettings& settings) {
+  try {
+    return std::make_unique<line::LineServer>(settings);
+  } catch (const links::LinkError& error) {
+    throw Failure::wrong_use(error.what());
+  }
+}
+
 void run(const Options& options) {
   const line::LineSettings settings = settings_of(options);
   std::signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away is no reason to leave symbolic links behind
-  line::LineServer server(settings);
+  const std::unique_ptr<line::LineServer> opened = open_line(settings);
+  line::LineServer& server = *opened;
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
   signals.async_wait([&server](const boost::system::error_code& code, int) {
     if (!code) server.stop();

@@ -60,6 +60,12 @@ class Cascade {
   void enable(const Feedback& feedback);
   void disable();
   bool enabled() const { return enabled_; }
+  // The encoder was put somewhere else: what was measured before says nothing about the velocity now.
+  void forget_motion() {
+    measuring_ = false;
+    velocity_filter_.value = 0.0F;
+    state_.velocity_counts_per_s = 0.0F;
+  }
 
   void set_demand(const LoopDemand& demand);
   const LoopDemand& demand() const { return demand_; }

@@ -110,7 +110,8 @@ void check(const plant::Plant& plant, const std::array<std::optional<double>, qu
 }
 
 Json change_plant(Call& call) {
-  plant::Plant& plant = axis_argument(call).plant();
+  Axis& axis = axis_argument(call);
+  plant::Plant& plant = axis.plant();
   BodyReader body(call.body);
   std::array<std::optional<double>, quantities.size()> values;
   for (std::size_t i = 0; i < quantities.size(); ++i) values[i] = body.number(quantities[i].key);
@@ -118,10 +119,13 @@ Json change_plant(Call& call) {
   const auto position = body.signed_integer("position_counts");
   body.finish();
   check(plant, values, position);
+  if (position && !axis.place(*position)) {
+    throw ApiError{409, "the motor of " + axis.settings().name + " is energised", "position_counts",
+                   "disable the drive first: an energised axis gets somewhere else by moving there"};
+  }
   for (std::size_t i = 0; i < quantities.size(); ++i) {
     if (values[i]) (plant.*quantities[i].set)(*values[i]);
   }
-  if (position) plant.set_position_counts(*position);
   if (locked) plant.lock_rotor(*locked);
   return show_plant(call);
 }
