@@ -1,0 +1,152 @@
+// Any bytes as a dialogue with a Modbus device, over RTU and TCP at once. The sanitizers look for misuse of memory; the
+// invariants look for malformed answers and for a device that stopped answering.
+#include <cstdlib>
+#include <optional>
+
+#include "dictionary/table.hpp"
+#include "modbus/rtu_server.hpp"
+#include "modbus/tcp_connection.hpp"
+
+namespace {
+
+using namespace servodrome;
+
+struct Objects {
+  std::uint16_t controlword = 0;
+  std::int8_t mode = 0;
+  std::int32_t position = 0;
+  std::uint64_t wide = 0;
+  std::uint16_t secret = 0;
+  dictionary::Blob<20> text;
+};
+
+constexpr auto table = dictionary::make_table<[] {
+  using namespace dictionary;
+  TableBuilder<10> t;
+  t.add(text_constant(0x1008, "", "fuzz"));
+  t.add(var(0x2000, "", SERVODROME_FIELD(Objects, text), Access::rw));
+  t.add(var(0x2001, "", SERVODROME_FIELD(Objects, wide), Access::rw));
+  t.add(var(0x2002, "", SERVODROME_FIELD(Objects, secret), Access::wo));
+  t.add(var(0x6040, "", SERVODROME_FIELD(Objects, controlword), Access::rw, Pdo::none, {.minimum = 0, .maximum = 999}));
+  t.add(var(0x6060, "", SERVODROME_FIELD(Objects, mode), Access::rw));
+  t.add(var(0x6064, "", SERVODROME_FIELD(Objects, position), Access::rw));
+  return t;
+}>();
+
+constexpr auto map = std::to_array<modbus::Register>({{0, 0x6040, 0, 1},
+                                                      {1, 0x6060, 0, 1},
+                                                      {2, 0x6064, 0, 2},
+                                                      {4, 0x2001, 0, 4},
+                                                      {8, 0x2000, 0, 12},
+                                                      {20, 0x1008, 0, 3},
+                                                      {0x100, 0x2002, 0, 1},
+                                                      {0xFFFE, 0x6064, 0, 2}});
+static_assert(modbus::is_valid_map(map, table));
+
+constexpr auto identification =
+    std::to_array<modbus::Identification>({{0, "Servodrome"}, {1, "fuzz"}, {2, "1"}, {3, "x"}, {0x80, "y"}});
+constexpr auto error_functions = std::to_array<modbus::ErrorFunction>({{0x03, 0x81}});
+
+// The variants differ in what the first byte of the input chooses.
+modbus::Profile profile_of(std::uint8_t choice) {
+  modbus::Profile profile;
+  if ((choice & 1) != 0) profile.word_order = modbus::WordOrder::low_word_first;
+  if ((choice & 2) != 0) profile.extension = modbus::Extension::by_top_bit;
+  profile.registers_per_object_at_least = static_cast<std::uint8_t>(1 + (choice >> 2 & 3));
+  if ((choice & 16) != 0) profile.error_functions = error_functions;
+  if ((choice & 32) == 0) profile.identification = identification;
+  profile.broadcast = (choice & 64) == 0;
+  return profile;
+}
+
+struct Device final : modbus::Units {
+  explicit Device(std::uint8_t choice) : profile(profile_of(choice)) {}
+  modbus::Server* find(std::uint8_t unit) override { return unit < 0xF0 ? &server : nullptr; }
+
+  Objects objects;
+  dictionary::Dictionary dictionary{table, std::as_writable_bytes(std::span(&objects, 1))};
+  modbus::Profile profile;
+  modbus::Server server{dictionary, map, profile};
+  modbus::RtuServer rtu{server, 1, modbus::character_timing({.bit_rate = 115200})};
+  std::optional<modbus::TcpConnection> tcp{*this};
+};
+
+void check_rtu_answer(std::span<const std::uint8_t> answer) {
+  if (answer.empty()) return;
+  if (!modbus::is_rtu_frame(answer) || answer[0] != 1 || answer.size() < 5) std::abort();
+}
+
+void feed_tcp(Device& device, std::span<const std::uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const std::size_t taken = device.tcp->receive(bytes);
+    if (taken == 0 || taken > bytes.size()) std::abort();
+    bytes = bytes.subspan(taken);
+    const auto answer = device.tcp->take();
+    if (answer.empty()) continue;
+    const modbus::Mbap header = modbus::Mbap::read(answer.data());
+    if (!header.is_valid() || answer.size() != 6U + header.length) std::abort();
+  }
+  if (device.tcp->is_broken()) device.tcp.emplace(device);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
+  if (size < 2) return 0;
+  Device device(bytes[0]);
+  modbus::Time now{0};
+  const modbus::Time character = modbus::CharacterFormat{.bit_rate = 115200}.character_time();
+  const auto silence = [&device, &now] {
+    now += std::chrono::milliseconds(1);
+    device.rtu.poll(now);
+    check_rtu_answer(device.rtu.take());
+  };
+  std::size_t at = 1;
+  while (at < size) {
+    // Record: what and how many bytes, then those bytes.
+    const std::uint8_t head = bytes[at++];
+    const auto rest = std::span(bytes + at, size - at).first(std::min<std::size_t>(head & 0x1F, size - at));
+    at += rest.size();
+    switch (head >> 5) {
+      case 0: silence(); break;
+      case 1:  // raw characters
+        for (const std::uint8_t byte : rest) device.rtu.receive(byte, now += character);
+        break;
+      case 2: device.rtu.receive_garbled(now += character); break;
+      case 3: now += character * (head & 0x1F) / 4; break;
+      case 4: feed_tcp(device, rest); break;
+      case 5: {  // a PDU with the header it needs
+        std::array<std::uint8_t, 40> frame{};
+        modbus::Mbap{1, 0, static_cast<std::uint16_t>(1 + rest.size()), head}.write(frame.data());
+        std::copy(rest.begin(), rest.end(), frame.begin() + modbus::Mbap::size);
+        feed_tcp(device, std::span(frame).first(modbus::Mbap::size + rest.size()));
+        break;
+      }
+      default: {  // a PDU as a whole frame, to the station or to all
+        std::array<std::uint8_t, 40> frame{};
+        frame[0] = (head >> 5) == 6 ? 1 : 0;
+        std::copy(rest.begin(), rest.end(), frame.begin() + 1);
+        silence();
+        for (const std::uint8_t byte : std::span(frame).first(modbus::seal_rtu_frame(frame, 1 + rest.size()))) {
+          device.rtu.receive(byte, now += character);
+        }
+        silence();
+      }
+    }
+    check_rtu_answer(device.rtu.take());
+  }
+  if (device.objects.text.length > 20 || device.objects.controlword > 999) std::abort();
+  // Whatever came before, the next request is answered on both.
+  silence();
+  std::array<std::uint8_t, 8> request = {1, 3, 0, 0, 0, 1};
+  modbus::seal_rtu_frame(request, 6);
+  for (const std::uint8_t byte : request) device.rtu.receive(byte, now += character);
+  now += std::chrono::milliseconds(1);
+  device.rtu.poll(now);
+  const auto answer = device.rtu.take();
+  if (answer.size() != 7 || modbus::read_u16(&answer[3]) != device.objects.controlword) std::abort();
+  device.tcp.emplace(device);
+  constexpr std::array<std::uint8_t, 12> tcp_request = {0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 1};
+  if (device.tcp->receive(tcp_request) != 12 || device.tcp->take().size() != 11) std::abort();
+  return 0;
+}
