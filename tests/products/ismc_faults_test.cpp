@@ -165,6 +165,7 @@ std::vector<Case> cases() {
       shorted(0x2310, Injection::short_phase_u),
       shorted(0x2311, Injection::short_phase_v),
       injected(0x2320, Injection::short_circuit, at_once),
+      shorted(0x2320, Injection::short_phase_w),
       {0x3130, turning_under_load, inject(Injection::open_phase_u), take_back(Injection::open_phase_u),
        Gone::with_reaction, at_once, Reset::by_controlword, 2000.0, "phase U"},
       {0x3130, turning_under_load, inject(Injection::open_phase_w), take_back(Injection::open_phase_w),

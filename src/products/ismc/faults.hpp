@@ -23,6 +23,8 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
      "U-phase overcurrent"},  // L2763
     {Cause::overcurrent_v, 0x2311, 0x03, Reaction::power_off, ResetRule::when_cause_gone,
      "V-phase overcurrent"},  // L2764
+    // The manual has no code for phase W (L2763-2764): it tells what it is, a short circuit.
+    {Cause::overcurrent_w, 0x2320, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Hardware short circuit"},
     {Cause::short_circuit, 0x2320, 0x03, Reaction::power_off, ResetRule::when_cause_gone,
      "Hardware short circuit"},                                                                           // L2765
     {Cause::phase_loss, 0x3130, 0x05, Reaction::power_off, ResetRule::when_cause_gone, "Lack of phase"},  // L2810
