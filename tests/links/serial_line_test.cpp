@@ -1,4 +1,6 @@
 // The simulated line: characters take their time, all hear all, two at once garble each other.
+#include <cmath>
+
 #include "links/serial/client.hpp"
 #include "links/serial_rig.hpp"
 
@@ -124,6 +126,60 @@ TEST(SerialLine, StationsComeAndGo) {
   line.advance(1s);
   EXPECT_EQ(listener.text(), "04");
   EXPECT_TRUE(listener.all_intact());
+}
+
+TEST(SerialLine, Disturbances) {
+  const auto heard = [](const SerialDisturbance& disturbance, std::uint64_t& disturbed) {
+    SerialLine line(SerialRig::format);
+    Ear speaker(line);
+    Ear listener(line);
+    line.disturb(disturbance);
+    line.transmit(speaker.port, std::vector<std::uint8_t>(10'000, 0x55), 0ms);
+    line.advance(10s);
+    disturbed = line.counters().disturbed;
+    EXPECT_TRUE(listener.all_intact());
+    return listener.text();
+  };
+  std::uint64_t disturbed = 0;
+  const std::string undisturbed = heard({}, disturbed);
+  EXPECT_EQ(undisturbed.size(), 29'999U);
+  EXPECT_EQ(disturbed, 0U);
+  const std::string thinned = heard({.drop = 0.1}, disturbed);
+  EXPECT_EQ(thinned.size() + 1, 3 * (10'000 - disturbed));
+  EXPECT_NEAR(static_cast<double>(disturbed), 1000, 150);
+  EXPECT_EQ(heard({.drop = 0.1}, disturbed), thinned) << "the same again";
+  EXPECT_NE(heard({.drop = 0.1, .seed = 2}, disturbed), thinned);
+  EXPECT_EQ(heard({.cut = true}, disturbed), "");
+  EXPECT_EQ(disturbed, 10'000U);
+  const std::string corrupted = heard({.corrupt = 0.1}, disturbed);
+  std::uint64_t changed = 0;
+  for (std::size_t i = 0; i < corrupted.size(); i += 3) changed += corrupted.substr(i, 2) != "55" ? 1U : 0U;
+  EXPECT_EQ(changed, disturbed);
+  EXPECT_NEAR(static_cast<double>(disturbed), 1000, 150);
+}
+
+// Whatever is lost or changed on the way, no drive does what it was not told, and the line works afterwards.
+TEST(SerialLine, DisturbedRequestsAreNotExecuted) {
+  SerialRig rig;
+  rig.add_rtu(1);
+  Ear master(rig.line);
+  rig.line.disturb({.drop = 0.02, .corrupt = 0.02});
+  unsigned answered = 0;
+  for (unsigned round = 0; round < 5000; ++round) {
+    const std::string request = "01 06 31 00 00 0F C7 32";
+    master.heard.clear();
+    master.say(request, rig.line.now());
+    rig.line.advance(rig.line.now() + 10ms);
+    answered += master.text() == request ? 1U : 0U;
+    ASSERT_TRUE(rig.drives[1]->device.objects.controlword == 0x0F || rig.drives[1]->device.objects.controlword == 6);
+    rig.drives[1]->device.objects.controlword = 6;
+  }
+  EXPECT_NEAR(answered, 5000 * std::pow(0.96, 16), 300);
+  rig.line.disturb({});
+  master.heard.clear();
+  master.say("01 06 31 00 00 0F C7 32", rig.line.now());
+  rig.line.advance(rig.line.now() + 10ms);
+  EXPECT_EQ(master.text(), "01 06 31 00 00 0F C7 32");
 }
 
 // Request, 3.5 characters of silence, response: to the nanosecond, in one call as in many.

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "canopen/frame.hpp"
+#include "links/disturbance_generator.hpp"
 #include "links/time.hpp"
 
 namespace servodrome::links {
@@ -20,26 +21,6 @@ struct Disturbance {
   std::uint32_t id_mask = 0;                         // 0: all frames
   std::optional<std::uint16_t> port = std::nullopt;  // only frames sent by this port (index of its PortId)
   std::uint32_t limit = 0;                           // stop after so many disturbed frames; 0: no limit
-};
-
-// splitmix64: small, seedable, the same on every platform (the standard's distributions are not).
-class DisturbanceGenerator {
- public:
-  explicit constexpr DisturbanceGenerator(std::uint64_t seed) : state_(seed) {}
-
-  constexpr std::uint64_t next() {
-    state_ += 0x9E3779B97F4A7C15U;
-    std::uint64_t value = state_;
-    value = (value ^ (value >> 30U)) * 0xBF58476D1CE4E5B9U;
-    value = (value ^ (value >> 27U)) * 0x94D049BB133111EBU;
-    return value ^ (value >> 31U);
-  }
-
-  // True with the given probability; always draws, so that the sequence does not depend on the probability.
-  constexpr bool chance(double probability) { return static_cast<double>(next() >> 11U) * 0x1.0p-53 < probability; }
-
- private:
-  std::uint64_t state_;
 };
 
 }  // namespace servodrome::links

@@ -40,6 +40,7 @@ void SerialLine::begin_character(Port& port, Time at) {
   port.queue.pop_front();
   port.is_sending = true;
   port.is_garbled = false;
+  disturb_character(port);
   port.begin = at;
   port.end = at + port.format.character_time();
   ++counters_.characters;
@@ -54,9 +55,24 @@ void SerialLine::begin_character(Port& port, Time at) {
   }
 }
 
+void SerialLine::disturb(const SerialDisturbance& disturbance) {
+  disturbance_ = disturbance;
+  DisturbanceGenerator seeds(disturbance.seed);
+  drops_ = DisturbanceGenerator(seeds.next());
+  corruptions_ = DisturbanceGenerator(seeds.next());
+}
+
+void SerialLine::disturb_character(Port& port) {
+  port.is_lost = drops_.chance(disturbance_.drop) || disturbance_.cut;
+  const bool is_corrupt = corruptions_.chance(disturbance_.corrupt);
+  const auto bit = static_cast<unsigned>(corruptions_.next() % port.format.data_bits);
+  if (is_corrupt) port.character = static_cast<std::uint8_t>(port.character ^ 1U << bit);
+  if (port.is_lost || is_corrupt) ++counters_.disturbed;
+}
+
 void SerialLine::end_character(Port& sender) {
   sender.is_sending = false;
-  for (std::size_t i = 0; i < ports_.size(); ++i) {
+  for (std::size_t i = 0; i < ports_.size() && !sender.is_lost; ++i) {
     Port& receiver = ports_[i];
     if (&receiver == &sender || receiver.station == nullptr) continue;
     receiver.station->receive(sender.character, !sender.is_garbled && sender.format == receiver.format, now_);

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "links/disturbance_generator.hpp"
 #include "links/time.hpp"
 #include "modbus/character_format.hpp"
 
@@ -49,6 +50,15 @@ enum class SerialPortId : std::uint32_t {};
 struct SerialLineCounters {
   std::uint64_t characters = 0;  // all that were sent
   std::uint64_t collisions = 0;  // of them, those that met another
+  std::uint64_t disturbed = 0;   // and those that were lost or changed by a disturbance
+};
+
+// What is wrong with a line, by probability (0..1 each) and seed: equal seeds and equal traffic give equal disturbance.
+struct SerialDisturbance {
+  double drop = 0;     // nobody receives the character
+  double corrupt = 0;  // one of its bits is turned over, which only a checksum can find out
+  bool cut = false;    // nobody receives anything
+  std::uint64_t seed = 1;
 };
 
 // A half-duplex line (RS485, two wires): whatever a station sends, all others receive when its last bit has passed. No
@@ -73,6 +83,8 @@ class SerialLine {
   // Characters of the port that have not yet been received.
   std::size_t pending(SerialPortId port) const;
 
+  void disturb(const SerialDisturbance& disturbance);
+
   // When advance() has something to do; never: nothing is planned.
   Time next_event() const;
   void advance(Time until);
@@ -86,12 +98,14 @@ class SerialLine {
     std::deque<std::uint8_t> queue;
     bool is_sending = false;
     bool is_garbled = false;
+    bool is_lost = false;
     std::uint8_t character = 0;
     Time begin{};
     Time end{};
   };
 
   void begin_character(Port& port, Time at);
+  void disturb_character(Port& port);
   void end_character(Port& port);
   void collect();
 
@@ -99,6 +113,9 @@ class SerialLine {
   std::vector<Port> ports_;
   Time now_{};
   SerialLineCounters counters_;
+  SerialDisturbance disturbance_;
+  DisturbanceGenerator drops_{0};  // one each, so that changing one probability leaves the other's choices alone
+  DisturbanceGenerator corruptions_{0};
 };
 
 }  // namespace servodrome::links
