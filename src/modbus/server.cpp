@@ -122,7 +122,7 @@ AbortCode Server::locate(std::uint32_t address, std::size_t words, Part& part) c
   if (next == map_.begin()) return AbortCode::object_does_not_exist;
   const Register& row = *(next - 1);
   std::size_t end = std::max<std::size_t>(row.words, profile_.registers_per_object_at_least);
-  if (next != map_.end()) end = std::min<std::size_t>(end, next->address - row.address);
+  end = std::min<std::size_t>(end, (next != map_.end() ? next->address : 0x10000U) - row.address);
   const std::size_t first = address - row.address;
   if (first >= end) return AbortCode::object_does_not_exist;
   AbortCode abort = AbortCode::none;

@@ -85,6 +85,8 @@ TEST_F(ServerTest, ReadsRegisters) {
   EXPECT_EQ(ask("03 00 0F 00 02"), "03 04 61 62 63 00");
   EXPECT_EQ(ask("03 FF FF 00 01"), "03 02 12 34");
   EXPECT_EQ(ask("03 FF FF 00 02"), "83 02");
+  profile.registers_per_object_at_least = 2;
+  EXPECT_EQ(ask("03 FF FF 00 02"), "83 02") << "nothing lies behind the last register";
 }
 
 TEST_F(ServerTest, WritesRegisters) {
