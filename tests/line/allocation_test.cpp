@@ -72,6 +72,9 @@ TEST(Allocation, NothingIsAllocatedWhileALineRuns) {
   std::size_t received = 0;
   for (int i = 0; i < 1000; ++i) {
     send(sync);
+    canopen::Frame upload{.id = 0x602, .length = 8};
+    upload.data = {0x40, 0x64, 0x60, 0};
+    send(upload);
     if (i == 500) line.axes()[0]->plant().inject(plant::Injection::encoder_loss, true);  // a fault and its EMCY too
     while (master.receive()) ++received;
   }
