@@ -113,12 +113,16 @@ class Drive402:
 
     def wait_standstill(self):
         wait_for(lambda: not self.bench.axis(self.name)["in_motion"], "standstill")
-        last = None
+        # Friction may hold the shaft for some milliseconds until the loops break it loose again; at rest is what does
+        # not move for a while of the line's own time.
+        last, since = None, 0.0
 
         def rests():
-            nonlocal last
-            before, last = last, self.true_position
-            return before == last
+            nonlocal last, since
+            now, position = self.bench.get("clock")["time_ms"], self.true_position
+            if position != last:
+                last, since = position, now
+            return now - since >= 300
 
         wait_for(rests, "the shaft at rest")
 
