@@ -101,6 +101,9 @@ TEST(IsmkModbusExamples, SmallObjectsAnswerToTwoRegisters) {
   EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 90 0F 00 00"), "01 10 31 00 00 02");
   EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 00 0F 00 01"), "01 90 03");
   EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 00 0F FF FF"), "01 90 03");
+  EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 90 0F FF 00"), "01 90 03");
+  EXPECT_EQ(station.ask_sealed("01 06 31 01 00 0F"), "01 86 03") << "the second register alone";
+  EXPECT_EQ(station.device.objects.controlword, 0x900F);
   // Mode -3 as one register, sign-extended or as the bare byte; 01FDh is neither.
   EXPECT_EQ(station.ask_sealed("01 06 35 00 FF FD"), "01 06 35 00 FF FD");
   EXPECT_EQ(station.device.objects.mode, -3);
@@ -116,6 +119,17 @@ TEST(IsmkModbusExamples, LowWordFirst) {
   station.device.objects.position = 0x12345678;
   EXPECT_EQ(station.ask_sealed("01 03 37 00 00 02"), "01 03 04 56 78 12 34");
   EXPECT_EQ(station.ask_sealed("01 03 37 01 00 01"), "01 03 02 12 34");
+}
+
+TEST(IsmkModbusExamples, TheSecondRegisterIsTheSecondInEitherWordOrder) {
+  Profile high_first = ismk_profile;
+  high_first.word_order = WordOrder::high_word_first;
+  high_first.extension = Extension::by_type;
+  Station<servodrome::test::IsmkDevice> station(high_first, ismk_map);
+  station.device.objects.statusword = 0xC037;
+  EXPECT_EQ(station.ask_sealed("01 03 32 00 00 02"), "01 03 04 C0 37 00 00");
+  EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 90 0F 00 01"), "01 90 03");
+  EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 90 0F 00 00"), "01 10 31 00 00 02");
 }
 
 // 2FF0.11 is found at its printed address and at the one the rule gives (contradiction C20 of the digest).

@@ -129,6 +129,19 @@ TEST(RtuServer, FramesOfAllLengths) {
   }
 }
 
+// The longest frame there is, and the same with one character too many.
+TEST(RtuServer, NoFrameIsLongerThan256) {
+  Station<Device> station(ismk_profile, ismk_map);
+  std::vector<std::uint8_t> frame(longest_rtu_frame, 0xFF);
+  frame[0] = 1;
+  seal_rtu_frame(frame, longest_rtu_frame - 2);
+  station.send(frame);
+  EXPECT_EQ(station.answer(), "01 FF 01 A0 30");
+  frame.push_back(0);
+  station.send(frame);
+  EXPECT_EQ(station.answer(), "");
+}
+
 // Four drives on one line: each hears everything, answers included, and speaks only when asked.
 TEST(RtuServer, OnlyTheAddressedStationAnswers) {
   std::array<Station<Device>, 4> stations{

@@ -111,7 +111,9 @@ TEST_F(ServerTest, SeveralObjectsAtOnce) {
   EXPECT_EQ(ask("10 00 00 00 03 06 00 01 00 02 00 03"), "90 03");              // ends within 2002h
   EXPECT_EQ(ask("10 00 08 00 05 0A 00 01 00 02 00 03 00 04 00 05"), "90 02");  // 11 is read only
   EXPECT_EQ(ask("10 00 07 00 02 04 00 00 00 01"), "90 03");
+  EXPECT_EQ(ask("10 00 04 00 05 0A 00 00 00 00 00 00 00 09 00 65"), "90 03");  // 101 is out of range
   EXPECT_EQ(objects.plain, 0x1234);
+  EXPECT_EQ(objects.wide, 0x1122334455667788U);
   EXPECT_EQ(objects.ranged, 0);
   owner.answer = dictionary::AbortCode::device_state;
   EXPECT_EQ(ask("10 00 08 00 03 06 00 05 00 06 00 07"), "90 04");
@@ -209,6 +211,14 @@ TEST_F(ServerTest, DeviceIdentificationInSeveralResponses) {
   std::vector<std::uint8_t> third = bytes_of(ask("2B 0E 01 02"));
   EXPECT_EQ(third.size(), longest_pdu) << "cut to what fits";
   EXPECT_EQ(hex_of(std::span(third).first(9)), "2B 0E 01 81 00 00 01 02 F4");
+  // To the last byte: 7 + 2 + 100 + 2 + 142 are 253.
+  for (const std::size_t size : {142U, 143U}) {
+    const std::string hundred(100, 'x');
+    const std::string rest(size, 'y');
+    const Identification two[] = {{0, hundred.c_str()}, {1, rest.c_str()}};
+    profile.identification = two;
+    EXPECT_EQ(bytes_of(ask("2B 0E 01 00")).size(), size == 142 ? longest_pdu : 109U);
+  }
 }
 
 TEST(ModbusException, HasWords) {

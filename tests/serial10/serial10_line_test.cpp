@@ -82,6 +82,28 @@ TEST_F(Serial10Line, GarbledCharactersSpoilTheFrame) {
   EXPECT_EQ(send(enable.bytes), confirmed);
 }
 
+TEST_F(Serial10Line, AnAnswerNobodyTookIsGone) {
+  for (const std::uint8_t byte : enable.bytes) server.receive(byte, now += 87us);
+  server.receive(1, now += 87us);
+  EXPECT_TRUE(server.take().empty());
+}
+
+// Numbers of more than four bytes do not fit a frame.
+TEST(Serial10, ObjectsThatDoNotFit) {
+  struct Objects {
+    std::uint64_t wide = 1;
+  } objects;
+  static constexpr auto table = std::to_array<dictionary::Entry>(
+      {dictionary::var(0x2000, "", SERVODROME_FIELD(Objects, wide), dictionary::Access::rw)});
+  dictionary::Dictionary dictionary(table, std::as_writable_bytes(std::span(&objects, 1)));
+  Server server(dictionary, 1);
+  EXPECT_EQ(server.answer(Frame::make(1, Command::read, 0x2000, 0, 0)),
+            Frame::make(1, Command::error, 0x2000, 0, 0x06010000));
+  EXPECT_EQ(server.answer(Frame::make(1, Command::write_4, 0x2000, 0, 5)),
+            Frame::make(1, Command::error, 0x2000, 0, 0x06070013));
+  EXPECT_EQ(objects.wide, 1U);
+}
+
 // Each of four drives hears the requests to the others and their answers.
 TEST(Serial10, DrivesOnOneLine) {
   std::array<test::IsmkDevice, 4> devices;
