@@ -8,6 +8,9 @@ import canopen
 
 from line import PATIENCE, wait_for
 
+# The package gives up after 0.3 s, which on a busy machine is nothing; how fast an answer comes is not what is tested.
+canopen.sdo.SdoClient.RESPONSE_TIMEOUT = PATIENCE
+
 
 def open_bus(link):
     """python-can's interface for a link name as `servodrome up` prints it."""

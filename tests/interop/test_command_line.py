@@ -100,6 +100,35 @@ def test_a_line_that_cannot_start_says_why(tmp_path):
     assert "nocan7" in servodrome("up", "--api", "127.0.0.1:0", "--bus", "socketcan:nocan7", status=2)
     assert "--bus" in servodrome("up", "--bus", "pigeon:7", status=2)
 
+    stored = tmp_path / "stored.toml"
+    stored.write_text(TWO_DRIVES.replace('product = "ismc"', 'product = "ismc"\nstore = "no-such-folder/ismc.bin"'))
+    assert "no-such-folder/ismc.bin" in servodrome("up", stored, status=2)
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "1e300"])
+def test_what_is_no_distance_moves_nothing(client, bench, number):
+    before = bench.get("axes/reference")
+    said = client("move", "--node", "2", "--by", number, status=2)
+    assert "--by" in said and number in said.replace("+", ""), said
+    client("prove", "--revolutions", number, status=2)
+    now = bench.get("axes/reference")
+    assert now["state"] == before["state"] == "switch on disabled"
+    assert now["position_counts"] == before["position_counts"]
+
+
+def test_nmt(client, bench):
+    said = client("nmt", "begin", "--all", status=2)
+    assert "begin" in said and "reset-node" in said and said.strip().isprintable(), said
+    sent = json.loads(client("nmt", "start", "--node", "2", "--json"))
+    assert sent == {"node": 2, "command": "start", "confirmed": False}
+    wait_for(lambda: bench.get("axes/reference")["nmt_state"] == "operational", "NMT start")
+
+
+def test_output_that_cannot_be_written_is_a_failure(line):
+    with open("/dev/full", "wb") as full:
+        scan = subprocess.run([PROGRAM, "scan", "--bus", line.links["can0"][0]], stdout=full, stderr=subprocess.PIPE)
+    assert scan.returncode == 1 and b"output" in scan.stderr
+
 
 @pytest.mark.once
 @pytest.mark.parametrize(

@@ -16,6 +16,8 @@ constexpr std::uint32_t response_base = 0x580;
 constexpr auto questions = std::to_array<ObjectAddress>(
     {{0x1000, 0}, {0x1018, 1}, {0x1018, 2}, {0x1018, 3}, {0x1018, 4}, {0x1008, 0}, {0x100A, 0}});
 
+constexpr Time known_node_timeout = std::chrono::seconds(2);
+
 // The interview of one node.
 class Interview {
  public:
@@ -27,7 +29,7 @@ class Interview {
   void receive(const Frame& frame) {
     if (finished() || !transfer_.receive(frame)) return;
     answered_ = true;
-    deadline_ = bus_.now() + timeout_;
+    deadline_ = bus_.now() + patience();
     if (transfer_.finished()) {
       if (transfer_.result() == AbortCode::none) take_answer();
       next();
@@ -53,10 +55,13 @@ class Interview {
   FoundNode& node() { return node_; }
 
  private:
+  // A node that has answered is there, however slow it or its link is.
+  Time patience() const { return answered_ ? std::max(timeout_, known_node_timeout) : timeout_; }
+
   void ask() {
     transfer_ = SdoTransfer::upload(questions[question_]);
     send();
-    deadline_ = bus_.now() + timeout_;
+    deadline_ = bus_.now() + patience();
   }
 
   void next() {

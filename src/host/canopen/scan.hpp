@@ -12,7 +12,7 @@ struct ScanOptions {
   std::uint8_t first = 1;
   std::uint8_t last = 127;
   // For an answer to each question. The questions of all nodes are on the bus at once: a scan takes about as long as
-  // one node that does not answer.
+  // one node that does not answer. A node that has answered once is given 2 s for each further question.
   Time timeout = std::chrono::milliseconds(250);
   // Longer listening for heartbeats, which show nodes that answer no SDO (stopped).
   Time listen{0};
