@@ -1,17 +1,23 @@
 """LSS: node id and bit rate of the reference drive by its identity (CiA 305)."""
 
 import pytest
-from canopen.lss import LssError
-from line import wait_for
+from canopen.lss import LssError, LssMaster
+from line import PATIENCE, wait_for
 
 IDENTITY = {"vendorId": 0x53455256, "productCode": 0x34303252, "revisionNumber": 0x00010000}
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """Where an answer must come. Fastscan and absent nodes live by answers that do not come, soon enough."""
+    monkeypatch.setattr(LssMaster, "RESPONSE_TIMEOUT", PATIENCE)
 
 
 def identity(reference):
     return [reference.read(0x1018, sub) for sub in (1, 2, 3, 4)]
 
 
-def test_selective_switching_and_inquiry(network, reference):
+def test_selective_switching_and_inquiry(network, reference, patient):
     words = identity(reference)
     assert words[:3] == list(IDENTITY.values())
     assert network.lss.send_switch_state_selective(*words)
@@ -20,7 +26,7 @@ def test_selective_switching_and_inquiry(network, reference):
     network.lss.send_switch_state_global(network.lss.WAITING_STATE)
 
 
-def test_a_new_node_id_from_the_next_reset_on_and_stored(network, reference, line):
+def test_a_new_node_id_from_the_next_reset_on_and_stored(network, reference, line, patient):
     assert network.lss.send_switch_state_selective(*identity(reference))
     network.lss.configure_node_id(42)
     network.lss.store_configuration()
@@ -50,7 +56,7 @@ def test_fastscan_finds_the_node_without_an_id(network, reference, line):
     assert network.seen.wait(0x705) == [b"\x00"]
 
 
-def test_bit_timing(network, reference):
+def test_bit_timing(network, reference, patient):
     assert network.lss.send_switch_state_selective(*identity(reference))
     network.lss.configure_bit_timing(2)  # 500 kbit/s, for when it is activated
     with pytest.raises(LssError):
