@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "app/commands.hpp"
+#include "app/number_options.hpp"
 #include "links/can/link_name.hpp"
 #include "links/link_error.hpp"
 
@@ -24,7 +25,7 @@ void add_bus_options(CLI::App& command, BusOptions& options, const std::string& 
   command.add_option("--bus", options.link, "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE")
       ->capture_default_str();
   command.add_option("--timeout", options.timeout_s, timeout_help)
-      ->check(CLI::Range(0.001, 1e6).description(""))
+      ->check(number_within(0.001, 1e6))
       ->capture_default_str();
   command.add_flag("--json", options.json, "Print JSON");
 }

@@ -35,14 +35,15 @@ LineServer::LineServer(const LineSettings& settings)
 }
 
 LineServer::~LineServer() {
-  for (const auto& [log, bus] : logs_) bus->remove_observer(*log);
+  for (const Log& log : logs_) log.bus->remove_observer(*log.file);
 }
 
-void LineServer::log(NamedBus& bus, const std::string& path) {
+void LineServer::log(NamedBus& bus, const std::string& path, std::function<void()> on_failure) {
   const auto format = path.ends_with(".pcap") ? links::CanLog::Format::pcap : links::CanLog::Format::candump;
-  logs_.emplace_back(
-      std::make_unique<links::CanLog>(path == "-" ? "/dev/stdout" : path, format, bus.settings.name, epoch_), &bus.bus);
-  bus.bus.add_observer(*logs_.back().first);
+  logs_.push_back(
+      {std::make_unique<links::CanLog>(path == "-" ? "/dev/stdout" : path, format, bus.settings.name, epoch_), &bus.bus,
+       std::move(on_failure)});
+  bus.bus.add_observer(*logs_.back().file);
 }
 
 void LineServer::run() {
@@ -104,7 +105,10 @@ bench::Response LineServer::answer(const bench::Request& request) {
 }
 
 void LineServer::flush_logs() {
-  for (const auto& [log, bus] : logs_) log->flush();
+  for (Log& log : logs_) {
+    log.file->flush();
+    if (log.file->failed() && log.on_failure) std::exchange(log.on_failure, {})();
+  }
 }
 
 }  // namespace servodrome::line

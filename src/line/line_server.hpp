@@ -3,6 +3,7 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -33,7 +34,8 @@ class LineServer final : private links::LineHost {
   LineServer& operator=(const LineServer&) = delete;
 
   // Logs a bus: candump format, or pcap if the name ends so; "-" is standard output. Throws links::LinkError.
-  void log(NamedBus& bus, const std::string& path);
+  // `on_failure` is called once if the log ends before the line does, as on a full disk.
+  void log(NamedBus& bus, const std::string& path, std::function<void()> on_failure = {});
 
   // Serves until stop(). Real time begins with it.
   void run();
@@ -52,6 +54,12 @@ class LineServer final : private links::LineHost {
   void wake() override;
   Time epoch() const override { return epoch_; }
 
+  struct Log {
+    std::unique_ptr<links::CanLog> file;
+    links::CanBus* bus;
+    std::function<void()> on_failure;
+  };
+
   bench::Response answer(const bench::Request& request);
   void catch_up();
   void schedule();
@@ -62,7 +70,7 @@ class LineServer final : private links::LineHost {
   boost::asio::steady_timer timer_;
   bench::Access access_;
   Line line_;
-  std::vector<std::pair<std::unique_ptr<links::CanLog>, links::CanBus*>> logs_;
+  std::vector<Log> logs_;
   std::unique_ptr<bench::HttpServer> http_;
   std::chrono::steady_clock::time_point start_{};  // of the line's time 0, moved on by what was given up
   std::chrono::steady_clock::time_point next_flush_{};

@@ -40,12 +40,15 @@ void sync_folder(const std::string& path) {
 
 FileMedium::FileMedium(const std::string& path, std::uint32_t size) : file_(-1), size_(size) {
   OpenFile file{::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, S_IRUSR | S_IWUSR)};
-  if (file.number < 0) fail(path, "cannot open: " + last_error());
+  if (file.number < 0) {
+    fail(path, "cannot open: " + last_error() + "; choose a file in a folder that exists and may be written to");
+  }
   struct stat status {};
   if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_error());
-  if (!S_ISREG(status.st_mode)) fail(path, "is not a regular file");
+  if (!S_ISREG(status.st_mode)) fail(path, "is not a regular file; choose another path");
   if (::flock(file.number, LOCK_EX | LOCK_NB) != 0) {
-    fail(path, errno == EWOULDBLOCK ? "is in use by another drive or process" : "cannot lock: " + last_error());
+    fail(path, errno == EWOULDBLOCK ? "is in use by another drive or process; stop it or choose another file"
+                                    : "cannot lock: " + last_error());
   }
   if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_error());
   if (status.st_size == 0) {

@@ -258,5 +258,17 @@ TEST(LineServer, ALogHasEveryFrame) {
   EXPECT_THROW(server.log(*server.line().buses()[0], "/nonexistent/x.log"), links::LinkError);
 }
 
+TEST(LineServer, SaysOnceThatALogCannotBeWritten) {
+  int failures = 0;
+  LineSettings settings = settings_of(open_line);
+  settings.clock = ClockMode::real;
+  LineServer server(settings);
+  server.log(*server.line().buses()[0], "/dev/full", [&failures] { ++failures; });
+  boost::asio::steady_timer enough(server.io(), 1s);  // several flushes
+  enough.async_wait([&server](const boost::system::error_code&) { server.stop(); });
+  server.run();
+  EXPECT_EQ(failures, 1);
+}
+
 }  // namespace
 }  // namespace servodrome::line

@@ -355,6 +355,24 @@ TEST_F(CanBusTest, DelayHoldsAFrameAndWhatIsBehindIt) {
   EXPECT_EQ(c.received[1].at, milliseconds(5) + bits(frame_length_bits(make(0x101)), 500'000));
 }
 
+TEST_F(CanBusTest, DelayedFramesWaitNoLongerThanTheDisturbance) {
+  bus.disturb({.delay = 1.0, .delay_time = seconds(60)});
+  bus.transmit(pa, make(0x101), Time{});
+  bus.transmit(pa, make(0x102), Time{});
+  bus.advance(seconds(1));
+  EXPECT_TRUE(c.received.empty());
+  bus.clear_disturbance();
+  bus.advance(seconds(2));
+  ASSERT_EQ(c.ids(), (std::vector<std::uint32_t>{0x101, 0x102}));
+  EXPECT_EQ(c.received[0].at, seconds(1) + bits(frame_length_bits(make(0x101)), 500'000));
+
+  bus.disturb({.delay = 1.0, .delay_time = seconds(60)});
+  bus.transmit(pa, make(0x103), seconds(2));
+  bus.disturb({.drop = 1.0, .id = 0x7FF, .id_mask = 0x7FF});
+  bus.advance(seconds(3));
+  EXPECT_EQ(c.received.size(), 3U);
+}
+
 TEST_F(CanBusTest, EqualSeedsDisturbEqually) {
   const auto run = [](std::uint64_t seed, double corrupt) {
     CanBus line;

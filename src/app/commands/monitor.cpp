@@ -5,6 +5,7 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/number_options.hpp"
 #include "host/canopen/decode.hpp"
 
 namespace servodrome::app {
@@ -119,9 +120,9 @@ void add_monitor(CLI::App& app) {
   add_bus_options(*command, options->bus, "Seconds to wait for each answer of the axis");
   add_node_option(*command, options->bus);
   command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
-  command->add_option("--for", options->seconds, "Seconds after which to end");
+  command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
   command->add_option("--interval", options->interval_s, "Seconds between two looks at the axis")
-      ->check(CLI::Range(0.001, 3600.0).description(""))
+      ->check(number_within(0.001, 3600.0))
       ->capture_default_str();
   command->callback([options] { options->axis ? monitor_axis(*options) : monitor_bus(*options); });
 }

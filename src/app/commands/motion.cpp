@@ -1,10 +1,10 @@
 // `home` and `move`: one axis, by SDO.
-#include <cmath>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/number_options.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -59,30 +59,25 @@ class Units {
   template <typename T>
   std::optional<T> operator()(const std::optional<double>& number, const char* option) const {
     if (!number) return std::nullopt;
-    const double value = std::round(*number * scale_);
-    if (value < static_cast<double>(std::numeric_limits<T>::min()) ||
-        value > static_cast<double>(std::numeric_limits<T>::max())) {
-      throw Failure::wrong_use(fmt::format("{} {:g}: {:.0f} units are outside {} .. {}", option, *number, value,
-                                           std::numeric_limits<T>::min(), std::numeric_limits<T>::max()));
-    }
-    return static_cast<T>(value);
+    return whole_units<T>(*number * scale_, option, *number);
   }
 
  private:
   double scale_ = 1.0;
 };
 
-// Enables the drive, lets `motion` run, and says where the axis is.
-template <typename Motion>
-void run(const MotionOptions& options, const char* done, const Motion& motion) {
+// Lets `plan` make a motion of the options, enables the drive, lets the motion run, and says where the axis is. Options
+// that cannot be followed leave the drive as it was.
+template <typename Plan>
+void run(const MotionOptions& options, const char* done, const Plan& plan) {
   const auto bus = open_bus(options.bus);
   host::Axis402 axis(*bus, choose_node(*bus, options.bus, true));
-  const Units units(axis, options.revolutions);
+  const auto motion = plan(Units(axis, options.revolutions));
   const InterruptGuard guard;
   if (options.reset_fault) axis.reset_fault();
   axis.enable();
   const host::Time start = bus->now();
-  motion(axis, units, motion_progress(axis, options.bus.json));
+  motion(axis, motion_progress(axis, options.bus.json));
   const double seconds = std::chrono::duration<double>(bus->now() - start).count();
   end_progress(options.bus.json);
   const std::int32_t position = axis.position();
@@ -100,14 +95,16 @@ void run(const MotionOptions& options, const char* done, const Motion& motion) {
 }
 
 void home(const HomeOptions& options) {
-  run(options, "homed", [&](host::Axis402& axis, const Units& units, const host::Axis402::Progress& progress) {
+  run(options, "homed", [&](const Units& units) {
     host::HomingRequest request;
     if (options.method) request.method = static_cast<std::int8_t>(*options.method);
     request.switch_speed = units.operator()<std::uint32_t>(options.speed, "--speed");
     request.zero_speed = units.operator()<std::uint32_t>(options.zero_speed, "--zero-speed");
     request.acceleration = units.operator()<std::uint32_t>(options.acceleration, "--acceleration");
     request.offset = units.operator()<std::int32_t>(options.offset, "--offset");
-    axis.home(request, options.bus.timeout(), progress);
+    return [&options, request](host::Axis402& axis, const host::Axis402::Progress& progress) {
+      axis.home(request, options.bus.timeout(), progress);
+    };
   });
 }
 
@@ -115,17 +112,21 @@ void move(const MoveOptions& options) {
   if (options.to.has_value() == options.by.has_value()) {
     throw Failure::wrong_use("move: give --to POSITION or --by DISTANCE, one of them");
   }
-  run(options, "moved", [&](host::Axis402& axis, const Units& units, const host::Axis402::Progress& progress) {
+  run(options, "moved", [&](const Units& units) {
     const host::MotionProfile profile{
         .velocity = units.operator()<std::uint32_t>(options.velocity, "--velocity"),
         .acceleration = units.operator()<std::uint32_t>(options.acceleration, "--acceleration"),
         .deceleration = units.operator()<std::uint32_t>(
             options.deceleration ? options.deceleration : options.acceleration, "--deceleration")};
-    if (options.to) {
-      axis.move_to(*units.operator()<std::int32_t>(options.to, "--to"), profile, options.bus.timeout(), progress);
-    } else {
-      axis.move_by(*units.operator()<std::int32_t>(options.by, "--by"), profile, options.bus.timeout(), progress);
-    }
+    const auto to = units.operator()<std::int32_t>(options.to, "--to");
+    const auto by = units.operator()<std::int32_t>(options.by, "--by");
+    return [&options, profile, to, by](host::Axis402& axis, const host::Axis402::Progress& progress) {
+      if (to) {
+        axis.move_to(*to, profile, options.bus.timeout(), progress);
+      } else {
+        axis.move_by(*by, profile, options.bus.timeout(), progress);
+      }
+    };
   });
 }
 

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
@@ -10,7 +11,7 @@ namespace {
 
 struct Options {
   BusOptions bus{.timeout_s = 2.0};
-  host::NmtCommand command{};
+  std::string command;
   bool all = false;
   bool wait = false;
 };
@@ -28,9 +29,14 @@ void run(const Options& options) {
   host::Master master(*bus);
   const auto node_id = static_cast<std::uint8_t>(options.bus.node_id);
   if (options.wait) {
-    master.command_and_wait(options.command, node_id, options.bus.timeout());
+    master.command_and_wait(words.at(options.command), node_id, options.bus.timeout());
   } else {
-    master.command(options.command, node_id);
+    master.command(words.at(options.command), node_id);
+  }
+  if (options.bus.json) {
+    nlohmann::ordered_json json{{"node", nullptr}, {"command", options.command}, {"confirmed", options.wait}};
+    if (!options.all) json["node"] = node_id;
+    fmt::print("{}\n", json.dump(2));
   }
 }
 
@@ -41,7 +47,7 @@ void add_nmt(CLI::App& app) {
   CLI::App* command = app.add_subcommand("nmt", "Send an NMT command");
   command->add_option("COMMAND", options->command, "start, stop, pre-operational, reset-node or reset-communication")
       ->required()
-      ->transform(CLI::CheckedTransformer(words).description(""));
+      ->check(CLI::IsMember(words).description(""));
   add_bus_options(*command, options->bus, "Seconds to wait for the confirmation");
   add_node_option(*command, options->bus);
   command->add_flag("--all", options->all, "To all nodes");

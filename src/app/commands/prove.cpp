@@ -6,6 +6,7 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/number_options.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -36,7 +37,7 @@ struct Outcome {
   int method = 0;
   double homing_seconds = 0.0;
   double moving_seconds = 0.0;
-  std::int32_t distance = 0;
+  std::int64_t distance = 0;
   std::int32_t final_position = 0;
   std::string problem{};  // empty: passed
 };
@@ -85,27 +86,27 @@ void move_and_check(host::Bus& bus, host::Axis402& axis, std::int32_t target, co
 void prove(host::Bus& bus, host::Axis402& axis, Outcome& outcome, const Options& options) {
   double units = options.units_per_revolution;
   if (units <= 0) units = axis.units_per_revolution().value_or(default_units_per_revolution);
-  const auto number = [units](double revolutions) {
-    return static_cast<std::uint32_t>(std::lround(revolutions * units));
+  const auto speed = [&](double factor) {
+    return whole_units<std::uint32_t>(options.speed_rps * factor * units, "--speed", options.speed_rps);
   };
+  const auto acceleration =
+      whole_units<std::uint32_t>(options.acceleration_rps2 * units, "--acceleration", options.acceleration_rps2);
+  const host::HomingRequest homing{.method = static_cast<std::int8_t>(outcome.method),
+                                   .switch_speed = speed(homing_speed_factor),
+                                   .zero_speed = speed(zero_speed_factor),
+                                   .acceleration = acceleration};
+  const host::MotionProfile profile{.velocity = speed(1.0), .acceleration = acceleration, .deceleration = acceleration};
+  const auto far = whole_units<std::int32_t>(options.revolutions * units, "--revolutions", options.revolutions);
+  const auto tolerance = static_cast<std::int32_t>(std::lround(units * tolerance_revolutions));
   axis.reset_fault();
   axis.enable();
   const auto seconds_since = [&](host::Time start) { return std::chrono::duration<double>(bus.now() - start).count(); };
 
   host::Time start = bus.now();
-  axis.home({.method = static_cast<std::int8_t>(outcome.method),
-             .switch_speed = number(options.speed_rps * homing_speed_factor),
-             .zero_speed = number(options.speed_rps * zero_speed_factor),
-             .acceleration = number(options.acceleration_rps2)},
-            options.bus.timeout(), motion_progress(axis, options.bus.json));
+  axis.home(homing, options.bus.timeout(), motion_progress(axis, options.bus.json));
   outcome.homing_seconds = seconds_since(start);
 
   start = bus.now();
-  const host::MotionProfile profile{.velocity = number(options.speed_rps),
-                                    .acceleration = number(options.acceleration_rps2),
-                                    .deceleration = number(options.acceleration_rps2)};
-  const auto tolerance = static_cast<std::int32_t>(std::lround(units * tolerance_revolutions));
-  const auto far = static_cast<std::int32_t>(std::lround(options.revolutions * units));
   for (const std::int32_t target : {0, far, 0}) {
     move_and_check(bus, axis, target, profile, tolerance, options);
     outcome.distance += target;
@@ -196,16 +197,19 @@ void add_prove(CLI::App& app) {
                    fmt::format("Homing method, or NODE=METHOD for one node (default {})", default_method))
       ->allow_extra_args(false);
   command->add_option("--revolutions", options->revolutions, "How far to move from home, in motor revolutions")
+      ->check(number_within(-16384.0, 16384.0))
       ->capture_default_str();
   command->add_option("--speed", options->speed_rps, "Speed in motor revolutions per second")
-      ->check(CLI::PositiveNumber.description(""))
+      ->check(number_within(0.001, 1e4))
       ->capture_default_str();
   command
       ->add_option("--acceleration", options->acceleration_rps2, "Acceleration in motor revolutions per second squared")
-      ->check(CLI::PositiveNumber.description(""))
+      ->check(number_within(0.001, 1e6))
       ->capture_default_str();
-  command->add_option("--units-per-revolution", options->units_per_revolution,
-                      "Position units of a motor revolution; by 6092h or 608Fh if not given, else 131072");
+  command
+      ->add_option("--units-per-revolution", options->units_per_revolution,
+                   "Position units of a motor revolution; by 6092h or 608Fh if not given, else 131072")
+      ->check(number_within(1e-3, 1e9));
   command->callback([options] { run(*options); });
 }
 

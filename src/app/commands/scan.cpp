@@ -5,6 +5,7 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/number_options.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -63,6 +64,7 @@ void add_scan(CLI::App& app) {
   CLI::App* command = app.add_subcommand("scan", "List the nodes of a CANopen bus");
   add_bus_options(*command, options->bus, "Seconds to wait for an answer to each question");
   command->add_option("--listen", options->listen_s, "Seconds to listen for heartbeats of nodes that answer no SDO")
+      ->check(number_within(0.0, 1e6))
       ->capture_default_str();
   command->callback([options] { run(*options); });
 }

@@ -146,11 +146,11 @@ void write_ready_file(const std::string& path, const std::string& text) {
   }
 }
 
-// A port that is taken or an interface that is not there is wrong use: nothing has been started.
+// A port that is taken, an interface or a parameter file that is not there is wrong use: nothing has been started.
 std::unique_ptr<line::LineServer> open_line(const line::LineSettings& settings) {
   try {
     return std::make_unique<line::LineServer>(settings);
-  } catch (const links::LinkError& error) {
+  } catch (const std::runtime_error& error) {
     throw Failure::wrong_use(error.what());
   }
 }
@@ -164,9 +164,15 @@ void run(const Options& options) {
   signals.async_wait([&server](const boost::system::error_code& code, int) {
     if (!code) server.stop();
   });
+  bool log_failed = false;
   if (!options.log.empty()) {
     for (std::size_t i = 0; i < settings.buses.size(); ++i) {
-      server.log(*server.line().buses()[i], log_path(options.log, settings, i));
+      const std::string path = log_path(options.log, settings, i);
+      server.log(*server.line().buses()[i], path, [path, &log_failed] {
+        log_failed = true;
+        fmt::print(stderr, "servodrome: the CAN log \"{}\" ends here: it could not be written; is the disk full?\n",
+                   path);
+      });
     }
   }
   const nlohmann::ordered_json ready = describe(server, settings);
@@ -180,6 +186,7 @@ void run(const Options& options) {
   std::fflush(out);
   server.run();
   if (!options.ready_file.empty()) std::remove(options.ready_file.c_str());
+  if (log_failed) throw Failure::did_not_work("the CAN log is not complete");
 }
 
 }  // namespace

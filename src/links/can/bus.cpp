@@ -70,11 +70,12 @@ bool CanBus::transmit(PortId port, const canopen::Frame& frame, Time now, std::u
   Port::Queued& entry = sender.queue[(sender.first + sender.count) % sender.queue.size()];
   entry.frame = normalized(frame);
   entry.ready = std::max(now, now_);
+  entry.delay = Time{};
   entry.tag = tag;
   entry.key = arbitration_key(frame);
   entry.bits = frame_length_bits(entry.frame);
   if (disturbance_ && delay_draws_.chance(disturbance_->delay) && matches(sender, entry.frame)) {
-    entry.ready += disturbance_->delay_time;
+    entry.delay = disturbance_->delay_time;
     ++disturbed_frames_;
     ++counters_.delayed;
   }
@@ -137,7 +138,7 @@ bool CanBus::acknowledged() const {
 bool CanBus::may_send(const Port& port) const { return port.count > 0 && on_wire(port); }
 
 Time CanBus::earliest_start(const Port& port) const {
-  return std::max({idle_at_, port.head().ready, port.suspended_until, now_});
+  return std::max({idle_at_, port.head().ready + port.head().delay, port.suspended_until, now_});
 }
 
 Time CanBus::next_start() const {
@@ -312,6 +313,7 @@ const PortCounters& CanBus::counters(PortId port) const { return at(port).counte
 double CanBus::load_percent(Time now) const { return load_.percent(now); }
 
 void CanBus::disturb(const Disturbance& disturbance) {
+  clear_disturbance();
   disturbance_ = disturbance;
   disturbed_frames_ = 0;
   DisturbanceGenerator seeds(disturbance.seed);
@@ -320,7 +322,13 @@ void CanBus::disturb(const Disturbance& disturbance) {
   corrupt_draws_ = DisturbanceGenerator(seeds.next());
 }
 
-void CanBus::clear_disturbance() { disturbance_.reset(); }
+void CanBus::clear_disturbance() {
+  disturbance_.reset();
+  for (const auto& port : ports_) {
+    for (Port::Queued& entry : port->queue) entry.delay = Time{};
+  }
+  review_private_attempts();
+}
 
 void CanBus::cut(PortId port, bool is_cut) {
   at(port).cut = is_cut;

@@ -137,7 +137,7 @@ class CanBus {
   ErrorState error_state(PortId port) const;
 
   void disturb(const Disturbance& disturbance);  // replaces the one before
-  void clear_disturbance();
+  void clear_disturbance();                      // frames it delays wait no longer
   const std::optional<Disturbance>& disturbance() const { return disturbance_; }
   void cut(PortId port, bool is_cut);  // the port's stub is unplugged
   void cut_bus(bool is_cut);           // every port is alone

@@ -11,6 +11,7 @@ namespace servodrome::links {
 struct CanBus::Port {
   struct Queued {
     canopen::Frame frame;
+    Time delay{};  // what a disturbance adds to `ready`
     Time ready{};  // not to be sent before
     std::uint32_t tag = 0;
     std::uint32_t key = 0;
