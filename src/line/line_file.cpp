@@ -239,9 +239,23 @@ class LineFileReader {
       switches = read_travel(travel_reader, *axis.product, axis.plant);
     }
     axis.motor_data = motor_data_of(axis.plant);
-    read_group(reader, "nameplate", axis.motor_data, nameplate_keys);
+    read_nameplate(reader, axis.motor_data);
     if (report_.diagnostics.size() != complaints) return;  // the plant's complaints would be echoes
     for (const std::string& message : plant::validate(axis.plant)) complain_of_plant(reader, message, switches);
+  }
+
+  void read_nameplate(TableReader& axis, drive::MotorData& motor) {
+    const std::size_t complaints = report_.diagnostics.size();
+    read_group(axis, "nameplate", motor, nameplate_keys);
+    const toml::table* table = axis.table("nameplate");
+    if (table == nullptr || report_.diagnostics.size() != complaints) return;
+    TableReader reader(*table, axis.name_of("nameplate"), report_);
+    for (const Range& range : nameplate_ranges) {
+      const auto value = (*table)[range.name].value<double>();
+      if (!value || (*value >= range.minimum && *value <= range.maximum)) continue;
+      reader.complain(range.name, fmt::format("{:g} is out of range", *value),
+                      fmt::format("expected {:g} .. {:g}", range.minimum, range.maximum));
+    }
   }
 
   // `message` begins with the name of a parameter, as plant::validate writes it ("motor.pole_pairs: ...").

@@ -8,8 +8,8 @@
 #include "drive/loops/motor_data.hpp"
 #include "plant/parameters.hpp"
 
-// The keys of a line file that are members of the plant's parameters, under the members' names. Ranges are checked by
-// plant::validate; travel geometry is read apart (travel.hpp).
+// The keys of a line file that are members of the plant's parameters, under the members' names. Ranges of the plant
+// are checked by plant::validate; travel geometry is read apart (travel.hpp).
 namespace servodrome::line {
 
 template <typename Struct>
@@ -106,5 +106,24 @@ inline constexpr std::array nameplate_keys{
 };
 
 #undef SERVODROME_KEY
+
+// A drive may be told what is wrong, but not what its control law cannot be worked out of: the ranges of the plant,
+// with a decade to be wrong in.
+struct Range {
+  std::string_view name;
+  double minimum;
+  double maximum;
+};
+
+inline constexpr std::array nameplate_ranges{
+    Range{"counts_per_revolution", 1, 1 << 24}, Range{"pole_pairs", 1, 100},
+    Range{"rated_current_a", 1e-6, 1e5},        Range{"peak_current_a", 1e-6, 1e5},
+    Range{"rated_torque_nm", 1e-6, 1e5},        Range{"rated_speed_rpm", 1e-3, 1e6},
+    Range{"max_speed_rpm", 1e-3, 1e6},          Range{"torque_constant_nm_per_a", 1e-5, 1e4},
+    Range{"resistance_ohm", 1e-4, 1e4},         Range{"inductance_d_h", 1e-7, 10},
+    Range{"inductance_q_h", 1e-7, 10},          Range{"inertia_kgm2", 1e-9, 1e4},
+    Range{"commutation_offset_turns", -1, 1},
+};
+static_assert(nameplate_ranges.size() == nameplate_keys.size());
 
 }  // namespace servodrome::line

@@ -1,5 +1,6 @@
 #include "line/line_file.hpp"
 
+#include <fmt/format.h>
 #include <fstream>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -119,6 +120,21 @@ resistance_ohm = 9.5
   EXPECT_FLOAT_EQ(line.axes[0].motor_data.rated_current_a, 2.828427F);  // peak of 2 A rms
   EXPECT_FLOAT_EQ(line.axes[0].motor_data.resistance_ohm, 9.5F);
   EXPECT_DOUBLE_EQ(line.axes[0].plant.motor.resistance_ohm, 1.1);
+}
+
+TEST(LineFile, TheNameplateMayBeWrongButNotAbsurd) {
+  for (const Range& range : nameplate_ranges) {
+    for (const double wrong : {range.minimum - 1.0, range.maximum * 1.5 + 1.0}) {
+      const bool whole = range.name == "counts_per_revolution" || range.name == "pole_pairs";
+      const std::string value = fmt::format("{:.{}f}", wrong, whole ? 0 : 3);
+      const LineFile file = parse_line_file(
+          fmt::format("[[bus]]\nname='can0'\n[[axis]]\nname='x'\nproduct='ismc'\n[axis.nameplate]\n{}={}\n", range.name,
+                      value),
+          "line.toml", all_products());
+      ASSERT_FALSE(file.diagnostics.empty()) << range.name << " = " << value;
+      EXPECT_THAT(to_string(file.diagnostics[0]), HasSubstr("nameplate." + std::string(range.name)));
+    }
+  }
 }
 
 struct Mistake {
