@@ -98,11 +98,11 @@ class CanDevice : public Device,
       drive_.restart();
     } else {
       drive_.objects_loaded();
+      abort_connection();
     }
   }
-  // 6007h also tells what to do when the node is stopped; a product without that object goes on.
   void nmt_state_changed(canopen::NmtState state) override {
-    if (state == canopen::NmtState::stopped && dictionary_.find(0x6007, 0) != nullptr) drive_.communication_lost();
+    if (state == canopen::NmtState::stopped) abort_connection();
   }
   dictionary::AbortCode store(dictionary::Area areas) override { return save(areas); }
   dictionary::AbortCode restore_defaults(dictionary::Area areas) override {
@@ -137,6 +137,12 @@ class CanDevice : public Device,
 
  private:
   Product& product() { return static_cast<Product&>(*this); }
+
+  // 6007h also tells what to do when the node is stopped or its communication is reset; a product without that object
+  // goes on.
+  void abort_connection() {
+    if (dictionary_.find(0x6007, 0) != nullptr) drive_.communication_lost();
+  }
 
   void load_objects(dictionary::Area areas, std::uint8_t node_id) {
     load_factory_values(areas, node_id);

@@ -434,5 +434,23 @@ TEST_F(Review, PositionsBeyond32BitsAreAddressedInTheirTurn) {
   EXPECT_NEAR(static_cast<double>(counts()), 5000.0, 2.0);
 }
 
+// 6007h: reset communication takes the master away like a stopped node does.
+TEST(ReviewConnection, ResetCommunicationIsALossOfConnection) {
+  for (const std::int64_t option : {0, 1, 2, 3}) {
+    Rig<Generic402> rig;
+    rig.set(0x6060, 0, 3);
+    ASSERT_TRUE(rig.enable());
+    rig.set(0x6007, 0, option);
+    rig.run_ms(1);
+    // 6007h is of the profile's area, which reset communication leaves alone.
+    rig.send(0x000, {0x82, 0x00});
+    rig.run_ms(10);
+    constexpr std::array after{drive::PowerState::operation_enabled, drive::PowerState::fault,
+                               drive::PowerState::switch_on_disabled, drive::PowerState::switch_on_disabled};
+    EXPECT_EQ(rig.device.drive().state(), after[static_cast<std::size_t>(option)]) << option;
+    EXPECT_EQ(rig.get(0x603F), option == 1 ? 0x8130 : 0);
+  }
+}
+
 }  // namespace
 }  // namespace servodrome
