@@ -59,6 +59,11 @@ bool Pty::has_client() const {
   return (entry.revents & POLLIN) != 0 || (entry.revents & POLLHUP) == 0;
 }
 
+bool Pty::has_input() const {
+  pollfd entry{master_.get(), POLLIN, 0};
+  return ::poll(&entry, 1, 0) > 0 && (entry.revents & POLLIN) != 0;
+}
+
 void Pty::reset() {
   // Through the device: only there can what a client left unread be flushed. What a new client has already written is
   // on the master's side and stays.

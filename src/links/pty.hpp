@@ -20,6 +20,8 @@ class Pty {
 
   // Whether a client has the device open or has left bytes to read.
   bool has_client() const;
+  // Bytes of a client can be read.
+  bool has_input() const;
   // Raw mode again and nothing left of an earlier client's traffic.
   void reset();
 

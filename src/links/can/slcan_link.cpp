@@ -11,6 +11,7 @@ using boost::system::error_code;
 
 // A pty whose other end is closed gives no event when it is opened again: look this often.
 constexpr auto client_poll_time = std::chrono::milliseconds(10);
+constexpr auto input_poll_time = std::chrono::milliseconds(2);
 
 // Status byte of the F command (CANUSB manual).
 constexpr std::uint8_t receive_queue_full = 0x01;
@@ -45,11 +46,26 @@ void SlcanLink::wait_for_client() {
   if (pty_.has_client()) {
     counters_.clients = 1;
     read();
+    watch_input();
     return;
   }
   client_poll_.expires_after(client_poll_time);
   client_poll_.async_wait([this, alive = alive_](error_code code) {
     if (*alive && !code) wait_for_client();
+  });
+}
+
+// Edge-triggered epoll, which Asio uses, can miss that a pty has become readable: the kernel moves the bytes through a
+// work queue. So whoever waits to read looks for himself now and then. A write that waits is left alone.
+void SlcanLink::watch_input() {
+  client_poll_.expires_after(input_poll_time);
+  client_poll_.async_wait([this, alive = alive_](error_code code) {
+    if (!*alive || code || counters_.clients == 0) return;
+    if (reading_ && !is_writing_ && pty_.has_input()) {
+      error_code ignored;
+      stream_.cancel(ignored);  // the read begins anew and finds them
+    }
+    watch_input();
   });
 }
 
@@ -73,6 +89,10 @@ void SlcanLink::read() {
   stream_.async_read_some(boost::asio::buffer(input_), [this, alive = alive_](error_code code, std::size_t size) {
     if (!*alive) return;
     reading_ = false;
+    if (code == boost::asio::error::operation_aborted) {
+      if (counters_.clients > 0) read();
+      return;
+    }
     if (code) {
       lose_client();  // EIO: the other end is closed
       return;

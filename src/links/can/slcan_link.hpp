@@ -41,6 +41,7 @@ class SlcanLink final : public CanLink, private Receiver, private slcan::Control
   std::uint8_t status_flags() override;
 
   void wait_for_client();
+  void watch_input();
   void read();
   void work();
   void resume();
