@@ -154,16 +154,22 @@ void SlcanLink::on_frame(const canopen::Frame& frame, Time at) {
 
 void SlcanLink::on_sent(const canopen::Frame& /*frame*/, std::uint32_t /*tag*/, Time /*at*/) {
   if (bus_.queue_space(port_) >= link_queue_depth / 2) resume();
+  if (closing_) close();
 }
 
 void SlcanLink::on_error_state(ErrorState /*state*/, Time /*at*/) { resume(); }
 
 void SlcanLink::open(bool listen_only) {
+  closing_ = false;
   bus_.set_participation(port_, listen_only ? Participation::listen_only : Participation::normal);
   host_.wake();
 }
 
-void SlcanLink::close() { bus_.set_participation(port_, Participation::off); }
+// What the client sent before it closed the channel still goes out: a command like "send this and leave" is not lost.
+void SlcanLink::close() {
+  closing_ = bus_.pending(port_) > 0 && bus_.error_state(port_) == ErrorState::active;
+  if (!closing_) bus_.set_participation(port_, Participation::off);
+}
 
 void SlcanLink::set_bit_rate(std::uint32_t bit_rate) { bus_.set_port_bit_rate(port_, bit_rate); }
 

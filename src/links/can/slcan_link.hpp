@@ -61,6 +61,7 @@ class SlcanLink final : public CanLink, private Receiver, private slcan::Control
   std::string_view unread_;
   std::string writing_;
   std::string waiting_;
+  bool closing_ = false;  // the channel is closed as soon as what was sent is out
   bool reading_ = false;
   bool is_writing_ = false;
   bool paused_ = false;
