@@ -1,7 +1,6 @@
 """The check of the captures can fail: it objects to a malformed frame, and to captures in which nothing happened."""
 
 import pathlib
-import shutil
 import struct
 import subprocess
 
@@ -26,7 +25,6 @@ def check(folder):
 
 
 @pytest.mark.once
-@pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
 @pytest.mark.parametrize(
     "frames, says", [([BOOT_UP, SHORT_SDO], "tshark objects"), ([BOOT_UP], "never seen"), (None, "no captures")]
 )
