@@ -242,7 +242,8 @@ TEST_F(BenchApi, InjectedFaultsReachTheDrive) {
 TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
   for (const char* axis : {"left", "right"}) {
     const std::string target = fmt::format("/axes/{}", axis);
-    for (const json& fault : get(target + "/faults")["injectable"]["drive"]) {
+    const json faults = get(target + "/faults");
+    for (const json& fault : faults["injectable"]["drive"]) {
       const std::string code = fault["code"];
       ask(Method::post, target + "/power", R"({"action":"cycle"})");
       pass(50ms);
