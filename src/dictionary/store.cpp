@@ -37,6 +37,7 @@ struct Image {
 // may hold the newest values and must not be written over.
 struct Inspection {
   bool readable = false;
+  bool damaged = false;  // it held an image once
   std::optional<Image> image;
 };
 
@@ -44,9 +45,9 @@ Inspection inspect(Medium& medium, std::uint32_t bank, std::uint32_t capacity) {
   StoreHeader header;
   if (!medium.read(bank, std::as_writable_bytes(std::span(&header, 1)))) return {};
   const std::uint32_t room = capacity - static_cast<std::uint32_t>(sizeof header);
-  if (header.mark != StoreHeader::valid_mark || header.version != StoreHeader::current_version ||
-      header.payload_length > room) {
-    return {.readable = true, .image = {}};
+  if (header.mark != StoreHeader::valid_mark) return {.readable = true, .damaged = false, .image = {}};
+  if (header.version != StoreHeader::current_version || header.payload_length > room) {
+    return {.readable = true, .damaged = true, .image = {}};
   }
   std::uint32_t crc = crc_of_header(header);
   Chunk chunk;
@@ -56,13 +57,14 @@ Inspection inspect(Medium& medium, std::uint32_t bank, std::uint32_t capacity) {
     crc = crc32(part, crc);
     done += static_cast<std::uint32_t>(part.size());
   }
-  if (crc != header.crc) return {.readable = true, .image = {}};
-  return {.readable = true, .image = Image{bank, header}};
+  if (crc != header.crc) return {.readable = true, .damaged = true, .image = {}};
+  return {.readable = true, .damaged = false, .image = Image{bank, header}};
 }
 
 struct Banks {
   std::uint32_t capacity;
   bool readable;  // both
+  bool damaged;   // one of them
   std::optional<Image> newest;
 };
 
@@ -71,12 +73,13 @@ bool is_newer(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_
 
 Banks inspect(Medium& medium) {
   const std::uint32_t capacity = medium.size() / 2;
-  if (capacity < sizeof(StoreHeader)) return {capacity, false, {}};
+  if (capacity < sizeof(StoreHeader)) return {capacity, false, false, {}};
   const Inspection first = inspect(medium, 0, capacity);
   const Inspection second = inspect(medium, capacity, capacity);
   const bool second_is_newer =
       second.image && (!first.image || is_newer(second.image->header.sequence, first.image->header.sequence));
-  return {capacity, first.readable && second.readable, second_is_newer ? second.image : first.image};
+  return {capacity, first.readable && second.readable, first.damaged || second.damaged,
+          second_is_newer ? second.image : first.image};
 }
 
 struct Record {
@@ -281,6 +284,11 @@ AbortCode Store::rewrite(const Dictionary* source, Area areas) {
   header.mark = StoreHeader::valid_mark;
   if (!medium_.write(bank, bytes_of(header)) || !medium_.flush()) return AbortCode::hardware_error;
   return inspect(medium_, bank, banks.capacity).image ? AbortCode::none : AbortCode::hardware_error;
+}
+
+bool Store::damaged() const {
+  const Banks banks = inspect(medium_);
+  return !banks.newest && (banks.damaged || !banks.readable);
 }
 
 bool Store::load(Dictionary& dictionary, Area areas) const {

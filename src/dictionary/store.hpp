@@ -35,6 +35,9 @@ class Store {
   // objects of `areas` need their factory values again.
   bool load(Dictionary& dictionary, Area areas) const;
 
+  // Nothing can be loaded because what was saved is spoilt or cannot be read; not because nothing was saved.
+  bool damaged() const;
+
  private:
   AbortCode rewrite(const Dictionary* source, Area areas);
 
