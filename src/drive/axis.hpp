@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 
+#include "drive/cause_set.hpp"
 #include "drive/generator.hpp"
 #include "drive/loops/cascade.hpp"
 #include "drive/loops/gains.hpp"
@@ -29,7 +30,11 @@ struct Monitors {
   std::uint32_t velocity_error_ms = 1000;
   bool i2t = true;
   float i2t_peak_time_s = 3.0F;  // the peak current may flow so long
-  Counts index_deviation = 0;    // between successive index pulses
+  // The power stage's own currents, as amplitude, where they are watched apart from the motor's; 0: they are not.
+  float stage_rated_current_a = 0.0F;
+  float stage_peak_current_a = 0.0F;
+  bool limit_switches = false;  // meeting one after homing, outside of homing, is a fault
+  Counts index_deviation = 0;   // between successive index pulses
 };
 
 // What a product, its nameplate and its own parameters decide, and may change while the drive runs.
@@ -39,7 +44,11 @@ struct Configuration {
   Monitors monitors{};
   InputMap inputs{};
   TouchProbeCapability touch_probe{};
+  CauseSet ignored{};                          // faults that are neither reported nor reacted to
+  bool remote = true;                          // statusword bit 9: the bus, not an input, enables the drive
   std::uint32_t remote_outputs = 0xFFFFFFFF;   // outputs that 60FEh may drive, bit n for output n
+  bool brake_inverted = false;                 // the brake's output is wired the other way round
+  bool brake_forced = false;                   // ... or commissioning simulates it as on
   std::uint32_t brake_release_ms = 0;          // from power on to the first motion
   std::uint32_t brake_engage_ms = 0;           // from brake command to power off
   std::int16_t velocity_stop_shape = 0;        // ramp type of stopping in the velocity modes, as 6086h counts them

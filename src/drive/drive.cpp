@@ -21,6 +21,14 @@ Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
 }
 
 void Drive::configure(const Configuration& configuration) {
+  for (std::size_t i = 0; i < max_inputs; ++i) {
+    // A simulated input changes here, without an edge on its wire.
+    const InputFunction& before = axis_.configuration.inputs[i];
+    const InputFunction& now = configuration.inputs[i];
+    const bool high = (wires_ >> i & 1u) != 0;
+    if (now.signal == Signal::none || now.forced == before.forced || now.signal != before.signal) continue;
+    if (now.active(high) != before.active(high)) note_edge({now.signal, now.active(high), axis_.encoder_position});
+  }
   axis_.configuration = configuration;
   cascade_.configure(configuration.motor, configuration.gains,
                      {policy_.velocity_loop_ticks, policy_.position_loop_ticks});
@@ -46,6 +54,16 @@ void Drive::objects_loaded() {
   load_touch_probe();
 }
 
+void Drive::command(std::uint16_t controlword) {
+  axis_.objects.controlword = controlword;
+  handle_controlword(controlword_, controlword);
+}
+
+void Drive::set_touch_probe_function(std::uint16_t function) {
+  axis_.objects.touch_probe_function = function;
+  touch_probe_.write_function(function);
+}
+
 void Drive::load_touch_probe() {
   touch_probe_.write_function(axis_.objects.touch_probe_function);
   for (std::size_t i = 0; i < axis_.objects.touch_probe_source.size(); ++i) {
@@ -62,6 +80,8 @@ void Drive::power_on(const Feedback& feedback) {
   tick_in_cycle_ = 0;
   edge_count_ = 0;
   tripped_ = 0;
+  terminal_outputs_ = 0;
+  limit_positions_ = {};
   wires_ = feedback.inputs;
   axis_.encoder_position = feedback.position_counts;
   supervision_.reset();
@@ -131,13 +151,20 @@ void Drive::capture_edges(const Feedback& feedback) {
     if (edge.source != Edge::index_source) {
       if (edge.source >= max_inputs) continue;
       const InputFunction& function = axis_.configuration.inputs[edge.source];
+      if (function.forced) continue;
       signal.signal = function.signal;
-      signal.rising = edge.rising != function.inverted;
+      signal.rising = function.active(edge.rising);
     }
-    if (signal.signal == Signal::none) continue;
-    if (touch_probe_.on_edge(signal)) axis_.raise(Cause::index_deviation);
-    if (edge_count_ < edge_capacity) edges_[edge_count_++] = signal;
+    if (signal.signal != Signal::none) note_edge(signal);
   }
+}
+
+void Drive::note_edge(const SignalEdge& edge) {
+  if (touch_probe_.on_edge(edge)) axis_.raise(Cause::index_deviation);
+  if (edge_count_ < edge_capacity) edges_[edge_count_++] = edge;
+  if (!edge.rising) return;
+  if (edge.signal == Signal::negative_limit) limit_positions_[0] = edge.position + axis_.offset;
+  if (edge.signal == Signal::positive_limit) limit_positions_[1] = edge.position + axis_.offset;
 }
 
 void Drive::update_inputs(const Feedback& feedback) {
@@ -148,7 +175,7 @@ void Drive::update_inputs(const Feedback& feedback) {
     for (std::size_t i = 0; i < max_inputs; ++i) {
       const InputFunction& function = axis_.configuration.inputs[i];
       const bool high = (wires_ >> i & 1u) != 0;
-      if (function.signal != Signal::none && high != function.inverted) signals |= bit(function.signal);
+      if (function.signal != Signal::none && function.active(high)) signals |= bit(function.signal);
     }
     axis_.signals = signals;
   }
@@ -158,6 +185,7 @@ void Drive::update_inputs(const Feedback& feedback) {
 void Drive::cycle(const Feedback& feedback) {
   axis_.encoder_position = feedback.position_counts;
   dc_link_v_ = feedback.dc_link_v;
+  winding_temperature_c_ = feedback.winding_temperature_c;
   update_inputs(feedback);
   axis_.edges = std::span(edges_.data(), edge_count_);
 
@@ -167,6 +195,7 @@ void Drive::cycle(const Feedback& feedback) {
                       .dc_link_expected = dc_link_cycles_ > axis_.cycles(precharge_ms),
                       .brake_closed = axis_.configuration.has_brake() &&
                                       brake_closed_cycles_ > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
+                      .homing = mode_ == Mode::homing,
                       .pressing = mode_ == Mode::homing && homing_mode_.pressing(),
                       .loop = axis_.demand.loop});
   collect_faults();
@@ -295,6 +324,7 @@ void Drive::set_limits() {
     demand.torque_limit_positive = std::min(demand.torque_limit_positive, pressing);
     demand.torque_limit_negative = std::min(demand.torque_limit_negative, pressing);
   }
+  demand.integral_off = axis_.active(Signal::integral_off);
   const auto most = static_cast<float>(axis_.max_velocity(false));
   demand.velocity_limit_positive = demand.velocity_limit_negative = most;
   if (demand.loop == Loop::torque) {
@@ -323,13 +353,15 @@ void Drive::set_limits() {
 void Drive::write_actuation() {
   outputs_.pwm_enabled = energised() && !short_circuit_;
   outputs_.short_circuit = energised() && short_circuit_;
-  outputs_.brake_released = stage_ == Stage::releasing_brake || stage_ == Stage::on;
+  const Configuration& configuration = axis_.configuration;
+  outputs_.brake_released = brake_released() != configuration.brake_inverted || configuration.brake_forced;
   brake_closed_cycles_ = outputs_.brake_released ? 0 : brake_closed_cycles_ + 1;
   outputs_.dc_link_connected = policy_.dc_link == DcLink::always || energised() || state_ == PowerState::switched_on;
   dc_link_cycles_ = outputs_.dc_link_connected ? dc_link_cycles_ + 1 : 0;
   outputs_.chopper_on = supervision_.chopper();
   outputs_.outputs = (axis_.objects.physical_outputs & axis_.objects.output_mask) >> policy_.first_output_bit &
-                     ((1u << policy_.output_count) - 1u) & axis_.configuration.remote_outputs;
+                     ((1u << policy_.output_count) - 1u) & configuration.remote_outputs;
+  outputs_.outputs |= terminal_outputs_;
 }
 
 std::uint16_t Drive::statusword() const {
@@ -337,7 +369,7 @@ std::uint16_t Drive::statusword() const {
   const bool powered = outputs_.dc_link_connected && dc_link_v_ > axis_.configuration.monitors.under_voltage_v;
   if (policy_.dc_link == DcLink::always ? powered : outputs_.dc_link_connected) word |= statusword::voltage_enabled;
   if (warnings_) word |= statusword::warning;
-  if (policy_.remote_bit) word |= statusword::remote;
+  if (policy_.remote_bit && axis_.configuration.remote) word |= statusword::remote;
   const CascadeState& loops = cascade_.state();
   if (energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited)) {
     word |= statusword::internal_limit_active;

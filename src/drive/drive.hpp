@@ -57,6 +57,18 @@ class Drive final : public dictionary::Listener {
   void synchronise() { axis_.synchronised = true; }
   void communication_lost();  // reacts by 6007h
 
+  // --- Terminals
+  // What a device carries out of its inputs: as a controlword written by the bus.
+  void command(std::uint16_t controlword);
+  // Levels of outputs that the device works out itself, bit n for output n, beside those of 60FEh.
+  void set_outputs(std::uint32_t levels) { terminal_outputs_ = levels; }
+  std::uint32_t wires() const { return wires_; }  // levels of the inputs
+  // Application counts where the switch was met last.
+  Counts positive_limit_position() const { return limit_positions_[1]; }
+  Counts negative_limit_position() const { return limit_positions_[0]; }
+  const TouchProbe& touch_probe() const { return touch_probe_; }
+  void set_touch_probe_function(std::uint16_t function);  // as a write of 60B8h
+
   // --- Faults
   void raise(Cause cause);                 // by the device around the drive, e.g. sync_lost
   void inject(Cause cause, bool present);  // for causes that only hardware has
@@ -64,18 +76,25 @@ class Drive final : public dictionary::Listener {
   bool any_fault() const { return active_.any(); }
   const FaultRow* newest_fault() const { return newest_fault_; }
   const FaultRow* row(Cause cause) const;
+  void clear_multi_turn() { multi_turn_cleared_ = true; }  // the encoder's turns were declared valid
 
   // --- What the drive is doing
   PowerState state() const { return state_; }
   Mode mode() const { return mode_; }
   std::uint16_t statusword() const;
   bool in_motion() const { return !axis_.generator.standing(); }
+  bool energised() const { return stage_ != Stage::off; }
+  bool brake_released() const { return stage_ == Stage::releasing_brake || stage_ == Stage::on; }
   bool homed() const { return axis_.homed; }
+  bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }
+  float dc_link_v() const { return dc_link_v_; }
+  float winding_temperature_c() const { return winding_temperature_c_; }
   Counts position_offset() const { return axis_.offset; }
   void set_position_offset(Counts offset) { axis_.offset = offset; }
   const CascadeState& loops() const { return cascade_.state(); }
   const Axis& axis() const { return axis_; }
   double i2t_utilisation_percent() const { return supervision_.i2t_utilisation_percent(); }
+  double stage_utilisation_percent() const { return supervision_.stage_utilisation_percent(); }
 
   // --- dictionary::Listener
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
@@ -109,13 +128,13 @@ class Drive final : public dictionary::Listener {
   void react_to_fault(const FaultRow& row);
   void reset_faults();
   void collect_faults();
-  bool energised() const { return stage_ != Stage::off; }
   void switch_power(bool on);
 
   // drive.cpp
   void cycle(const Feedback& feedback);
   void update_inputs(const Feedback& feedback);
   void capture_edges(const Feedback& feedback);
+  void note_edge(const SignalEdge& edge);
   void change_mode();
   void run_mode();
   void limit_switches(Counts before);
@@ -164,13 +183,17 @@ class Drive final : public dictionary::Listener {
   CauseSet active_{};  // latched faults
   CauseSet injected_{};
   const FaultRow* newest_fault_ = nullptr;
+  bool multi_turn_cleared_ = false;
 
   Actuation outputs_{};  // everything but the phase voltages, set once per cycle
   std::uint32_t last_inputs_ = 0;
   std::uint32_t wires_ = 0;
+  std::uint32_t terminal_outputs_ = 0;
+  std::array<Counts, 2> limit_positions_{};  // negative, positive
   bool warnings_ = false;
   std::uint32_t dc_link_cycles_ = 0;  // since the DC link was connected
   float dc_link_v_ = 0.0F;
+  float winding_temperature_c_ = 0.0F;
   std::array<SignalEdge, edge_capacity> edges_{};
   std::size_t edge_count_ = 0;
   std::uint32_t tripped_ = 0;  // HardwareFault bits since the last cycle

@@ -19,6 +19,12 @@ enum class Cause : std::uint8_t {
   under_voltage,
   gate_supply,
   internal_hardware,
+  current_sensor,         // its zero has moved, or its ripple is too great
+  current_sensor_origin,  // its zero could not be recorded
+  current_saturation,     // the current is beyond what can be measured
+  brake_resistor,         // overload
+  brake_resistor_hot,     // of the resistor inside of the drive
+  brake_resistor_short,
   // Temperature
   ambient_hot,
   ambient_cold,
@@ -36,6 +42,9 @@ enum class Cause : std::uint8_t {
   hall_wiring,
   hall_state,
   index_deviation,  // successive index pulses are not one revolution apart
+  second_encoder_connection,
+  second_encoder_count,
+  second_encoder_direction,  // counts against the motor's encoder
   // Motion planning
   profile_duration,
   profile_end_velocity_above_start,
@@ -66,8 +75,20 @@ enum class Cause : std::uint8_t {
   position_limit,
   i2t,
   external,  // an outside device, on an input
+  enable_refused,
+  positive_limit,  // a limit switch was met where that is a fault
+  negative_limit,
+  pulse_frequency,
   brake,
+  // The drive's own electronics and memory
+  memory,  // stored values are damaged
+  watchdog,
+  interrupt,
+  controller,  // of another type than the firmware is for
+  serial_interface,
   // Commissioning
+  motor_unknown,   // no data of a motor
+  motor_mismatch,  // another motor than the stored one
   calibration,
   not_calibrated,
   angle_jitter,
@@ -77,6 +98,7 @@ enum class Cause : std::uint8_t {
   phase_sequence,
   // Communication
   communication_lost,
+  service_timeout,
   sync_lost,
   count_of_causes,
   // Products may number causes of their own from here.
@@ -89,6 +111,7 @@ Cause cause_from_name(const char* name);
 
 enum class Reaction : std::uint8_t {
   option_code,  // fault reaction option code 605Eh
+  angle_lost,   // the rotor's angle is not known: of 605Eh only what needs none, else power off
   power_off,    // the motor cannot be controlled any more: power stage off at once
   none          // a warning: shown in statusword bit 7, motion goes on
 };
@@ -96,6 +119,7 @@ enum class Reaction : std::uint8_t {
 enum class ResetRule : std::uint8_t {
   when_cause_gone,                   // controlword bit 7, once the cause has gone
   power_cycle,                       // restart of the drive
+  clear_multi_turn,                  // controlword bit 7, once the encoder's turns have been cleared
   clear_multi_turn_and_power_cycle,  // the encoder's turns must be cleared before the restart
 };
 
@@ -106,6 +130,7 @@ struct FaultRow {
   Reaction reaction;
   ResetRule reset;
   const char* name;
+  std::uint16_t alarm = 0;  // the product's own number of it, if it has one
 };
 
 }  // namespace servodrome::drive

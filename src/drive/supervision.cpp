@@ -46,6 +46,12 @@ void Supervision::configure(const Axis& axis) {
   const MotorData& motor = axis.configuration.motor;
   i2t_.configure(static_cast<double>(motor.rated_current_a), static_cast<double>(motor.peak_current_a),
                  static_cast<double>(axis.configuration.monitors.i2t_peak_time_s), axis.cycle_s);
+  const Monitors& monitors = axis.configuration.monitors;
+  if (monitors.stage_rated_current_a > 0.0F) {
+    stage_i2t_.configure(static_cast<double>(monitors.stage_rated_current_a),
+                         static_cast<double>(monitors.stage_peak_current_a),
+                         static_cast<double>(monitors.i2t_peak_time_s), axis.cycle_s);
+  }
 }
 
 void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& situation) {
@@ -63,10 +69,21 @@ void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& s
   }
   if (axis.active(Signal::external_fault)) present_.set(Cause::external);
   if (axis.active(Signal::motor_temperature)) present_.set(Cause::motor_contact);
+  if (situation.energised && axis.active(Signal::enable_refused)) present_.set(Cause::enable_refused);
   supply(axis, feedback, situation);
   temperatures(axis, feedback);
   phases(axis, feedback, situation);
   motion(axis, situation);
+  if (axis.configuration.monitors.limit_switches) limit_switches(axis, situation);
+  last_signals_ = axis.signals;
+}
+
+// Meeting the switch is the fault, not standing on it: else it could not be reset before the axis was moved by hand.
+void Supervision::limit_switches(const Axis& axis, const Situation& situation) {
+  if (!axis.homed || situation.homing) return;
+  const std::uint32_t met = axis.signals & ~last_signals_;
+  if ((met & bit(Signal::positive_limit)) != 0) present_.set(Cause::positive_limit);
+  if ((met & bit(Signal::negative_limit)) != 0) present_.set(Cause::negative_limit);
 }
 
 void Supervision::supply(const Axis& axis, const Feedback& feedback, const Situation& situation) {
@@ -80,8 +97,10 @@ void Supervision::supply(const Axis& axis, const Feedback& feedback, const Situa
   const float square =
       axis.loops->current_d_a * axis.loops->current_d_a + axis.loops->current_q_a * axis.loops->current_q_a;
   i2t_.update(square);
+  const bool stage_watched = monitors.stage_rated_current_a > 0.0F;
+  if (stage_watched) stage_i2t_.update(square);
   if (monitors.i2t) {
-    if (i2t_.tripped()) present_.set(Cause::i2t);
+    if (i2t_.tripped() || (stage_watched && stage_i2t_.tripped())) present_.set(Cause::i2t);
     if (i2t_.utilisation_percent() > 90.0) warning_ = true;
   }
 }

@@ -15,7 +15,8 @@ class Supervision {
     bool energised = false;             // the power stage works
     bool dc_link_expected = false;      // the DC link should have its voltage
     bool brake_closed = false;          // engaged for longer than its delay
-    bool pressing = false;              // homing against a hard stop: following error and torque limit are meant
+    bool homing = false;
+    bool pressing = false;  // homing against a hard stop: following error and torque limit are meant
     Loop loop = Loop::off;
   };
 
@@ -27,15 +28,18 @@ class Supervision {
   bool warning() const { return warning_; }
   bool chopper() const { return chopper_; }
   double i2t_utilisation_percent() const { return i2t_.utilisation_percent(); }
+  double stage_utilisation_percent() const { return stage_i2t_.utilisation_percent(); }
 
  private:
   void supply(const Axis& axis, const Feedback& feedback, const Situation& situation);
   void temperatures(const Axis& axis, const Feedback& feedback);
   void phases(Axis& axis, const Feedback& feedback, const Situation& situation);
   void motion(Axis& axis, const Situation& situation);
+  void limit_switches(const Axis& axis, const Situation& situation);
 
   CauseSet present_{};
   I2t i2t_{};
+  I2t stage_i2t_{};
   bool warning_ = false;
   bool chopper_ = false;
   Dwell following_{};
@@ -45,6 +49,7 @@ class Supervision {
   std::array<float, 3> phase_peak_a_{};
   std::uint32_t phase_cycles_ = 0;
   Counts phase_start_ = 0;
+  std::uint32_t last_signals_ = 0;
   Counts brake_position_ = 0;
   bool brake_was_closed_ = false;
 };

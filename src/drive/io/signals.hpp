@@ -20,14 +20,24 @@ enum class Signal : std::uint8_t {
   motor_temperature,  // contact in the motor winding
   quick_stop,
   interlock,
+  enable_refused,    // something outside is not ready: the motor must not be enabled
+  invert_direction,  // velocity and torque modes turn the other way
+  integral_off,      // the velocity loop works without its integral
   count_of_signals
 };
 
 constexpr std::uint32_t bit(Signal signal) { return 1u << static_cast<unsigned>(signal); }
 
+// A terminal is on while its wire is high (low if `inverted`), or always if `forced`, as commissioning tools simulate
+// inputs; its signal is active while it is on (off if `normally_closed`).
 struct InputFunction {
   Signal signal = Signal::none;
-  bool inverted = false;  // the signal is active while the wire is low
+  bool inverted = false;
+  bool forced = false;
+  bool normally_closed = false;
+
+  constexpr bool active(bool wire_high) const { return (forced || wire_high != inverted) != normally_closed; }
+  friend bool operator==(const InputFunction&, const InputFunction&) = default;
 };
 
 inline constexpr std::size_t max_inputs = 16;

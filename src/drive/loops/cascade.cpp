@@ -236,7 +236,11 @@ float Cascade::velocity_controller() {
   state_.torque_limited = torque != sum;
   const bool winding_up = state_.torque_limited ? (sum > torque) == (error > 0.0F)
                                                 : state_.voltage_limited && (error > 0.0F) == (torque > 0.0F);
-  if (!winding_up) integral_ = rest_.integrate(integral_, velocity_ki_ * error, moved_);
+  if (demand_.integral_off) {
+    integral_ = 0.0F;
+  } else if (!winding_up) {
+    integral_ = rest_.integrate(integral_, velocity_ki_ * error, moved_);
+  }
   // A limit that is lowered takes the integral along, but leaves it room to make up for a wrong feed-forward.
   integral_ = clip(integral_, low - std::max(feed_forward_, 0.0F), high + std::max(-feed_forward_, 0.0F));
   return torque;

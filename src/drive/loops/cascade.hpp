@@ -31,6 +31,7 @@ struct LoopDemand {
   // so that the axis does not run faster.
   float velocity_limit_positive = 0.0F;
   float velocity_limit_negative = 0.0F;
+  bool integral_off = false;  // the velocity controller is proportional only
 };
 
 struct CascadeState {

@@ -19,6 +19,7 @@ class HomingMode {
   void abort() { homing_.abort(), active_ = false, start_requested_ = false; }
   double deceleration(const Axis& axis) const { return axis.objects.homing_acceleration * axis.units.acceleration; }
   std::uint16_t status(const Axis& axis) const;
+  bool running() const { return start_requested_ || active_ || !standing_; }  // until it stands, found or not
   bool pressing() const { return homing_.pressing(); }
 
  private:

@@ -35,8 +35,13 @@ Cause ProfileVelocity::planning_fault(const Axis& axis, RampShape shape) const {
 
 void ProfileVelocity::step(Axis& axis) {
   const Objects& objects = axis.objects;
-  const Request request{objects.target_velocity, objects.profile_acceleration, objects.profile_deceleration,
-                        objects.profile_jerk[0], objects.motion_profile_type,  objects.max_profile_velocity};
+  const Request request{objects.target_velocity,
+                        objects.profile_acceleration,
+                        objects.profile_deceleration,
+                        objects.profile_jerk[0],
+                        objects.motion_profile_type,
+                        objects.max_profile_velocity,
+                        axis.active(Signal::invert_direction)};
   if (!planned_ || request != request_) {
     const RampShape shape = request.target == 0 ? axis.velocity_stop_shape() : axis.shape();
     // Standing still with nothing asked for is no motion that could be planned wrongly.
@@ -45,7 +50,8 @@ void ProfileVelocity::step(Axis& axis) {
     }
     request_ = request;
     planned_ = true;
-    const double wanted = axis.units.velocity_to_counts(request.target);
+    const double target_velocity = axis.units.velocity_to_counts(request.target);
+    const double wanted = request.inverted ? -target_velocity : target_velocity;
     const double allowed = axis.max_velocity(true);
     const double target = std::clamp(wanted, -allowed, allowed);
     axis.limited = target != wanted;
@@ -180,7 +186,8 @@ void ProfileTorque::enter(Axis& axis) {
 
 void ProfileTorque::step(Axis& axis) {
   const Objects& objects = axis.objects;
-  const float target = static_cast<float>(objects.target_torque) * 0.001F;
+  const float wanted = static_cast<float>(objects.target_torque) * 0.001F;
+  const float target = axis.active(Signal::invert_direction) ? -wanted : wanted;
   const float slope = static_cast<float>(objects.torque_slope) * 0.001F;
   const auto cycle = static_cast<float>(axis.cycle_s);
   if (objects.torque_profile_type != 0) axis.raise(Cause::torque_profile_type);  // where it is a fault: linear only

@@ -28,6 +28,7 @@ class ProfileVelocity {
     std::uint32_t jerk = 0;
     std::int16_t shape = 0;
     std::uint32_t max_velocity = 0;
+    bool inverted = false;  // by an input
     friend bool operator==(const Request&, const Request&) = default;
   };
   Cause planning_fault(const Axis& axis, RampShape shape) const;

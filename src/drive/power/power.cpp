@@ -213,22 +213,23 @@ const FaultRow* Drive::row(Cause cause) const {
 
 void Drive::raise(Cause cause) {
   const FaultRow* fault = row(cause);
-  if (fault == nullptr || active_.test(cause)) return;
+  if (fault == nullptr || active_.test(cause) || axis_.configuration.ignored.test(cause)) return;
   if (fault->reaction == Reaction::none) return;
   active_.set(cause);
+  if (fault->reset == ResetRule::clear_multi_turn) multi_turn_cleared_ = false;
   newest_fault_ = fault;
   axis_.objects.error_code = fault->code;
+  if (events_ != nullptr) events_->fault_raised(*fault);  // as the drive is when it happens
   react_to_fault(*fault);
-  if (events_ != nullptr) events_->fault_raised(*fault);
 }
 
 void Drive::inject(Cause cause, bool present) { injected_.set(cause, present); }
 
 void Drive::react_to_fault(const FaultRow& fault) {
   if (state_ == PowerState::fault) return;
-  const Stop stop = fault.reaction == Reaction::power_off
-                        ? Stop::power_off
-                        : stop_of_option_code(axis_.objects.fault_reaction_option_code);
+  Stop stop = fault.reaction == Reaction::power_off ? Stop::power_off
+                                                    : stop_of_option_code(axis_.objects.fault_reaction_option_code);
+  if (fault.reaction == Reaction::angle_lost && stop != Stop::voltage_limit) stop = Stop::power_off;
   const bool reacting = state_ == PowerState::fault_reaction_active;
   state_ = PowerState::fault_reaction_active;
   homing_mode_.abort();
@@ -262,6 +263,7 @@ void Drive::reset_faults() {
   present |= injected_;
   for (const FaultRow& fault : policy_.faults) {
     if (!active_.test(fault.cause)) continue;
+    if (fault.reset == ResetRule::clear_multi_turn && multi_turn_cleared_ && !present.test(fault.cause)) continue;
     if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) return;
   }
   active_.clear();
