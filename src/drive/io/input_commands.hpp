@@ -1,0 +1,55 @@
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "drive/io/input_functions.hpp"
+#include "drive/objects.hpp"
+#include "drive/policy.hpp"
+
+namespace servodrome::drive {
+
+class Drive;
+
+// What inputs command, as a bus master would: controlwords, modes, targets out of tables. It writes the same objects,
+// so that the bus sees what the inputs did, and whoever wrote last rules.
+class InputCommands {
+ public:
+  // The product's and the user's values; all of them may change while running.
+  struct Settings {
+    std::uint16_t enabling_controlword = 0x000F;
+    std::uint16_t disabling_controlword = 0x0006;
+    std::int8_t mode_off = 0;                  // 6060h while "mode control" is off
+    std::int8_t mode_on = 0;                   // ... and on
+    std::span<const std::int32_t> positions;   // 607Ah by index
+    std::span<const std::int32_t> speeds;      // 60FFh by speed index; its amount is 6081h by position index
+    std::span<const std::int8_t> speed_modes;  // where the speed table stands in for 60FFh
+    bool speeds_valid = true;                  // what else the speed table depends on
+  };
+
+  void reset() { *this = {}; }
+
+  // Once per position-loop cycle, after the drive's own.
+  void step(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects);
+
+  // The index of the table's position where the axis has arrived and stands.
+  std::optional<std::uint8_t> reached() const { return reached_; }
+
+ private:
+  void control(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects);
+  void position_table(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects);
+  void homing(const InputFunctions& inputs, Drive& drive, Objects& objects);
+
+  std::uint32_t active_ = 0;    // actions in the last cycle
+  std::uint32_t assigned_ = 0;  // likewise
+  std::uint32_t rising_ = 0;
+  std::uint32_t changed_ = 0;       // switched, or assigned only now
+  bool start_bit_is_ours_ = false;  // controlword bit 4 was set by a change of an index
+  bool start_bit_was_ = false;
+  bool homing_ = false;          // begun by an input
+  std::int8_t mode_before_ = 0;  // ... from this mode
+  std::optional<std::uint8_t> going_to_;
+  std::optional<std::uint8_t> reached_;
+};
+
+}  // namespace servodrome::drive

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "drive/modes/windows.hpp"
+
+// What the outputs of a drive can show, for products whose outputs carry a function code each.
+namespace servodrome::drive {
+
+class Drive;
+
+enum class OutputCondition : std::uint8_t {
+  none,
+  ready,             // no fault: the drive is enabled or can be
+  error,             // fault, or the reaction to it
+  position_reached,  // in the modes with a target position
+  zero_speed,
+  brake_released,
+  speed_reached,  // in the modes with a target velocity
+  index,          // the encoder's index passes by
+  speed_limit,    // torque mode runs at its greatest speed
+  enabled,
+  position_limit,  // at a limit switch or software limit
+  home_found,
+  torque_reached,
+  reached_index_0,  // bits of the index of the position that has been reached
+  reached_index_1,  //
+  reached_index_2,  //
+  safe_torque_off,
+  count_of_conditions
+};
+
+constexpr std::uint32_t bit(OutputCondition condition) { return 1u << static_cast<unsigned>(condition); }
+
+// One code of a product's function words.
+struct OutputFunctionRow {
+  std::uint16_t code;
+  const char* name;
+  OutputCondition condition;
+};
+
+constexpr const OutputFunctionRow* find_function(std::span<const OutputFunctionRow> rows, std::uint16_t code) {
+  for (const OutputFunctionRow& row : rows) {
+    if (row.code == code) return &row;
+  }
+  return nullptr;
+}
+
+// Watches the drive for the conditions that take time.
+class OutputConditions {
+ public:
+  struct Settings {
+    double zero_speed_counts_per_s = 0.0;  // at most this fast
+    std::uint32_t zero_speed_ms = 0;       // for so long
+    float torque_current_a = 0.0F;         // at least this much torque-producing current, amplitude; 0: not watched
+    std::uint32_t torque_ms = 0;           // for so long
+    std::optional<std::uint8_t> reached_index{};
+  };
+
+  void reset() { *this = {}; }
+
+  // Once per position-loop cycle, after the drive's own: the conditions that hold, as bit(OutputCondition).
+  std::uint32_t update(const Drive& drive, const Settings& settings);
+
+ private:
+  Dwell zero_speed_{};
+  Dwell torque_{};
+};
+
+}  // namespace servodrome::drive
