@@ -312,7 +312,7 @@ void Drive::set_limits() {
   const Objects& objects = axis_.objects;
   const MotorData& motor = axis_.configuration.motor;
   LoopDemand& demand = axis_.demand;
-  const float by_current = static_cast<float>(objects.max_current) * 0.001F * motor.rated_current_a *
+  const float by_current = static_cast<float>(objects.max_current * axis_.units.current) * motor.rated_current_a *
                            motor.torque_constant_nm_per_a / motor.rated_torque_nm;
   const float common = std::min(static_cast<float>(objects.max_torque) * 0.001F, by_current);
   demand.torque_limit_positive = std::min(static_cast<float>(objects.positive_torque_limit) * 0.001F, common);

@@ -36,11 +36,11 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
     case 0x605D: return legal(allowed(codes.halt, number));
     case 0x605E: return legal(allowed(codes.fault_reaction, number));
     case 0x6060:
-      return legal(number == 0 || (number > 0 && number <= 10 &&
-                                   (policy_.supported_modes & mode_bit(static_cast<Mode>(number))) != 0));
+      return legal(number == 0 ? policy_.mode_none
+                               : (policy_.supported_modes & mode_bit(static_cast<Mode>(number))) != 0);
     case 0x6086: return legal(policy_.zero_values_are_faults || axis_.has_shape(static_cast<std::int16_t>(number)));
     case 0x6098:
-      return legal(policy_.homing_errors_are_faults ||
+      return legal(policy_.homing_errors_are_faults || number == entry.default_value ||
                    find_method(policy_.homing_methods, static_cast<std::int8_t>(number)) != nullptr);
     case 0x608F:
     case 0x6090:
@@ -139,7 +139,7 @@ void Drive::refresh(const Entry& entry) {
       break;
     case 0x6078:
       objects.current_actual_value = saturated<std::int16_t>(
-          sign * 1000.0 * static_cast<double>(loops.current_q_a / axis_.configuration.motor.rated_current_a));
+          sign / units.current * static_cast<double>(loops.current_q_a / axis_.configuration.motor.rated_current_a));
       break;
     case 0x6079:
       objects.dc_link_circuit_voltage_mv = saturated<std::uint32_t>(1000.0 * static_cast<double>(dc_link_v_));

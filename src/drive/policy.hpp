@@ -14,6 +14,8 @@
 namespace servodrome::drive {
 
 enum class Mode : std::int8_t {
+  pulse = -4,               // a pulse train is followed; without one the axis stands
+  immediate_velocity = -3,  // 60FFh at once, without ramps
   none = 0,
   profile_position = 1,
   velocity = 2,
@@ -30,9 +32,11 @@ constexpr bool is_cyclic_synchronous(Mode mode) {
   return mode == Mode::cyclic_sync_position || mode == Mode::cyclic_sync_velocity || mode == Mode::cyclic_sync_torque;
 }
 
-// Bit of 6502h for a mode.
+// Bit of 6502h for a mode: 0 and up for the profile's, 16 and up for the manufacturer's, which have negative numbers.
 constexpr std::uint32_t mode_bit(Mode mode) {
-  return mode == Mode::none ? 0 : 1u << (static_cast<unsigned>(static_cast<std::int8_t>(mode)) - 1);
+  const int number = static_cast<std::int8_t>(mode);
+  if (number < -16 || number == 0 || number > 16) return 0;
+  return 1u << static_cast<unsigned>(number > 0 ? number - 1 : 15 - number);
 }
 
 // Values an option code object accepts: bit n for value n.
@@ -65,6 +69,7 @@ struct DigitalInputBit {
 struct Policy {
   // Device control
   std::uint32_t supported_modes = 0;
+  bool mode_none = true;  // 6060h takes 0
   OptionCodes option_codes{};
   bool transition_16 = true;  // Quick stop active -> Operation enabled
   bool direct_enable = true;  // 0Fh in Ready to switch on runs through transitions 3 and 4

@@ -56,6 +56,7 @@ struct Units {
   double velocity = 1.0;      // counts/s per velocity unit
   double acceleration = 1.0;  // counts/s^2 per acceleration unit
   double jerk = 1.0;          // counts/s^3 per jerk unit
+  double current = 0.001;     // rated current per current unit (6073h, 6078h)
   double counts_per_revolution = 131072.0;
   bool position_inverted = false;  // 607Eh bit 7
   bool velocity_inverted = false;  // 607Eh bit 6

@@ -39,6 +39,7 @@ Axis::Axis(const AxisSettings& settings, links::CanBus& bus)
   device_settings.bit_rate = settings.bit_rate != 0 ? settings.bit_rate : bus.bit_rate();
   device_settings.serial_number = settings.serial_number;
   device_settings.motor = settings.motor_data;
+  device_settings.model = settings_.model;
   device_settings.store = store_.get();
   device_settings.description = data_sheet(*settings.product);
   device_ = settings.product->make(device_settings);

@@ -25,6 +25,7 @@ struct BusSettings {
 struct AxisSettings {
   std::string name;
   const Product* product = nullptr;
+  std::string model;                // name of one of the product's models; empty: its default, if it has any
   std::size_t bus = 0;              // index into LineSettings::buses
   std::uint8_t node_id = 0;         // 0: the product's factory value
   std::uint32_t bit_rate = 0;       // bit/s; 0: the bus's

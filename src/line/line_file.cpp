@@ -10,6 +10,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "line/model_plant.hpp"
 #include "line/nearest_name.hpp"
 #include "line/table_reader.hpp"
 #include "line/travel.hpp"
@@ -151,6 +152,7 @@ class LineFileReader {
       reader.complain("name", "is one axis too many", fmt::format("a line has at most {}", most_axes));
     }
     read_product(reader, axis);
+    read_model(reader, axis);
     read_address(reader, axis);
     reader.read("serial_number", axis.serial_number);
     reader.read("store", axis.store);
@@ -175,6 +177,25 @@ class LineFileReader {
     for (const Product& known : products_) names.push_back(known.name);
     reader.complain("product", product.empty() ? "is missing" : fmt::format("there is no product \"{}\"", product),
                     suggestion(product, names));
+  }
+
+  // A model brings its motor; what the file says of the motor comes on top.
+  void read_model(TableReader& reader, AxisSettings& axis) {
+    if (axis.product == nullptr) {
+      reader.node("model");
+      return;
+    }
+    axis.model = axis.product->default_model;
+    if (axis.product->models.empty()) return;  // the key is unknown then
+    reader.read("model", axis.model);
+    if (const products::Model* model = products::find_model(axis.product->models, axis.model)) {
+      fit_model(*model, axis.plant);
+      return;
+    }
+    std::vector<std::string_view> names;
+    for (const products::Model& known : axis.product->models) names.push_back(known.name);
+    reader.complain("model", fmt::format("{} has no model \"{}\"", axis.product->name, axis.model),
+                    suggestion(axis.model, names));
   }
 
   void read_address(TableReader& reader, AxisSettings& axis) {

@@ -6,6 +6,7 @@
 
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
+#include "products/ismk/ismk.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -51,6 +52,20 @@ describe::Description describe_generic402() {
   return description;
 }
 
+describe::Description describe_ismk() {
+  describe::Description description;
+  description.vendor_name = "Kinco";
+  description.product_name = "iSMK";
+  description.order_code = "ismk";
+  description.bit_rates_kbit = {10, 50, 125, 250, 500, 1000};  // iSMK manual L3211
+  description.table = table_of<products::Ismk>();
+  description.file.name = "iSMK.eds";
+  description.file.description = "Kinco iSMK integrated servo, variant AA, as servodrome simulates it";
+  description.file.created_by = "servodrome";
+  description.file.modified_by = "servodrome";
+  return description;
+}
+
 const std::array products{
     // Wiring: ISMC manual L2680.
     Product{"ismc",
@@ -67,6 +82,16 @@ const std::array products{
             8,
             {0, 1, 2},
             describe_generic402},
+    // Two terminals, iSMK manual L664-671; the home switch would be a third.
+    Product{"ismk",
+            "Kinco iSMK integrated servo, CANopen and RS485",
+            make<products::Ismk>,
+            products::Ismk::factory_node_id,
+            4,
+            {0, 1, 2},
+            describe_ismk,
+            products::ismk::ratings,
+            products::ismk::default_rating},
 };
 
 }  // namespace

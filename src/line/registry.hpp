@@ -7,6 +7,7 @@
 
 #include "describe/description.hpp"
 #include "products/device.hpp"
+#include "products/model.hpp"
 
 // The products that can stand on a line.
 namespace servodrome::line {
@@ -26,6 +27,8 @@ struct Product {
   std::uint8_t input_wires = 6;  // DI0 ..
   SwitchWiring wiring{};
   describe::Description (*describe)() = nullptr;  // for data sheets and references
+  std::span<const products::Model> models{};      // sizes with motors of their own; empty: any motor
+  std::string_view default_model{};
 };
 
 std::span<const Product> all_products();

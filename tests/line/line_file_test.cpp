@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <sstream>
 
+#include "line/model_plant.hpp"
 #include "line/plant_keys.hpp"
 #include "support.hpp"
 
@@ -49,6 +50,41 @@ TEST(LineFile, TheBuiltInLineIsTheDefaultFile) {
   EXPECT_EQ(line.axes[1].name, "reference");
   EXPECT_EQ(line.axes[1].product->name, "generic402");
   EXPECT_EQ(line.axes[1].node_id, 2);
+}
+
+TEST(LineFile, AModelBringsItsMotor) {
+  const LineSettings line = test::settings_of(R"(
+[[bus]]
+name = "can0"
+bit_rate = 500000
+[[axis]]
+name = "small"
+product = "ismk"
+model = "40-010"
+node = 1
+[[axis]]
+name = "usual"
+product = "ismk"
+node = 2
+motor.rotor_inertia_kgm2 = 0.5e-4
+)");
+  ASSERT_EQ(line.axes.size(), 2U);
+  const AxisSettings& small = line.axes[0];
+  EXPECT_EQ(small.model, "40-010");
+  EXPECT_FLOAT_EQ(static_cast<float>(small.plant.motor.rated_torque_nm), 0.32F);
+  EXPECT_EQ(small.plant.encoder.counts_per_revolution, 65536);
+  EXPECT_EQ(small.motor_data.counts_per_revolution, 65536U);
+  EXPECT_NEAR(static_cast<double>(small.motor_data.peak_current_a), 18.0, 1e-4);
+  EXPECT_EQ(line.axes[1].model, "60-040");
+  EXPECT_FLOAT_EQ(static_cast<float>(line.axes[1].plant.motor.rated_torque_nm), 1.27F);
+  EXPECT_EQ(line.axes[1].plant.motor.rotor_inertia_kgm2, 0.5e-4);
+  for (const Product& product : all_products()) {
+    for (const products::Model& model : product.models) {
+      plant::Parameters parameters;
+      fit_model(model, parameters);
+      EXPECT_TRUE(plant::validate(parameters).empty()) << product.name << " " << model.name;
+    }
+  }
 }
 
 TEST(LineFile, GeometryBecomesSwitches) {
@@ -182,6 +218,9 @@ const std::vector<Mistake> mistakes{
     {"no_product", "[[bus]]\nname='can0'\n[[axis]]\nname='x'\n", 3, 1, "axis.product: is missing", "ismc"},
     {"product", "[[bus]]\nname='can0'\n[[axis]]\nname='x'\nproduct='imsc'\n", 5, 9, "there is no product \"imsc\"",
      "did you mean"},
+    {"model", "[[bus]]\nname='can0'\n[[axis]]\nname='x'\nproduct='ismk'\nmodel='60-400'\n", 6, 7,
+     "axis.model: ismk has no model \"60-400\"", "did you mean `60-040`?"},
+    {"model_of_none", AXIS "model='60-040'\n", 6, 1, "unknown key `model`", ""},
     {"bus_of_axis", AXIS "bus='can1'\n", 6, 5, "axis.bus: there is no bus \"can1\"", "did you mean `can0`?"},
     {"bus_missing", "[[bus]]\nname='can1'\n" AXIS, 5, 1, "axis.bus: is missing", "known here: can1, can0"},
     {"bit_rate", "[[bus]]\nname='can0'\nbit_rate=2_000_000\n", 3, 10, "bus.bit_rate: 2000000 is out of range",

@@ -10,6 +10,8 @@ namespace {
 
 const char* word(drive::Mode mode) {
   switch (mode) {
+    case drive::Mode::pulse: return "pulse";
+    case drive::Mode::immediate_velocity: return "immediate_velocity";
     case drive::Mode::none: return "none";
     case drive::Mode::profile_position: return "profile_position";
     case drive::Mode::velocity: return "velocity";

@@ -1,0 +1,122 @@
+#include "products/ismk/ismk.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace servodrome::products {
+
+namespace {
+
+// 2F81h (L3211).
+struct BitRateCode {
+  std::uint8_t code;
+  std::uint32_t bit_rate;
+};
+constexpr auto bit_rate_codes =
+    std::to_array<BitRateCode>({{100, 1000000}, {50, 500000}, {25, 250000}, {12, 125000}, {5, 50000}, {1, 10000}});
+
+template <typename Integer>
+Integer rounded(double value) {
+  constexpr auto low = static_cast<double>(std::numeric_limits<Integer>::min());
+  constexpr auto high = static_cast<double>(std::numeric_limits<Integer>::max());
+  return static_cast<Integer>(std::llround(std::clamp(value, low, high)));
+}
+
+}  // namespace
+
+const Model& Ismk::rating() const {
+  const Model* model = find_model(ismk::ratings, settings().model);
+  return model != nullptr ? *model : *find_model(ismk::ratings, ismk::default_rating);
+}
+
+std::uint32_t Ismk::chosen_bit_rate() const {
+  for (const BitRateCode& row : bit_rate_codes) {
+    if (row.code == objects().buses.can_bit_rate) return row.bit_rate;
+  }
+  return factory_bit_rate;
+}
+
+void Ismk::prepare(dictionary::Area areas) {
+  ismk::Objects& own = objects();
+  own.communication.serial_number = settings().serial_number;
+  if (contains(areas, dictionary::Area::communication) && settings().node_id != 0) {
+    own.buses.station = settings().node_id;
+  }
+  if (contains(areas, dictionary::Area::manufacturer)) {
+    for (const BitRateCode& row : bit_rate_codes) {
+      if (row.bit_rate == settings().bit_rate) own.buses.can_bit_rate = row.code;
+    }
+  }
+  if (contains(areas, dictionary::Area::profile)) {
+    own.device.encoder_resolution = settings().motor.counts_per_revolution;
+    own.device.peak_current_a = static_cast<std::uint16_t>(rating().motor.peak_current_a);
+  }
+}
+
+drive::Configuration Ismk::configuration() const {
+  const ismk::Objects& own = objects();
+  drive::Configuration configuration;
+  configuration.motor = settings().motor;
+  configuration.motor.peak_current_a = rating().motor.peak_current_a;
+  configuration.gains =
+      drive::default_gains(configuration.motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
+  configuration.monitors.over_voltage_v = own.device.over_voltage_v;
+  configuration.monitors.under_voltage_v = own.device.under_voltage_v;
+  configuration.monitors.chopper_on_v = configuration.monitors.chopper_off_v = 1e9F;  // there is none inside (L315)
+  configuration.monitors.motor_hot_c = own.device.motor_hot_c;
+  if (own.device.brake_present != 0) {
+    configuration.brake_release_ms = configuration.brake_engage_ms = own.device.brake_delay_ms;
+  }
+  return configuration;
+}
+
+dictionary::AbortCode Ismk::check(const dictionary::Entry& entry, std::span<const std::byte> value) {
+  const std::int64_t number = dictionary::decode_number(entry.type, value);
+  if (entry.index == 0x2F81) {
+    const bool known = std::any_of(bit_rate_codes.begin(), bit_rate_codes.end(),
+                                   [number](const BitRateCode& row) { return row.code == number; });
+    if (!known) return dictionary::AbortCode::value_invalid;
+  }
+  return dictionary::AbortCode::none;
+}
+
+void Ismk::written(const dictionary::Entry& entry) {
+  ismk::Objects& own = objects();
+  const double thousandth_per_dec = drive().axis().units.current * 1000.0;
+  switch (entry.index << 8 | entry.sub) {
+    case 0x2FF009:  // one target speed in two units (L2511)
+      own.drive.target_velocity = rounded<std::int32_t>(ismk::velocity_dec_from_rpm(own.motion.target_speed_rpm));
+      break;
+    case 0x2FF00E: own.drive.following_error_window = own.motion.following_error_limit * 100U; break;  // L1752
+    case 0x607100:  // one target of torque mode in two units (L1261)
+      own.motion.target_current = rounded<std::int16_t>(own.drive.target_torque / thousandth_per_dec);
+      break;
+    case 0x60F608:
+      own.drive.target_torque = rounded<std::int16_t>(own.motion.target_current * thousandth_per_dec);
+      break;
+    case 0x607F00:  // one limit in two units (L1251)
+      own.drive.max_motor_speed_rpm =
+          rounded<std::uint16_t>(ismk::rpm_from_velocity_dec(own.drive.max_profile_velocity));
+      break;
+    case 0x608000:
+      own.drive.max_profile_velocity =
+          rounded<std::uint32_t>(ismk::velocity_dec_from_rpm(own.drive.max_motor_speed_rpm));
+      break;
+    default: reconfigure();
+  }
+}
+
+void Ismk::refresh(const dictionary::Entry& entry) {
+  ismk::Objects& own = objects();
+  switch (entry.index << 8 | entry.sub) {
+    case 0x2FF009:
+      own.motion.target_speed_rpm = rounded<std::int16_t>(ismk::rpm_from_velocity_dec(own.drive.target_velocity));
+      break;
+    case 0x2FF00E:
+      own.motion.following_error_limit = rounded<std::uint16_t>(own.drive.following_error_window / 100.0);
+      break;
+    default: break;
+  }
+}
+
+}  // namespace servodrome::products

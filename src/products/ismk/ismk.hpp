@@ -1,0 +1,44 @@
+#pragma once
+
+#include "products/can_device.hpp"
+#include "products/ismk/object_table.hpp"
+#include "products/ismk/policy.hpp"
+#include "products/ismk/ratings.hpp"
+
+namespace servodrome::products {
+
+// Kinco iSMK integrated servo, variant AA: CANopen and RS485.
+class Ismk final : public CanDevice<Ismk, ismk::Objects> {
+ public:
+  static constexpr std::span<const dictionary::Entry> table{ismk::object_table};
+  static constexpr drive::Policy policy = ismk::make_policy();
+  static constexpr dictionary::LengthAborts length_aborts{};
+  static constexpr canopen::Profile profile{.rpdo_types = {.synchronous_remote = false, .asynchronous_remote = false},
+                                            .inhibit_time_unit = std::chrono::milliseconds(1),  // L3034, L3042
+                                            .sdo_block = false,                         // five services, L2721-2727
+                                            .sdo_download_response_echoes_data = true,  // L2824, L2855-2904
+                                            .sdo_expedited_upload_sign_extends = true,  // L2866, L2890
+                                            .time_consumer = false,
+                                            .lss = false};
+  static constexpr std::uint8_t factory_node_id = 1;          // L879
+  static constexpr std::uint32_t factory_bit_rate = 500'000;  // L3211
+
+  explicit Ismk(const Settings& settings) : CanDevice(settings) {}
+
+  // The rating of Settings::model; the default one for a name that is not known.
+  const Model& rating() const;
+
+ private:
+  friend CanDevice;
+
+  void prepare(dictionary::Area areas);
+  drive::Configuration configuration() const;
+  std::uint8_t chosen_node_id() const { return static_cast<std::uint8_t>(objects().buses.station); }
+  std::uint32_t chosen_bit_rate() const;
+
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
+  void written(const dictionary::Entry& entry) override;
+  void refresh(const dictionary::Entry& entry) override;
+};
+
+}  // namespace servodrome::products

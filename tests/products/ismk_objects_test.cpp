@@ -1,0 +1,82 @@
+#include <gtest/gtest.h>
+
+#include "ismk_rig.hpp"
+#include "object_csv.hpp"
+
+// Every object of the iSMK manual (tests/data/ismk_od.csv) against the running drive.
+namespace servodrome {
+namespace {
+
+using dictionary::AbortCode;
+using products::Ismk;
+using test::Difference;
+using test::IsmkRig;
+
+const std::vector<Difference> differences{
+    // 100 inc times 10000 is not the 524288 inc that 6065h is printed with; both show one limit (C9).
+    {0x2FF0, 0x0E, "default"},
+};
+
+TEST(IsmkObjects, AreThoseOfTheManual) {
+  IsmkRig rig;
+  rig.run_ms(1);
+  const auto rows = test::read_csv("ismk_od.csv");
+  EXPECT_EQ(test::compare_objects(rig.device.dictionary(), 1, rows, differences, {"HEX"}), 177U);
+}
+
+TEST(IsmkObjects, RangesHoldAtTheirEnds) {
+  for (const dictionary::Entry& entry : Ismk::table) {
+    if (entry.index < 0x2000 || !entry.writable() || !entry.has_range) continue;
+    SCOPED_TRACE(testing::Message() << std::hex << entry.index << "h:" << int{entry.sub});
+    IsmkRig rig;
+    rig.run_ms(1);
+    if (entry.maximum < dictionary::maximum_of(entry.type)) {
+      EXPECT_EQ(rig.set(entry.index, entry.sub, entry.maximum + 1), AbortCode::value_too_high);
+    }
+    if (entry.minimum > dictionary::minimum_of(entry.type)) {
+      EXPECT_EQ(rig.set(entry.index, entry.sub, entry.minimum - 1), AbortCode::value_too_low);
+    }
+  }
+}
+
+TEST(IsmkObjects, ModesAndBitRatesThatAreNotThere) {
+  IsmkRig rig;
+  rig.run_ms(1);
+  for (int mode = -4; mode <= 7; ++mode) {  // L1997
+    const bool there = mode == -4 || mode == -3 || mode == 1 || mode == 3 || mode == 4 || mode == 6 || mode == 7;
+    EXPECT_EQ(rig.set(0x6060, 0, mode), there ? AbortCode::none : AbortCode::value_invalid) << mode;
+  }
+  EXPECT_EQ(rig.get(0x6502), 0x000C006D);
+  for (int code = 1; code <= 100; ++code) {  // L3211
+    const bool there = code == 100 || code == 50 || code == 25 || code == 12 || code == 5 || code == 1;
+    EXPECT_EQ(rig.set(0x2F81, 0, code), there ? AbortCode::none : AbortCode::value_invalid) << code;
+  }
+}
+
+// Values that are shown twice (L1251, L1261, L1752, L2066, L2511).
+TEST(IsmkObjects, TwinsAreOneValue) {
+  IsmkRig rig;
+  rig.run_ms(1);
+  rig.set(0x6080, 0, 3000);
+  EXPECT_EQ(rig.get(0x607F), 53687091);
+  rig.set(0x607F, 0, 17895697);
+  EXPECT_EQ(rig.get(0x6080), 1000);
+  rig.set(0x2FF0, 9, 600);
+  EXPECT_EQ(rig.get(0x60FF), 10737418);
+  rig.set(0x60FF, 0, -1789570);
+  EXPECT_EQ(rig.get(0x2FF0, 9), -100);
+  rig.set(0x2508, 9, 33);
+  EXPECT_EQ(rig.get(0x6068), 33);
+  rig.set(0x2FF0, 0x0E, 100);
+  EXPECT_EQ(rig.get(0x6065), 10000);
+  rig.set(0x6065, 0, 777700);
+  EXPECT_EQ(rig.get(0x2FF0, 0x0E), 7777);
+  // 1 Arms is 60.33 DEC (L3467): rated torque is 16 Ap, a third of 2048.
+  rig.set(0x6071, 0, 1000);
+  EXPECT_EQ(rig.get(0x60F6, 8), 683);
+  rig.set(0x60F6, 8, -2048);
+  EXPECT_EQ(rig.get(0x6071), -3000);
+}
+
+}  // namespace
+}  // namespace servodrome

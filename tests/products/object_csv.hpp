@@ -1,0 +1,117 @@
+#pragma once
+
+#include <algorithm>
+
+#include "csv.hpp"
+#include "products/device.hpp"
+
+// The objects of a manual (tests/data/*_od.csv) against a running drive: type, access, PDO mapping, default, range,
+// unit, storage. What differs is listed by the test with its reason, and the list may hold nothing that does not
+// differ.
+namespace servodrome::test {
+
+struct Difference {
+  std::uint16_t index;
+  std::uint8_t sub;
+  const char* column;
+};
+
+inline std::string text_of(dictionary::Type type) {
+  using dictionary::Type;
+  switch (type) {
+    case Type::boolean: return "BOOLEAN";
+    case Type::integer8: return "INTEGER8";
+    case Type::integer16: return "INTEGER16";
+    case Type::integer32: return "INTEGER32";
+    case Type::unsigned8: return "UNSIGNED8";
+    case Type::unsigned16: return "UNSIGNED16";
+    case Type::unsigned32: return "UNSIGNED32";
+    default: return "other";
+  }
+}
+
+inline std::string text_of(dictionary::Access access) {
+  using dictionary::Access;
+  switch (access) {
+    case Access::constant: return "const";
+    case Access::ro: return "ro";
+    case Access::wo: return "wo";
+    case Access::rw: return "rw";
+  }
+  return "";
+}
+
+inline std::string text_of(dictionary::Pdo pdo) {
+  using dictionary::Pdo;
+  switch (pdo) {
+    case Pdo::none: return "none";
+    case Pdo::rpdo: return "rx";
+    case Pdo::tpdo: return "tx";
+    case Pdo::both: return "both";
+  }
+  return "";
+}
+
+// "0x180+node-ID" for `node`, "0x80000381", "1310720", "-4".
+inline std::int64_t csv_number(const std::string& text, std::uint8_t node) {
+  const std::size_t plus = text.find('+');
+  return std::stoll(text.substr(0, plus), nullptr, 0) + (plus == std::string::npos ? 0 : node);
+}
+
+// `number_units` are words of the unit column that tell how a number is printed, and are no units. Returns the rows.
+inline std::size_t compare_objects(const dictionary::Dictionary& dictionary, std::uint8_t node,
+                                   const std::vector<CsvRow>& rows, const std::vector<Difference>& differences,
+                                   const std::vector<std::string>& number_units = {}) {
+  std::vector<bool> used(differences.size());
+  for (const CsvRow& row : rows) {
+    const auto index = static_cast<std::uint16_t>(std::stoul(row.at("index"), nullptr, 16));
+    const auto sub = static_cast<std::uint8_t>(std::stoul(row.at("sub"), nullptr, 16));
+    const dictionary::Entry* entry = dictionary.find(index, sub);
+    if (entry == nullptr) {
+      ADD_FAILURE() << row.at("index") << " " << row.at("sub") << " " << row.at("name") << " is missing";
+      continue;
+    }
+    const auto explained = [&](const std::string& column) {
+      bool found = false;
+      for (std::size_t i = 0; i < differences.size(); ++i) {
+        if (differences[i].index != index || differences[i].sub != sub || column != differences[i].column) continue;
+        used[i] = true;
+        found = true;
+      }
+      return found;
+    };
+    const auto compare = [&](const char* column, const std::string& ours) {
+      const std::string& theirs = row.at(column);
+      if (theirs.empty() || theirs == "unknown" || theirs == ours) return;
+      if (theirs == "ro" && ours == "const") return;  // what cannot be written and does not change
+      if (explained(column)) return;
+      ADD_FAILURE() << std::hex << index << "h:" << int{sub} << " " << column << " is " << ours << ", in the manual "
+                    << theirs << " (" << row.at("name") << ")";
+    };
+    const auto compare_number = [&](const char* column, std::int64_t ours) {
+      if (row.at(column).empty()) return;
+      compare(column, csv_number(row.at(column), node) == ours ? row.at(column) : std::to_string(ours));
+    };
+    compare("type", text_of(entry->type));
+    compare("access", text_of(entry->access));
+    compare("pdo", text_of(entry->pdo));
+    compare_number("default", dictionary.default_number(*entry, node));
+    compare_number("min", entry->minimum);
+    compare_number("max", entry->maximum);
+    const std::string& unit = row.at("unit");
+    if (std::find(number_units.begin(), number_units.end(), unit) == number_units.end()) compare("unit", entry->unit);
+    compare("saved", entry->saved ? "yes" : "no");
+    // What the table says is what the drive shows.
+    if (!row.at("default").empty() && entry->writable() && !explained("default")) {
+      EXPECT_EQ(dictionary.number(*entry), dictionary.default_number(*entry, node))
+          << row.at("index") << " " << row.at("sub");
+    }
+  }
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    EXPECT_TRUE(used[i]) << "no difference: " << std::hex << differences[i].index << "h:" << int{differences[i].sub}
+                         << " " << differences[i].column;
+  }
+  return rows.size();
+}
+
+}  // namespace servodrome::test
