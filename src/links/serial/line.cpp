@@ -5,6 +5,9 @@
 namespace servodrome::links {
 namespace {
 
+// Longer than any frame, so that a line that runs need not allocate.
+constexpr std::size_t usual_queue = 1024;
+
 std::size_t index_of(SerialPortId port) { return static_cast<std::size_t>(port); }
 
 }  // namespace
@@ -15,6 +18,7 @@ SerialPortId SerialLine::attach(SerialStation& station) {
   *place = Port{};
   place->station = &station;
   place->format = format_;
+  place->queue.reserve(usual_queue);
   return static_cast<SerialPortId>(place - ports_.begin());
 }
 
@@ -26,18 +30,26 @@ void SerialLine::set_format(SerialPortId port, const modbus::CharacterFormat& fo
 
 void SerialLine::transmit(SerialPortId id, std::span<const std::uint8_t> characters, Time at) {
   Port& port = ports_[index_of(id)];
+  port.queue.erase(port.queue.begin(), port.queue.begin() + static_cast<std::ptrdiff_t>(port.sent));
+  port.sent = 0;
   port.queue.insert(port.queue.end(), characters.begin(), characters.end());
   if (!port.is_sending && !port.queue.empty()) begin_character(port, std::max(at, now_));
 }
 
+void SerialLine::discard(SerialPortId id) {
+  Port& port = ports_[index_of(id)];
+  port.queue.clear();
+  port.sent = 0;
+  port.is_lost = true;
+}
+
 std::size_t SerialLine::pending(SerialPortId id) const {
   const Port& port = ports_[index_of(id)];
-  return port.queue.size() + (port.is_sending ? 1U : 0U);
+  return port.queue.size() - port.sent + (port.is_sending ? 1U : 0U);
 }
 
 void SerialLine::begin_character(Port& port, Time at) {
-  port.character = port.queue.front();
-  port.queue.pop_front();
+  port.character = port.queue[port.sent++];
   port.is_sending = true;
   port.is_garbled = false;
   disturb_character(port);
@@ -77,7 +89,7 @@ void SerialLine::end_character(Port& sender) {
     if (&receiver == &sender || receiver.station == nullptr) continue;
     receiver.station->receive(sender.character, !sender.is_garbled && sender.format == receiver.format, now_);
   }
-  if (!sender.is_sending && !sender.queue.empty()) begin_character(sender, now_);
+  if (!sender.is_sending && sender.sent < sender.queue.size()) begin_character(sender, now_);
 }
 
 Time SerialLine::next_event() const {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <span>
 #include <vector>
 
@@ -80,10 +79,14 @@ class SerialLine {
   // Puts characters behind those the port has still to send; the first goes out at `at`, or when the line's time has
   // come that far. They are sent back to back, whether or not the line is free.
   void transmit(SerialPortId port, std::span<const std::uint8_t> characters, Time at);
+  // What the port has still to send is not sent, and of the character under way nobody receives anything: its station
+  // lost its power.
+  void discard(SerialPortId port);
   // Characters of the port that have not yet been received.
   std::size_t pending(SerialPortId port) const;
 
   void disturb(const SerialDisturbance& disturbance);
+  const SerialDisturbance& disturbance() const { return disturbance_; }
 
   // When advance() has something to do; never: nothing is planned.
   Time next_event() const;
@@ -95,7 +98,8 @@ class SerialLine {
   struct Port {
     SerialStation* station = nullptr;  // nullptr: detached
     modbus::CharacterFormat format;
-    std::deque<std::uint8_t> queue;
+    std::vector<std::uint8_t> queue;
+    std::size_t sent = 0;  // of the queue
     bool is_sending = false;
     bool is_garbled = false;
     bool is_lost = false;

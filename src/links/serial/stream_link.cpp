@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <boost/asio/write.hpp>
+#include <poll.h>
 #include <unistd.h>
 
 #include "links/serial/tty.hpp"
@@ -13,13 +14,19 @@ using boost::system::error_code;
 
 // A pty whose other end is closed gives no event when it is opened again: look this often.
 constexpr auto client_poll_time = std::chrono::milliseconds(10);
+constexpr auto input_poll_time = std::chrono::milliseconds(2);
 // Until the line has sent some of what it was given.
 constexpr auto full_line_wait = std::chrono::milliseconds(5);
+
+bool is_readable(int descriptor) {
+  pollfd entry{descriptor, POLLIN, 0};
+  return ::poll(&entry, 1, 0) > 0 && (entry.revents & POLLIN) != 0;
+}
 
 }  // namespace
 
 StreamLink::StreamLink(int descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host)
-    : line_(line), host_(host), port_(line.attach(*this)), stream_(io, descriptor), timer_(io) {}
+    : line_(line), host_(host), port_(line.attach(*this)), stream_(io, descriptor), timer_(io), watch_(io) {}
 
 StreamLink::~StreamLink() {
   *alive_ = false;
@@ -29,6 +36,21 @@ StreamLink::~StreamLink() {
 void StreamLink::open() {
   counters_.clients = 1;
   read();
+  watch_input();
+}
+
+// Edge-triggered epoll, which Asio uses, can miss that a pty has become readable: the kernel moves the bytes through a
+// work queue. So whoever waits to read looks for himself now and then. A write that waits is left alone.
+void StreamLink::watch_input() {
+  watch_.expires_after(input_poll_time);
+  watch_.async_wait([this, alive = alive_](error_code code) {
+    if (!*alive || code || !is_open()) return;
+    if (is_reading_ && !is_writing_ && is_readable(stream_.native_handle())) {
+      error_code ignored;
+      stream_.cancel(ignored);  // the read begins anew and finds them
+    }
+    watch_input();
+  });
 }
 
 void StreamLink::read() {
@@ -40,9 +62,15 @@ void StreamLink::read() {
     });
     return;
   }
+  is_reading_ = true;
   stream_.async_read_some(boost::asio::buffer(input_.data(), most_pending - pending),
                           [this, alive = alive_](error_code code, std::size_t size) {
                             if (!*alive) return;
+                            is_reading_ = false;
+                            if (code == boost::asio::error::operation_aborted) {
+                              read();
+                              return;
+                            }
                             if (code) {  // EIO: the other end is closed
                               counters_.clients = 0;
                               waiting_.clear();

@@ -40,6 +40,7 @@ class StreamLink : public SerialLink, private SerialStation {
   void receive(std::uint8_t character, bool intact, Time at) override;
 
   void read();
+  void watch_input();
   void write();
 
   SerialLine& line_;
@@ -47,10 +48,12 @@ class StreamLink : public SerialLink, private SerialStation {
   SerialPortId port_;
   boost::asio::posix::stream_descriptor stream_;
   boost::asio::steady_timer timer_;
+  boost::asio::steady_timer watch_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   std::array<std::uint8_t, most_pending> input_{};
   std::vector<std::uint8_t> writing_;
   std::vector<std::uint8_t> waiting_;
+  bool is_reading_ = false;
   bool is_writing_ = false;
   LinkCounters counters_;
 };
