@@ -47,4 +47,13 @@ constexpr RtuTiming standard_timing(const CharacterFormat& format) {
   return {format.character_time(), std::chrono::microseconds(750), std::chrono::microseconds(1750)};
 }
 
+// For a station whose pauses come from an operating system instead of a wire: at least `silence` ends a frame, and no
+// pause within one matters. `silence` 0 leaves `timing` as it is.
+constexpr RtuTiming at_least(Time silence, RtuTiming timing) {
+  if (silence <= Time{0}) return timing;
+  timing.inter_character = Time{0};
+  if (timing.silence < silence) timing.silence = silence;
+  return timing;
+}
+
 }  // namespace servodrome::modbus

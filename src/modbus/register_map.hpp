@@ -78,17 +78,17 @@ constexpr auto make_register_map() {
   return map;
 }
 
-// Sorted, no register belongs to two objects, none lies behind FFFFh, and every object is in `table` with room for its
-// value.
+// Sorted, no register belongs to two objects, none lies behind FFFFh, and every object is in the sorted `table` with
+// room for its value.
 constexpr bool is_valid_map(std::span<const Register> map, std::span<const dictionary::Entry> table) {
   for (std::size_t i = 0; i < map.size(); ++i) {
     const Register& row = map[i];
     if (row.words == 0 || row.address + row.words > 0x10000) return false;
     if (i > 0 && map[i - 1].address + map[i - 1].words > row.address) return false;
-    const auto entry = std::find_if(table.begin(), table.end(), [&row](const dictionary::Entry& candidate) {
-      return candidate.index == row.index && candidate.sub == row.sub;
-    });
-    if (entry == table.end() || words_of(entry->type) > row.words) return false;
+    const auto key = static_cast<std::uint32_t>(row.index) << 8 | row.sub;
+    const auto entry = std::lower_bound(table.begin(), table.end(), key,
+                                        [](const dictionary::Entry& one, auto wanted) { return one.key() < wanted; });
+    if (entry == table.end() || entry->key() != key || words_of(entry->type) > row.words) return false;
   }
   return true;
 }

@@ -31,11 +31,15 @@ struct Mbap {
 
 inline constexpr std::size_t longest_tcp_frame = Mbap::size + longest_pdu;
 
+// Unit identifiers for a device that is alone behind its address (Modbus Messaging on TCP/IP V1.0b, 4.4.2.1).
+inline constexpr std::uint8_t no_unit = 0;
+inline constexpr std::uint8_t unspecified_unit = 255;
+
 // The devices behind one TCP address.
 class Units {
  public:
-  // The server for a unit identifier, or nullptr: nobody has it. A device that is alone behind its address answers to 0
-  // and 255 as well (Modbus Messaging on TCP/IP V1.0b, 4.4.2.1).
+  // The server for a unit identifier, or nullptr: nobody has it. A device that is alone behind its address answers to
+  // no_unit and unspecified_unit as well.
   virtual Server* find(std::uint8_t unit) = 0;
 
  protected:

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -9,6 +10,7 @@
 #include "dictionary/dictionary.hpp"
 #include "drive/hardware.hpp"
 #include "drive/loops/motor_data.hpp"
+#include "products/serial_port.hpp"
 
 namespace servodrome::dictionary {
 class Medium;
@@ -26,6 +28,16 @@ namespace servodrome::products {
 
 using Time = std::chrono::nanoseconds;  // since the start of the line; never the wall clock
 
+// How a drive's RS485 port is commissioned; what is not given is the product's factory value.
+struct SerialSettings {
+  std::uint8_t station = 0;  // 0: the product's
+  std::optional<modbus::CharacterFormat> format;
+  std::optional<SerialProtocol> protocol;
+  // At least so long is the line silent at the end of a Modbus frame, and no pause within one matters: for stations
+  // whose pauses come from an operating system. 0: the protocol's silence.
+  Time silence{};
+};
+
 // What the commissioning of a real drive would set by switches, PC tool or nameplate.
 struct Settings {
   std::uint8_t node_id = 0;    // 0: the product's factory value
@@ -33,13 +45,15 @@ struct Settings {
   std::uint32_t serial_number = 1;
   std::string_view model;  // name of one of the product's models (model.hpp); empty: its default
   drive::MotorData motor{};
+  SerialSettings serial{};
   dictionary::Medium* store = nullptr;     // non-volatile memory; nullptr: nothing is saved
   std::span<const std::byte> description;  // the EDS text, for products that carry it (1021h)
 };
 
 // The life of a device: `power_on`; then, for every base tick, the board calls `drive().tick(feedback, actuation)` and,
 // when that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. Frames arrive through `receive`,
-// in time order with the ticks; `poll` is due at `next_deadline`. Frames to send are fetched with `take`.
+// in time order with the ticks; `poll` is due at `next_deadline`. Frames to send are fetched with `take`. The
+// RS485 port, for devices that have one, is handed its characters in the same order of time.
 class Device {
  public:
   virtual void power_on(const drive::Feedback& feedback,
@@ -51,6 +65,9 @@ class Device {
   virtual void poll(Time now) = 0;
   virtual Time next_deadline() const = 0;
   virtual bool take(canopen::Frame& frame) = 0;
+
+  // nullptr: the device has no RS485 port.
+  virtual SerialPort* serial_port() { return nullptr; }
 
   virtual drive::Drive& drive() = 0;
   virtual dictionary::Dictionary& dictionary() = 0;

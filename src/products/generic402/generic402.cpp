@@ -74,6 +74,12 @@ void Generic402::prepare(dictionary::Area areas) {
   if (contains(areas, dictionary::Area::manufacturer)) {
     if (settings().node_id != 0) own.manufacturer.node_id = settings().node_id;
     if (settings().bit_rate != 0) own.manufacturer.bit_rate = settings().bit_rate;
+    own.manufacturer.station = settings().serial.station;
+    if (const auto& format = settings().serial.format) {
+      own.manufacturer.serial_bit_rate = format->bit_rate;
+      own.manufacturer.serial_parity = static_cast<std::uint8_t>(format->parity);
+      own.manufacturer.serial_stop_bits = format->stop_bits;
+    }
   }
   if (!contains(areas, dictionary::Area::profile)) return;
   // The nameplate and the encoder are those of the motor that is connected; one position unit is one increment.
@@ -83,6 +89,28 @@ void Generic402::prepare(dictionary::Area areas) {
       static_cast<std::uint32_t>(std::lround(static_cast<double>(motor.rated_current_a) / std::sqrt(2.0) * 1000.0));
   own.drive.motor_rated_torque_mnm =
       static_cast<std::uint32_t>(std::lround(static_cast<double>(motor.rated_torque_nm) * 1000.0));
+}
+
+void Generic402::power_on(const drive::Feedback& feedback, Time now) {
+  CanDevice::power_on(feedback, now);
+  open_serial_port();
+}
+
+void Generic402::reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) {
+  CanDevice::reset(command, restore, node_id);
+  if (command == canopen::NmtCommand::reset_node) open_serial_port();
+}
+
+void Generic402::open_serial_port() {
+  const generic402::Manufacturer& own = objects().manufacturer;
+  SerialSetup setup;
+  setup.station = own.station != 0 ? own.station : own.node_id;
+  if (setup.station > modbus::highest_station) setup.station = 0;  // no node-ID either: LSS has yet to give one
+  setup.format = {.bit_rate = own.serial_bit_rate,
+                  .parity = static_cast<modbus::Parity>(own.serial_parity),
+                  .stop_bits = own.serial_stop_bits};
+  setup.timing = modbus::at_least(settings().serial.silence, modbus::standard_timing(setup.format));
+  serial_port_.open(setup);
 }
 
 drive::Configuration Generic402::configuration() const {

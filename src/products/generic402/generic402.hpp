@@ -2,6 +2,7 @@
 
 #include "products/can_device.hpp"
 #include "products/generic402/objects.hpp"
+#include "products/generic402/registers.hpp"
 
 namespace servodrome::products {
 
@@ -15,10 +16,19 @@ class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024>
   static constexpr std::uint8_t factory_node_id = 2;
   static constexpr std::uint32_t factory_bit_rate = 1'000'000;
 
+  static constexpr std::span<const modbus::Register> registers{generic402::registers};
+  static constexpr modbus::Profile modbus_profile{.identification = generic402::identification};
+
   explicit Generic402(const Settings& settings) : CanDevice(settings) {}
+
+  void power_on(const drive::Feedback& feedback, Time now) override;
+  SerialPort* serial_port() override { return &serial_port_; }
 
  private:
   friend CanDevice;
+
+  void open_serial_port();
+  void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override;
 
   void prepare(dictionary::Area areas);
   drive::Configuration configuration() const;
@@ -32,6 +42,8 @@ class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024>
 
   bool lss_bit_timing_supported(std::uint8_t index) override;
   canopen::LssStore lss_store(std::uint8_t node_id, std::uint8_t bit_timing_index) override;
+
+  SerialPort serial_port_{dictionary(), registers, modbus_profile};
 };
 
 }  // namespace servodrome::products

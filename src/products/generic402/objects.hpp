@@ -2,6 +2,7 @@
 
 #include "canopen/301/communication_section.hpp"
 #include "drive/cia402_section.hpp"
+#include "modbus/rtu_server.hpp"
 #include "products/generic402/policy.hpp"
 
 namespace servodrome::products::generic402 {
@@ -43,6 +44,11 @@ struct Manufacturer {
   std::uint8_t node_id = 2;            // 2F00h, from the next restart or by LSS
   std::uint32_t bit_rate = 1000000;    // 2F01h, bit/s, likewise
   dictionary::Blob<1024> user_data{};  // 2F10h
+  // 2F20h: RS485 port, from the next restart on
+  std::uint8_t station = 0;  // 0: as the node-ID
+  std::uint32_t serial_bit_rate = 19200;
+  std::uint8_t serial_parity = 1;  // modbus::Parity
+  std::uint8_t serial_stop_bits = 1;
 };
 
 struct Objects {
@@ -162,6 +168,15 @@ inline constexpr auto manufacturer_section = [] {
            .saved = true,
            .owner = mine}),
       user_data,
+      highest_sub(0x2F20, record, "RS485 port", 4),
+      element(0x2F20, 1, record, "Modbus station", SERVODROME_FIELD(M, station), rw, none,
+              {.maximum = modbus::highest_station, .saved = true}),
+      element(0x2F20, 2, record, "Bit rate", SERVODROME_FIELD(M, serial_bit_rate), rw, none,
+              {.default_value = 19200, .minimum = 1200, .maximum = 1000000, .unit = "bit/s", .saved = true}),
+      element(0x2F20, 3, record, "Parity", SERVODROME_FIELD(M, serial_parity), rw, none,
+              {.default_value = 1, .maximum = 2, .saved = true}),
+      element(0x2F20, 4, record, "Stop bits", SERVODROME_FIELD(M, serial_stop_bits), rw, none,
+              {.default_value = 1, .minimum = 1, .maximum = 2, .saved = true}),
   });
 }();
 
