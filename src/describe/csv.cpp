@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <fmt/format.h>
 
 #include "describe/description.hpp"
@@ -29,6 +30,21 @@ std::string csv(std::span<const Entry> table) {
         word(entry.access), word(entry.pdo), field(default_text(entry)), entry.default_adds_node_id ? "+NodeID" : "",
         entry.has_range ? number_text(entry, entry.minimum) : "",
         entry.has_range ? number_text(entry, entry.maximum) : "", field(entry.unit), entry.saved ? "yes" : "");
+  }
+  return text;
+}
+
+std::string register_list(std::span<const modbus::Register> registers, std::span<const Entry> table) {
+  std::string text = "register,words,index,sub,name,type,access,min,max,unit\n";
+  for (const modbus::Register& row : registers) {
+    const auto entry = std::find_if(table.begin(), table.end(), [&row](const Entry& candidate) {
+      return candidate.index == row.index && candidate.sub == row.sub;
+    });
+    if (entry == table.end()) continue;  // no valid map
+    text += fmt::format("0x{:04X},{},0x{:04X},0x{:02X},{},{},{},{},{},{}\n", row.address, row.words, row.index, row.sub,
+                        field(entry->name), word(entry->type), word(entry->access),
+                        entry->has_range ? number_text(*entry, entry->minimum) : "",
+                        entry->has_range ? number_text(*entry, entry->maximum) : "", field(entry->unit));
   }
   return text;
 }

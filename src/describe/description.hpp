@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dictionary/entry.hpp"
+#include "modbus/register_map.hpp"
 
 namespace servodrome::describe {
 
@@ -54,6 +55,10 @@ std::string eds(const Description& description);
 // One line per entry, LF, with the columns index,sub,name,type,access,pdo,default,min,max,unit,saved. Limits are empty
 // where the type is the only limit.
 std::string csv(std::span<const dictionary::Entry> table);
+
+// The Modbus registers of a device in the order of their addresses, LF, with the columns
+// register,words,index,sub,name,type,access,min,max,unit; register, index and sub-index in hexadecimal.
+std::string register_list(std::span<const modbus::Register> registers, std::span<const dictionary::Entry> table);
 
 // A reference page: the device, then a table for each group of objects.
 std::string markdown(const Description& description);

@@ -32,23 +32,31 @@ std::shared_ptr<dictionary::Medium> open_store(const std::string& path) {
 
 }  // namespace
 
-Axis::Axis(const AxisSettings& settings, links::CanBus& bus)
-    : settings_(settings), bus_(bus), store_(open_store(settings.store)), plant_(settings.plant) {
+Axis::Axis(const AxisSettings& settings, links::CanBus* bus, links::SerialLine* serial, Time serial_silence)
+    : settings_(settings), bus_(bus), serial_(serial), store_(open_store(settings.store)), plant_(settings.plant) {
   products::Settings device_settings;
   device_settings.node_id = settings.node_id;
-  device_settings.bit_rate = settings.bit_rate != 0 ? settings.bit_rate : bus.bit_rate();
+  if (bus != nullptr) device_settings.bit_rate = settings.bit_rate != 0 ? settings.bit_rate : bus->bit_rate();
   device_settings.serial_number = settings.serial_number;
   device_settings.motor = settings.motor_data;
   device_settings.model = settings_.model;
   device_settings.store = store_.get();
   device_settings.description = data_sheet(*settings.product);
+  if (serial != nullptr) {
+    device_settings.serial = {settings.serial->station, serial->format(), settings.serial->protocol, serial_silence};
+    serial_port_ = serial->attach(station_);
+    serial_format_ = serial->format();
+  }
   device_ = settings.product->make(device_settings);
-  port_ = bus_.attach(*this);
+  if (bus != nullptr) port_ = bus->attach(*this);
   plant_.sample(feedback_);
   power_on(Time{});
 }
 
-Axis::~Axis() { bus_.detach(port_); }
+Axis::~Axis() {
+  if (bus_ != nullptr) bus_->detach(port_);
+  if (serial_ != nullptr) serial_->detach(serial_port_);
+}
 
 void Axis::run_to(std::int64_t tick) {
   if (!powered_) {
@@ -88,15 +96,28 @@ void Axis::poll(Time now) {
 
 void Axis::send_waiting(Time now) {
   canopen::Frame frame;
-  while (bus_.queue_space(port_) > 0 && device_->take(frame)) bus_.transmit(port_, frame, now);
-  follow_bit_rate();
+  if (bus_ == nullptr) {  // nobody hears them
+    while (device_->take(frame)) {
+    }
+  } else {
+    while (bus_->queue_space(port_) > 0 && device_->take(frame)) bus_->transmit(port_, frame, now);
+    follow_bit_rate();
+  }
+  if (serial_ != nullptr) follow_serial_format();
 }
 
 void Axis::follow_bit_rate() {
   const std::uint32_t bit_rate = device_->bit_rate();
   if (bit_rate == port_bit_rate_) return;
   port_bit_rate_ = bit_rate;
-  bus_.set_port_bit_rate(port_, bit_rate);
+  bus_->set_port_bit_rate(port_, bit_rate);
+}
+
+void Axis::follow_serial_format() {
+  const products::SerialPort* port = device_->serial_port();
+  if (port == nullptr || port->format() == serial_format_) return;
+  serial_format_ = port->format();
+  serial_->set_format(serial_port_, serial_format_);
 }
 
 void Axis::power_on(Time now) {
@@ -104,7 +125,7 @@ void Axis::power_on(Time now) {
   powered_ = true;
   last_cycle_ = unknown;
   last_poll_ = Time{-1};
-  bus_.set_participation(port_, links::Participation::normal);
+  if (bus_ != nullptr) bus_->set_participation(port_, links::Participation::normal);
   plant_.sample(feedback_);  // the plant may have been changed meanwhile
   device_->power_on(feedback_, now);
   for (const drive::Cause cause : injected_) device_->drive().inject(cause, true);
@@ -116,7 +137,8 @@ void Axis::power_off() {
   powered_ = false;
   device_->power_off();
   actuation_ = drive::Actuation{};
-  bus_.set_participation(port_, links::Participation::off);
+  if (bus_ != nullptr) bus_->set_participation(port_, links::Participation::off);
+  if (serial_ != nullptr) serial_->discard(serial_port_);
   plant_.discharge_dc_link();
 }
 
@@ -134,6 +156,30 @@ void Axis::on_error_state(links::ErrorState state, Time at) {
                               canopen::BusState::bus_off};
   device_->node().bus_state(states[static_cast<std::size_t>(state)], at);
   send_waiting(at);
+}
+
+void Axis::Station::receive(std::uint8_t character, bool intact, Time at) {
+  if (products::SerialPort* port = axis_.serial_port()) {
+    port->receive(character, intact, at);
+    axis_.send_waiting(at);
+  }
+}
+
+void Axis::Station::poll(Time now) {
+  if (products::SerialPort* port = axis_.serial_port()) {
+    port->poll(now);
+    axis_.send_waiting(now);
+  }
+}
+
+Time Axis::Station::next_deadline() const {
+  const products::SerialPort* port = axis_.serial_port();
+  return port != nullptr ? port->next_deadline() : links::never;
+}
+
+std::span<const std::uint8_t> Axis::Station::take() {
+  products::SerialPort* port = axis_.serial_port();
+  return port != nullptr ? port->take() : std::span<const std::uint8_t>{};
 }
 
 bool Axis::place(std::int64_t position_counts) {

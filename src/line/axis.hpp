@@ -10,6 +10,7 @@
 #include "line/config.hpp"
 #include "line/registry.hpp"
 #include "links/can/bus.hpp"
+#include "links/serial/line.hpp"
 #include "plant/plant.hpp"
 
 namespace servodrome::line {
@@ -18,13 +19,14 @@ using Time = links::Time;
 
 inline constexpr Time tick_length{62'500};  // drive::tick_seconds, exactly
 
-// A drive and the plant behind it, at a port of a bus. Tick n is the instant n * tick_length: the plant is advanced to
-// it, the drive samples and answers, and a position-loop cycle that ends there may put frames on the bus at that very
-// time.
+// A drive and the plant behind it, at a port of a CAN bus, of an RS485 line, or of both. Tick n is the instant n *
+// tick_length: the plant is advanced to it, the drive samples and answers, and a position-loop cycle that ends there
+// may put frames on the bus at that very time.
 class Axis final : public links::Receiver {
  public:
   // Powered from the start. Throws std::runtime_error when the store file cannot be used.
-  Axis(const AxisSettings& settings, links::CanBus& bus);
+  // `serial` with the silence that its drives are set up for.
+  Axis(const AxisSettings& settings, links::CanBus* bus, links::SerialLine* serial, Time serial_silence);
   ~Axis() override;
   Axis(const Axis&) = delete;
   Axis& operator=(const Axis&) = delete;
@@ -54,7 +56,11 @@ class Axis final : public links::Receiver {
   const plant::Plant& plant() const { return plant_; }
   const drive::Feedback& feedback() const { return feedback_; }
   const drive::Actuation& actuation() const { return actuation_; }
-  links::PortId port() const { return port_; }
+  links::PortId port() const { return port_; }  // of the CAN bus, if it has one
+  // The drive's RS485 port; nullptr: it has none, it is not connected or it has no power.
+  products::SerialPort* serial_port() const {
+    return powered_ && serial_ != nullptr ? device_->serial_port() : nullptr;
+  }
 
   // Puts the shaft at another encoder position, at rest; only while the motor is not energised. False: it is.
   bool place(std::int64_t position_counts);
@@ -68,17 +74,35 @@ class Axis final : public links::Receiver {
  private:
   static constexpr std::int64_t unknown = -1;
 
+  // The axis as a station of the RS485 line.
+  class Station final : public links::SerialStation {
+   public:
+    explicit Station(Axis& axis) : axis_(axis) {}
+    void receive(std::uint8_t character, bool intact, Time at) override;
+    void poll(Time now) override;
+    Time next_deadline() const override;
+    std::span<const std::uint8_t> take() override;
+
+   private:
+    Axis& axis_;
+  };
+
   void follow_bit_rate();
+  void follow_serial_format();
 
   AxisSettings settings_;
-  links::CanBus& bus_;
+  links::CanBus* bus_;
+  links::SerialLine* serial_;
   std::shared_ptr<dictionary::Medium> store_;
   std::shared_ptr<products::Device> device_;
   plant::Plant plant_;
   drive::Feedback feedback_{};
   drive::Actuation actuation_{};
-  links::PortId port_;
+  links::PortId port_{};
   std::uint32_t port_bit_rate_ = 0;
+  Station station_{*this};
+  links::SerialPortId serial_port_{};
+  modbus::CharacterFormat serial_format_;  // as the line knows it
   std::int64_t tick_ = 0;
   std::int64_t last_cycle_ = unknown;  // tick at which the drive last completed a position-loop cycle
   std::int64_t cycle_ticks_ = unknown;

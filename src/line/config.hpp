@@ -1,12 +1,16 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "drive/loops/motor_data.hpp"
+#include "links/time.hpp"
+#include "modbus/character_format.hpp"
 #include "plant/parameters.hpp"
+#include "products/serial_port.hpp"
 
 // What a line is made of, after the line file was read and checked.
 namespace servodrome::line {
@@ -15,6 +19,7 @@ struct Product;
 
 enum class ClockMode : std::uint8_t { real, virtual_time };
 
+// A CAN bus.
 struct BusSettings {
   std::string name;
   std::uint32_t bit_rate = 1'000'000;  // bit/s
@@ -22,13 +27,30 @@ struct BusSettings {
   std::vector<std::string> links;      // as links::parse_can_link reads them; empty: masters in this process only
 };
 
+// An RS485 line.
+struct SerialBusSettings {
+  std::string name;
+  modbus::CharacterFormat format{.bit_rate = 115200, .parity = modbus::Parity::none};
+  links::Time silence{};           // products::SerialSettings::silence of its drives
+  std::vector<std::string> links;  // as links::parse_serial_link reads them
+};
+
+// How an axis takes part in an RS485 line.
+struct AxisSerialSettings {
+  std::size_t bus = 0;       // index into LineSettings::serial_buses
+  std::uint8_t station = 0;  // 0: the product's factory value
+  std::optional<products::SerialProtocol> protocol;
+};
+
+// At least one of the two buses is there.
 struct AxisSettings {
   std::string name;
   const Product* product = nullptr;
-  std::string model;                // name of one of the product's models; empty: its default, if it has any
-  std::size_t bus = 0;              // index into LineSettings::buses
-  std::uint8_t node_id = 0;         // 0: the product's factory value
-  std::uint32_t bit_rate = 0;       // bit/s; 0: the bus's
+  std::string model;               // name of one of the product's models; empty: its default, if it has any
+  std::optional<std::size_t> bus;  // index into LineSettings::buses
+  std::uint8_t node_id = 0;        // 0: the product's factory value
+  std::uint32_t bit_rate = 0;      // bit/s; 0: the bus's
+  std::optional<AxisSerialSettings> serial;
   std::uint32_t serial_number = 1;  // 1018h:04
   std::string store;                // file of the non-volatile memory; empty: kept in memory while the line lives
   plant::Parameters plant;
@@ -45,6 +67,7 @@ struct LineSettings {
   ClockMode clock = ClockMode::real;
   ApiSettings api;
   std::vector<BusSettings> buses;
+  std::vector<SerialBusSettings> serial_buses;
   std::vector<AxisSettings> axes;
 };
 

@@ -9,14 +9,21 @@ NamedBus::NamedBus(const BusSettings& its_settings)
 
 Line::Line(const LineSettings& settings) : clock_mode_(settings.clock) {
   for (const BusSettings& bus : settings.buses) buses_.push_back(std::make_unique<NamedBus>(bus));
+  for (const SerialBusSettings& bus : settings.serial_buses) {
+    serial_buses_.push_back(std::make_unique<NamedSerialBus>(bus));
+  }
   for (const AxisSettings& axis : settings.axes) {
-    axes_.push_back(std::make_unique<Axis>(axis, buses_.at(axis.bus)->bus));
+    NamedSerialBus* serial = axis.serial ? serial_buses_.at(axis.serial->bus).get() : nullptr;
+    axes_.push_back(std::make_unique<Axis>(axis, axis.bus ? &buses_.at(*axis.bus)->bus : nullptr,
+                                           serial != nullptr ? &serial->line : nullptr,
+                                           serial != nullptr ? serial->settings.silence : Time{}));
   }
 }
 
 Time Line::next_bus_event() const {
   Time next = links::never;
   for (const auto& bus : buses_) next = std::min(next, bus->bus.next_event());
+  for (const auto& bus : serial_buses_) next = std::min(next, bus->line.next_event());
   return next;
 }
 
@@ -32,6 +39,7 @@ void Line::run_to_instant(Time instant) {
   for (const auto& axis : axes_) axis->run_to(tick);
   now_ = instant;
   for (const auto& bus : buses_) bus->bus.advance(instant);
+  for (const auto& bus : serial_buses_) bus->line.advance(instant);
   for (const auto& axis : axes_) axis->poll(instant);
 }
 
@@ -51,6 +59,28 @@ Axis* Line::find_axis(std::string_view name) const {
 NamedBus* Line::find_bus(std::string_view name) const {
   for (const auto& bus : buses_) {
     if (bus->settings.name == name) return bus.get();
+  }
+  return nullptr;
+}
+
+NamedSerialBus* Line::find_serial_bus(std::string_view name) const {
+  for (const auto& bus : serial_buses_) {
+    if (bus->settings.name == name) return bus.get();
+  }
+  return nullptr;
+}
+
+modbus::Server* Line::find_unit(const NamedSerialBus& bus, std::uint8_t unit) const {
+  const auto is_here = [this, &bus](const std::unique_ptr<Axis>& axis) {
+    const auto& serial = axis->settings().serial;
+    return serial && serial_buses_[serial->bus].get() == &bus;
+  };
+  const bool any = (unit == modbus::no_unit || unit == modbus::unspecified_unit) &&
+                   std::count_if(axes_.begin(), axes_.end(), is_here) == 1;
+  for (const auto& axis : axes_) {
+    if (!is_here(axis)) continue;
+    products::SerialPort* port = axis->serial_port();
+    if (port != nullptr && (any || port->station() == unit)) return port->modbus();
   }
   return nullptr;
 }

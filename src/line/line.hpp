@@ -10,6 +10,7 @@
 #include "links/can/bus.hpp"
 #include "links/can/client.hpp"
 #include "links/can/link.hpp"
+#include "links/serial/link.hpp"
 
 namespace servodrome::line {
 
@@ -20,6 +21,15 @@ struct NamedBus {
   std::vector<std::unique_ptr<links::CanLink>> links;  // what a LineServer opened; gone before the bus
 
   explicit NamedBus(const BusSettings& its_settings);
+};
+
+// An RS485 line of the line and its name.
+struct NamedSerialBus {
+  SerialBusSettings settings;
+  links::SerialLine line;
+  std::vector<std::unique_ptr<links::SerialLink>> links;  // what a LineServer opened; gone before the line
+
+  explicit NamedSerialBus(const SerialBusSettings& its_settings) : settings(its_settings), line(its_settings.format) {}
 };
 
 // Axes and buses, and the order in which things happen to them. It has no clock: time passes when run_until is called,
@@ -43,9 +53,14 @@ class Line final : public links::VirtualClock {
 
   const std::vector<std::unique_ptr<Axis>>& axes() const { return axes_; }
   const std::vector<std::unique_ptr<NamedBus>>& buses() const { return buses_; }
+  const std::vector<std::unique_ptr<NamedSerialBus>>& serial_buses() const { return serial_buses_; }
   // nullptr if there is none of that name.
   Axis* find_axis(std::string_view name) const;
   NamedBus* find_bus(std::string_view name) const;
+  NamedSerialBus* find_serial_bus(std::string_view name) const;
+  // The registers of the drive that has a Modbus unit identifier on the RS485 line; nullptr: none with power does that
+  // speaks Modbus. A drive that is alone on its line answers to 0 and 255 as well (modbus::Units).
+  modbus::Server* find_unit(const NamedSerialBus& bus, std::uint8_t unit) const;
   ClockMode clock_mode() const { return clock_mode_; }
 
   // Real time that was given up because the machine could not keep pace.
@@ -65,6 +80,7 @@ class Line final : public links::VirtualClock {
 
   ClockMode clock_mode_;
   std::vector<std::unique_ptr<NamedBus>> buses_;
+  std::vector<std::unique_ptr<NamedSerialBus>> serial_buses_;
   std::vector<std::unique_ptr<Axis>> axes_;
   Time now_{};
   Lag lag_;

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <iterator>
+#include <set>
 
 #include "line/model_plant.hpp"
 #include "line/nearest_name.hpp"
@@ -16,6 +17,7 @@
 #include "line/travel.hpp"
 #include "links/can/link_name.hpp"
 #include "links/link_error.hpp"
+#include "links/serial/link_name.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -24,6 +26,9 @@ constexpr std::size_t longest_name = 16;  // of a bus: what socketcand carries; 
 constexpr std::size_t most_buses = 16;
 constexpr std::size_t most_axes = 1000;
 constexpr std::size_t largest_file = 1 << 20;
+
+constexpr const char* can_link_forms = "a link is socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE or mem:";
+constexpr const char* serial_link_forms = "a link of an RS485 line is pty:PATH, serial:DEVICE, tcp:HOST:PORT or mem:";
 
 // Names stand in URLs, file names and log lines.
 bool is_name(std::string_view text) {
@@ -45,7 +50,9 @@ class LineFileReader {
     for (const toml::table* bus : reader.tables("bus")) read_bus(*bus);
     for (const toml::table* axis : reader.tables("axis")) read_axis(*axis);
     reader.finish();
-    if (settings_.buses.empty()) reader.complain("bus", "there is no bus", "add one: [[bus]] with name = \"can0\"");
+    if (settings_.buses.empty() && settings_.serial_buses.empty()) {
+      reader.complain("bus", "there is no bus", "add one: [[bus]] with name = \"can0\"");
+    }
     if (settings_.axes.empty() && report_.diagnostics.empty()) {
       reader.complain("axis", "there is no axis", "add one: [[axis]] with name, product, bus and node");
     }
@@ -85,57 +92,97 @@ class LineFileReader {
   }
 
   void read_bus(const toml::table& table) {
-    BusSettings bus;
     TableReader reader(table, "bus", report_);
-    read_name(reader, "bus", bus.name);
-    const auto same_name = [&bus](const BusSettings& other) { return other.name == bus.name; };
-    if (std::any_of(settings_.buses.begin(), settings_.buses.end(), same_name)) {
-      reader.complain("name", fmt::format("there is a bus \"{}\" already", bus.name),
-                      "give each bus a name of its own");
+    std::string type = "can";
+    reader.read("type", type);
+    if (type != "can" && type != "rs485") {
+      reader.complain("type", fmt::format("there is no type of bus \"{}\"", type), "write \"can\" or \"rs485\"");
     }
-    if (settings_.buses.size() == most_buses) {
+    std::string name;
+    read_name(reader, "bus", name);
+    const std::vector<std::string_view> names = bus_names();
+    if (std::find(names.begin(), names.end(), name) != names.end()) {
+      reader.complain("name", fmt::format("there is a bus \"{}\" already", name), "give each bus a name of its own");
+    }
+    if (names.size() == most_buses) {
       reader.complain("name", "is one bus too many", fmt::format("a line has at most {}", most_buses));
     }
+    if (type == "rs485") {
+      read_serial_bus(reader, std::move(name));
+    } else {
+      read_can_bus(reader, std::move(name));
+    }
+    reader.finish();
+  }
+
+  void read_can_bus(TableReader& reader, std::string name) {
+    BusSettings bus;
+    bus.name = std::move(name);
     reader.read("bit_rate", bus.bit_rate, 10'000, 1'000'000);
     reader.read("ideal", bus.ideal);
-    read_links(reader, bus);
-    reader.finish();
+    read_links(reader, bus.links, can_link_forms, [](const std::string& text) { links::parse_can_link(text); });
     settings_.buses.push_back(std::move(bus));
   }
 
-  void read_links(TableReader& reader, BusSettings& bus) {
+  void read_serial_bus(TableReader& reader, std::string name) {
+    SerialBusSettings bus;
+    bus.name = std::move(name);
+    reader.read("bit_rate", bus.format.bit_rate, 1'200, 1'000'000);
+    std::string format = "8N1";
+    reader.read("format", format);
+    const std::string_view parities = "NEO";  // in the order of modbus::Parity
+    const std::size_t parity = format.size() == 3 ? parities.find(format[1]) : std::string_view::npos;
+    if (parity == std::string_view::npos || format[0] != '8' || (format[2] != '1' && format[2] != '2')) {
+      reader.complain("format", fmt::format("\"{}\" is no format", format),
+                      "write \"8N1\", \"8E1\", \"8O1\", or the same with 2 stop bits");
+    } else {
+      bus.format.parity = static_cast<modbus::Parity>(parity);
+      bus.format.stop_bits = static_cast<std::uint8_t>(format[2] - '0');
+    }
+    std::int64_t silence_ms = 0;
+    reader.read("silence_ms", silence_ms, 0, 1'000);
+    bus.silence = std::chrono::milliseconds(silence_ms);
+    read_links(reader, bus.links, serial_link_forms, [](const std::string& text) { links::parse_serial_link(text); });
+    settings_.serial_buses.push_back(std::move(bus));
+  }
+
+  std::vector<std::string_view> bus_names() const {
+    std::vector<std::string_view> names;
+    for (const BusSettings& bus : settings_.buses) names.push_back(bus.name);
+    for (const SerialBusSettings& bus : settings_.serial_buses) names.push_back(bus.name);
+    return names;
+  }
+
+  // `parse` throws LinkError for what is no link of the bus.
+  template <typename Parse>
+  void read_links(TableReader& reader, std::vector<std::string>& links, const char* forms, const Parse& parse) {
     const toml::node* node = reader.node("links");
     if (node == nullptr) return;
     const toml::array* array = node->as_array();
     if (array == nullptr) {
-      reader.complain("links", "is not a list", "write links = [\"socketcand:127.0.0.1:29536/can0\"]");
+      reader.complain("links", "is not a list", fmt::format("write links = [\"LINK\"]; {}", forms));
       return;
     }
     for (const toml::node& element : *array) {
       const auto* text = element.as_string();
       std::string problem = "is not a string";
-      if (text != nullptr) problem = problem_of_link(text->get(), bus);
+      if (text != nullptr) problem = problem_of_link(text->get(), parse);
       if (problem.empty()) {
-        bus.links.push_back(text->get());
+        links.push_back(text->get());
       } else {
-        report_.complain(element.source().begin, fmt::format("bus.links: {}", problem),
-                         "a link is socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE or mem:");
+        report_.complain(element.source().begin, fmt::format("bus.links: {}", problem), forms);
       }
     }
   }
 
-  std::string problem_of_link(const std::string& text, const BusSettings& bus) const {
+  template <typename Parse>
+  std::string problem_of_link(const std::string& text, const Parse& parse) {
     try {
-      links::parse_can_link(text);
+      parse(text);
     } catch (const links::LinkError& error) {
       return error.what();
     }
-    const auto has = [&text](const BusSettings& other) {
-      return std::find(other.links.begin(), other.links.end(), text) != other.links.end();
-    };
-    if (text != "mem:" && (has(bus) || std::any_of(settings_.buses.begin(), settings_.buses.end(), has))) {
-      return fmt::format("\"{}\" is taken", text);
-    }
+    if (text != "mem:" && !taken_links_.insert(text).second) return fmt::format("\"{}\" is taken", text);
     return {};
   }
 
@@ -154,6 +201,7 @@ class LineFileReader {
     read_product(reader, axis);
     read_model(reader, axis);
     read_address(reader, axis);
+    read_serial(reader, axis);
     reader.read("serial_number", axis.serial_number);
     reader.read("store", axis.store);
     if (!axis.store.empty()) {
@@ -206,22 +254,106 @@ class LineFileReader {
     const auto found = std::find(names.begin(), names.end(), bus);
     if (found != names.end()) {
       axis.bus = static_cast<std::size_t>(found - names.begin());
+    } else if (bus.empty() && reader.node("serial") != nullptr) {
+      // on the RS485 line alone
     } else if (bus.empty() && names.size() == 1) {
       axis.bus = 0;
-    } else if (!names.empty()) {
+    } else if (find_serial_bus(bus)) {
+      reader.complain("bus", fmt::format("\"{}\" is an RS485 line", bus), fmt::format("write serial = \"{}\"", bus));
+    } else if (bus.empty() && names.empty() && !settings_.serial_buses.empty()) {
+      reader.complain("serial", "is missing", "name the RS485 line of the axis: serial = \"NAME\"");
+    } else if (!bus_names().empty()) {
       reader.complain("bus", bus.empty() ? "is missing" : fmt::format("there is no bus \"{}\"", bus),
-                      suggestion(bus, names));
+                      names.empty() ? "leave the key out" : suggestion(bus, names));
     }
     reader.read("node", axis.node_id, 1, 127);
     reader.read("bit_rate", axis.bit_rate, 10'000, 1'000'000);
     const unsigned node = node_in_force(axis);
-    if (node == 0) return;
+    if (node == 0 || !axis.bus) return;
     for (const AxisSettings& other : settings_.axes) {
       if (other.bus != axis.bus || node_in_force(other) != node) continue;
       reader.complain("node", fmt::format("axis \"{}\" is node {} of this bus already", other.name, node),
-                      fmt::format("node {} is free", free_node(axis.bus)));
+                      fmt::format("node {} is free", free_node(*axis.bus)));
       return;
     }
+  }
+
+  std::optional<std::size_t> find_serial_bus(std::string_view name) const {
+    for (std::size_t i = 0; i < settings_.serial_buses.size(); ++i) {
+      if (settings_.serial_buses[i].name == name) return i;
+    }
+    return std::nullopt;
+  }
+
+  void read_serial(TableReader& reader, AxisSettings& axis) {
+    AxisSerialSettings serial;
+    std::string bus;
+    std::string protocol;
+    reader.read("serial", bus);
+    reader.read("station", serial.station, 1, modbus::highest_station);
+    reader.read("serial_protocol", protocol);
+    if (bus.empty()) {
+      for (const char* key : {"station", "serial_protocol"}) {
+        if (reader.node(key) == nullptr) continue;
+        reader.complain(key, "is of an axis on an RS485 line", "name the line: serial = \"NAME\"");
+      }
+      return;
+    }
+    const auto found = find_serial_bus(bus);
+    if (!found) {
+      std::vector<std::string_view> names;
+      for (const SerialBusSettings& known : settings_.serial_buses) names.push_back(known.name);
+      reader.complain("serial", fmt::format("there is no RS485 line \"{}\"", bus),
+                      names.empty() ? "add one: [[bus]] with type = \"rs485\"" : suggestion(bus, names));
+      return;
+    }
+    serial.bus = *found;
+    if (axis.product == nullptr) return;
+    if (axis.product->serial == nullptr) {
+      reader.complain("serial", fmt::format("a `{}` has no RS485 port", axis.product->name), "leave the key out");
+      return;
+    }
+    read_serial_product(reader, axis, serial, protocol);
+    axis.serial = serial;
+  }
+
+  void read_serial_product(TableReader& reader, const AxisSettings& axis, AxisSerialSettings& serial,
+                           const std::string& protocol) {
+    const SerialInterface& port = *axis.product->serial;
+    const SerialBusSettings& bus = settings_.serial_buses[serial.bus];
+    if (!port.supports(bus.format)) {
+      reader.complain(
+          "serial",
+          fmt::format("a `{}` cannot be set to the bit rate and format of \"{}\"", axis.product->name, bus.name),
+          "docs/line-file.md has those of each product");
+    }
+    if (serial.station != 0 && !port.has_own_station) {
+      reader.complain("station", fmt::format("the station of a `{}` is its node-ID", axis.product->name),
+                      "write node = N instead");
+    }
+    if (!protocol.empty()) {
+      std::vector<std::string_view> names;
+      for (const products::SerialProtocol known : port.protocols) {
+        names.push_back(name_of(known));
+        if (names.back() == protocol) serial.protocol = known;
+      }
+      if (!serial.protocol) {
+        reader.complain("serial_protocol", fmt::format("a `{}` does not speak \"{}\"", axis.product->name, protocol),
+                        suggestion(protocol, names));
+      }
+    }
+    const unsigned station = serial.station != 0 ? serial.station : node_in_force(axis);
+    for (const AxisSettings& other : settings_.axes) {
+      if (!other.serial || other.serial->bus != serial.bus || station_in_force(other) != station) continue;
+      reader.complain(serial.station != 0 ? "station" : "serial",
+                      fmt::format("axis \"{}\" is station {} of this line already", other.name, station),
+                      port.has_own_station ? "give another with station = N" : "give another with node = N");
+      return;
+    }
+  }
+
+  static unsigned station_in_force(const AxisSettings& axis) {
+    return axis.serial->station != 0 ? axis.serial->station : node_in_force(axis);
   }
 
   static unsigned node_in_force(const AxisSettings& axis) {
@@ -306,6 +438,7 @@ class LineFileReader {
   std::span<const Product> products_;
   FileReport report_;
   LineSettings settings_;
+  std::set<std::string> taken_links_;
 };
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "line/bench/api.hpp"
 #include "links/can/link_name.hpp"
+#include "links/serial/link_name.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -28,10 +29,27 @@ LineServer::LineServer(const LineSettings& settings)
       bus->links.push_back(links::open_can_link(name, bus->bus, io_, *this));
     }
   }
+  open_serial_links();
   if (settings.api.enabled) {
     http_ = std::make_unique<bench::HttpServer>(io_, settings.api.address, settings.api.port, access_,
                                                 [this](const bench::Request& request) { return answer(request); });
   }
+}
+
+void LineServer::open_serial_links() {
+  for (const auto& bus : line_.serial_buses()) {
+    units_.push_back(std::make_unique<Units>(*this, *bus));
+    for (const std::string& link : bus->settings.links) {
+      const links::SerialLinkName name = links::parse_serial_link(link);
+      if (std::holds_alternative<links::MemName>(name)) continue;  // for masters in this process
+      bus->links.push_back(links::open_serial_link(name, bus->line, *units_.back(), io_, *this));
+    }
+  }
+}
+
+modbus::Server* LineServer::Units::find(std::uint8_t unit) {
+  if (server_.real_) server_.catch_up();
+  return server_.line_.find_unit(bus_, unit);
 }
 
 LineServer::~LineServer() {

@@ -60,6 +60,18 @@ class LineServer final : private links::LineHost {
     std::function<void()> on_failure;
   };
 
+  // The drives of an RS485 line for its Modbus TCP clients: a request finds the line at the moment it came.
+  class Units final : public modbus::Units {
+   public:
+    Units(LineServer& server, const NamedSerialBus& bus) : server_(server), bus_(bus) {}
+    modbus::Server* find(std::uint8_t unit) override;
+
+   private:
+    LineServer& server_;
+    const NamedSerialBus& bus_;
+  };
+
+  void open_serial_links();
   bench::Response answer(const bench::Request& request);
   void catch_up();
   void schedule();
@@ -69,6 +81,7 @@ class LineServer final : private links::LineHost {
   boost::asio::io_context io_;
   boost::asio::steady_timer timer_;
   bench::Access access_;
+  std::vector<std::unique_ptr<Units>> units_;  // outlive the links, which are the line's
   Line line_;
   std::vector<Log> logs_;
   std::unique_ptr<bench::HttpServer> http_;

@@ -66,6 +66,15 @@ describe::Description describe_ismk() {
   return description;
 }
 
+constexpr std::array generic402_protocols{products::SerialProtocol::modbus_rtu};
+constexpr SerialInterface generic402_serial{
+    .protocols = generic402_protocols,
+    .has_own_station = true,
+    .supports = [](const modbus::CharacterFormat& format) { return format.data_bits == 8; },
+    .profile = &products::Generic402::modbus_profile,
+    .registers = products::Generic402::registers,
+};
+
 const std::array products{
     // Wiring: ISMC manual L2680.
     Product{"ismc",
@@ -81,7 +90,8 @@ const std::array products{
             products::Generic402::factory_node_id,
             8,
             {0, 1, 2},
-            describe_generic402},
+            describe_generic402,
+            &generic402_serial},
     // Two terminals, iSMK manual L664-671; the home switch would be a third.
     Product{"ismk",
             "Kinco iSMK integrated servo, CANopen and RS485",
@@ -90,6 +100,7 @@ const std::array products{
             4,
             {0, 1, 2},
             describe_ismk,
+            nullptr,
             products::ismk::ratings,
             products::ismk::default_rating},
 };
@@ -104,6 +115,14 @@ std::span<const std::byte> data_sheet(const Product& product) {
   std::string& sheet = sheets[product.name];
   if (sheet.empty()) sheet = describe::eds(product.describe());
   return std::as_bytes(std::span(sheet));
+}
+
+std::string_view name_of(products::SerialProtocol protocol) {
+  switch (protocol) {
+    case products::SerialProtocol::modbus_rtu: return "modbus";
+    case products::SerialProtocol::serial10: return "serial10";
+  }
+  return "";
 }
 
 const Product* find_product(std::span<const Product> among, std::string_view name) {

@@ -19,6 +19,15 @@ struct SwitchWiring {
   std::uint8_t home = 2;
 };
 
+// The RS485 port of a product.
+struct SerialInterface {
+  std::span<const products::SerialProtocol> protocols;  // what it can speak; the factory's first
+  bool has_own_station = false;                         // which may differ from the node-ID
+  bool (*supports)(const modbus::CharacterFormat& format) = nullptr;
+  const modbus::Profile* profile = nullptr;
+  std::span<const modbus::Register> registers;
+};
+
 struct Product {
   std::string_view name;   // as line files and commands call it
   std::string_view title;  // one line for people
@@ -27,6 +36,7 @@ struct Product {
   std::uint8_t input_wires = 6;  // DI0 ..
   SwitchWiring wiring{};
   describe::Description (*describe)() = nullptr;  // for data sheets and references
+  const SerialInterface* serial = nullptr;        // nullptr: it has no RS485 port
   std::span<const products::Model> models{};      // sizes with motors of their own; empty: any motor
   std::string_view default_model{};
 };
@@ -35,6 +45,9 @@ std::span<const Product> all_products();
 
 // The product's EDS as the device carries it (1021h), made once. Empty for a product without `describe`.
 std::span<const std::byte> data_sheet(const Product& product);
+
+// Words of line files and commands: "modbus", "serial10".
+std::string_view name_of(products::SerialProtocol protocol);
 
 // nullptr if there is none of that name.
 const Product* find_product(std::span<const Product> products, std::string_view name);

@@ -187,6 +187,9 @@ void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.name; 
 // A bus and an axis on lines 1 to 5, for mistakes that need them.
 #define AXIS "[[bus]]\nname='can0'\n[[axis]]\nname='x'\nproduct='ismc'\n"
 
+// An RS485 line and an axis on lines 1 to 7.
+#define SERIAL_AXIS "[[bus]]\nname='rs'\ntype='rs485'\n[[axis]]\nname='x'\nproduct='generic402'\nserial='rs'\n"
+
 const std::vector<Mistake> mistakes{
     {"syntax", "clock = ", 1, 9, "", "TOML"},
     {"same_key_twice", "clock='real'\nclock='real'\n", 2, 7, "", "TOML"},
@@ -228,6 +231,36 @@ const std::vector<Mistake> mistakes{
     {"link", "[[bus]]\nname='can0'\nlinks=['mem:', 'carrier-pigeon:x']\n", 3, 16, "bus.links:", "slcan:PATH"},
     {"link_twice", "[[bus]]\nname='can0'\nlinks=['slcan:/a','slcan:/a']\n", 3, 19, "\"slcan:/a\" is taken", ""},
     {"links_no_list", "[[bus]]\nname='can0'\nlinks='mem:'\n", 3, 7, "bus.links: is not a list", "links = ["},
+    {"bus_type", "[[bus]]\nname='a'\ntype='rs422'\n" AXIS, 3, 6, "bus.type: there is no type of bus \"rs422\"",
+     "\"rs485\""},
+    {"serial_same_name", "[[bus]]\nname='can0'\ntype='rs485'\n" AXIS, 5, 6, "there is a bus \"can0\" already",
+     "a name of its own"},
+    {"serial_ideal", "[[bus]]\nname='rs'\ntype='rs485'\nideal=true\n" AXIS, 4, 1, "unknown key `ideal` in bus", ""},
+    {"serial_bit_rate", "[[bus]]\nname='rs'\ntype='rs485'\nbit_rate=300\n" AXIS, 4, 10,
+     "bus.bit_rate: 300 is out of range", "1200 .. 1000000"},
+    {"serial_format", "[[bus]]\nname='rs'\ntype='rs485'\nformat='8n1'\n" AXIS, 4, 8, "bus.format: \"8n1\" is no format",
+     "\"8E1\""},
+    {"serial_silence", "[[bus]]\nname='rs'\ntype='rs485'\nsilence_ms=-1\n" AXIS, 4, 12,
+     "bus.silence_ms: -1 is out of range", "0 .. 1000"},
+    {"serial_link", "[[bus]]\nname='rs'\ntype='rs485'\nlinks=['slcan:/a']\n" AXIS, 4, 8, "bus.links:", "pty:PATH"},
+    {"serial_link_twice", "[[bus]]\nname='rs'\ntype='rs485'\nlinks=['tcp:::1']\n" AXIS, 4, 8, "bus.links:", "tcp:HOST"},
+    {"serial_of_axis", AXIS "serial='rs'\n", 6, 8, "axis.serial: there is no RS485 line \"rs\"", "type = \"rs485\""},
+    {"serial_misspelt", SERIAL_AXIS "[[axis]]\nname='y'\nproduct='generic402'\nserial='rt'", 11, 8,
+     "there is no RS485 line \"rt\"", "did you mean `rs`?"},
+    {"serial_as_bus", SERIAL_AXIS "[[axis]]\nname='y'\nproduct='generic402'\nbus='rs'", 11, 5,
+     "axis.bus: \"rs\" is an RS485 line", "serial = \"rs\""},
+    {"serial_missing", "[[bus]]\nname='rs'\ntype='rs485'\n[[axis]]\nname='x'\nproduct='generic402'\n", 4, 1,
+     "axis.serial: is missing", "serial ="},
+    {"serial_product", SERIAL_AXIS "[[axis]]\nname='y'\nproduct='ismc'\nserial='rs'", 11, 8,
+     "a `ismc` has no RS485 port", "leave the key out"},
+    {"serial_same_station", SERIAL_AXIS "[[axis]]\nname='y'\nproduct='generic402'\nserial='rs'\nstation=2\n", 12, 9,
+     "axis.station: axis \"x\" is station 2 of this line already", "station = N"},
+    {"serial_same_node", SERIAL_AXIS "[[axis]]\nname='y'\nproduct='generic402'\nserial='rs'\n", 11, 8,
+     "axis.serial: axis \"x\" is station 2 of this line already", "station = N"},
+    {"serial_station", SERIAL_AXIS "station=248\n", 8, 9, "axis.station: 248 is out of range", "1 .. 247"},
+    {"station_alone", AXIS "station=4\n", 6, 9, "axis.station: is of an axis on an RS485 line", "serial ="},
+    {"serial_protocol", SERIAL_AXIS "serial_protocol='modbut'\n", 8, 17, "does not speak \"modbut\"",
+     "did you mean `modbus`?"},
     {"bus_no_table", "bus = 3\n", 1, 7, "bus: is an integer", "[[bus]]"},
     {"api", "[api]\naddress='localhost'\n" AXIS, 2, 9, "api.address: \"localhost\" is no ADDRESS:PORT", "8402"},
     {"api_port", "[api]\naddress='localhost:99999'\n" AXIS, 2, 9, "api.address: \"99999\" is no port", "8402"},

@@ -30,7 +30,7 @@ void check(const Options& options) {
     for (const line::Diagnostic& diagnostic : loaded.diagnostics) fmt::print("{}\n", to_string(diagnostic));
     if (loaded.diagnostics.empty()) {
       fmt::print("{}: {} axes on {} buses, nothing wrong\n", options.file, loaded.settings.axes.size(),
-                 loaded.settings.buses.size());
+                 loaded.settings.buses.size() + loaded.settings.serial_buses.size());
     }
   }
   if (!loaded.diagnostics.empty()) {

@@ -18,7 +18,14 @@ struct Options {
   std::string output;
 };
 
-std::string document(const std::string& format, const describe::Description& description) {
+std::string document(const std::string& format, const line::Product& product) {
+  const describe::Description description = product.describe();
+  if (format == "modbus") {
+    if (product.serial == nullptr) {
+      throw Failure::wrong_use(fmt::format("export: a `{}` has no Modbus registers", product.name));
+    }
+    return describe::register_list(product.serial->registers, description.table);
+  }
   if (format == "eds") return describe::eds(description);
   if (format == "csv") return describe::csv(description.table);
   return describe::markdown(description);
@@ -42,7 +49,7 @@ void run(const Options& options) {
     throw Failure::wrong_use(fmt::format("export: there is no product \"{}\"; {}", options.product,
                                          line::suggestion(options.product, names)));
   }
-  const std::string text = document(options.format, product->describe());
+  const std::string text = document(options.format, *product);
   write(options.output.empty() || options.output == "-" ? "/dev/stdout" : options.output, text);
 }
 
@@ -50,10 +57,12 @@ void run(const Options& options) {
 
 void add_export(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("export", "Write a product's electronic data sheet or object reference");
-  command->add_option("FORMAT", options->format, "eds (CiA 306), csv or md (Markdown)")
+  CLI::App* command = app.add_subcommand("export", "Write a product's data sheet, object reference or register list");
+  command
+      ->add_option("FORMAT", options->format,
+                   "eds (CiA 306), csv or md (Markdown) of its objects, modbus (csv of its registers)")
       ->required()
-      ->check(CLI::IsMember({"eds", "csv", "md"}));
+      ->check(CLI::IsMember({"eds", "csv", "md", "modbus"}));
   command->add_option("PRODUCT", options->product, "A name that `servodrome products` lists")->required();
   command->add_option("-o,--output", options->output, "File to write; standard output if not given");
   command->callback([options] { run(*options); });

@@ -17,6 +17,7 @@
 #include "line/registry.hpp"
 #include "links/can/link_name.hpp"
 #include "links/link_error.hpp"
+#include "links/serial/link_name.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -35,8 +36,16 @@ struct Options {
 // for a bus are several options.
 void override_links(line::LineSettings& settings, const std::vector<std::string>& options) {
   std::vector<std::string_view> names;
-  for (const line::BusSettings& bus : settings.buses) names.push_back(bus.name);
-  std::vector<bool> cleared(settings.buses.size(), false);
+  std::vector<std::vector<std::string>*> links_of;
+  for (line::BusSettings& bus : settings.buses) {
+    names.push_back(bus.name);
+    links_of.push_back(&bus.links);
+  }
+  for (line::SerialBusSettings& bus : settings.serial_buses) {
+    names.push_back(bus.name);
+    links_of.push_back(&bus.links);
+  }
+  std::vector<bool> cleared(names.size(), false);
   for (const std::string& option : options) {
     // A link name has a colon before any equals sign.
     const std::size_t equals = option.find('=');
@@ -55,13 +64,13 @@ void override_links(line::LineSettings& settings, const std::vector<std::string>
                                            option, names.size(), fmt::join(names, ", ")));
     }
     try {
-      links::parse_can_link(link);
+      bus < settings.buses.size() ? void(links::parse_can_link(link)) : void(links::parse_serial_link(link));
     } catch (const links::LinkError& error) {
       throw Failure::wrong_use(fmt::format("--bus {}: {}", option, error.what()));
     }
-    if (!cleared[bus]) settings.buses[bus].links.clear();
+    if (!cleared[bus]) links_of[bus]->clear();
     cleared[bus] = true;
-    settings.buses[bus].links.push_back(link);
+    links_of[bus]->push_back(link);
   }
 }
 
@@ -103,25 +112,42 @@ nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettin
                                      {"token", server.token()}};
   description["axes"] = nlohmann::ordered_json::array();
   for (const auto& axis : server.line().axes()) {
-    description["axes"].push_back({{"name", axis->settings().name},
-                                   {"product", axis->settings().product->name},
-                                   {"bus", settings.buses[axis->settings().bus].name},
-                                   {"node_id", axis->device().node_id()}});
+    const line::AxisSettings& its = axis->settings();
+    nlohmann::ordered_json entry{{"name", its.name}, {"product", its.product->name}};
+    entry["bus"] = its.bus ? nlohmann::ordered_json(settings.buses[*its.bus].name) : nullptr;
+    entry["node_id"] = axis->device().node_id();
+    if (its.serial) {
+      entry["serial"] = settings.serial_buses[its.serial->bus].name;
+      entry["station"] = axis->device().serial_port()->station();
+    }
+    description["axes"].push_back(std::move(entry));
   }
   description["buses"] = nlohmann::ordered_json::array();
   for (const auto& bus : server.line().buses()) {
     nlohmann::ordered_json names = nlohmann::ordered_json::array();
     for (const auto& link : bus->links) names.push_back(link->name());
-    description["buses"].push_back({{"name", bus->settings.name}, {"bit_rate", bus->bus.bit_rate()}, {"links", names}});
+    description["buses"].push_back(
+        {{"name", bus->settings.name}, {"type", "can"}, {"bit_rate", bus->bus.bit_rate()}, {"links", names}});
+  }
+  for (const auto& bus : server.line().serial_buses()) {
+    nlohmann::ordered_json names = nlohmann::ordered_json::array();
+    for (const auto& link : bus->links) names.push_back(link->name());
+    description["buses"].push_back(
+        {{"name", bus->settings.name}, {"type", "rs485"}, {"bit_rate", bus->line.format().bit_rate}, {"links", names}});
   }
   return description;
 }
 
 void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
-  fmt::print(out, "{:<18}{:<14}{:<18}{}\n", "axis", "product", "bus", "node");
+  fmt::print(out, "{:<18}{:<14}{:<18}{}\n", "axis", "product", "bus", "node or station");
   for (const auto& axis : ready["axes"]) {
-    fmt::print(out, "{:<18}{:<14}{:<18}{}\n", axis["name"].get<std::string>(), axis["product"].get<std::string>(),
-               axis["bus"].get<std::string>(), axis["node_id"].get<int>());
+    const auto name = axis["name"].get<std::string>();
+    const auto product = axis["product"].get<std::string>();
+    const auto print_row = [&](const std::string& bus, int address) {
+      fmt::print(out, "{:<18}{:<14}{:<18}{}\n", name, product, bus, address);
+    };
+    if (!axis["bus"].is_null()) print_row(axis["bus"].get<std::string>(), axis["node_id"].get<int>());
+    if (axis.contains("serial")) print_row(axis["serial"].get<std::string>(), axis["station"].get<int>());
   }
   fmt::print(out, "\n{:<18}{:<14}{}\n", "bus", "kbit/s", "reach it with");
   for (const auto& bus : ready["buses"]) {
@@ -198,9 +224,11 @@ void add_up(CLI::App& app) {
   command
       ->add_option("--bus", options->buses,
                    "NAME=LINK or LINK: how a bus is reached, instead of what the line file says "
-                   "(socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE)")
+                   "(socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE; pty:PATH, serial:DEVICE, tcp:HOST:PORT "
+                   "for an RS485 line)")
       ->allow_extra_args(false);
-  command->add_option("--log", options->log, "Log each bus in candump format (FILE.pcap: pcap); - is standard output");
+  command->add_option("--log", options->log,
+                      "Log each CAN bus in candump format (FILE.pcap: pcap); - is standard output");
   command->add_flag("--virtual", options->virtual_time, "Time passes only when the bench API advances it");
   command->add_option("--api", options->api, "ADDRESS:PORT of the bench API; port 0 lets the system choose");
   command->add_option("--ready-file", options->ready_file, "Write this file (JSON) when the line is ready");

@@ -82,8 +82,11 @@ NamedBus& bus_argument(Call& call) {
   if (NamedBus* bus = call.line.find_bus(name)) return *bus;
   std::vector<std::string_view> names;
   for (const auto& bus : call.line.buses()) names.push_back(bus->settings.name);
+  for (const auto& bus : call.line.serial_buses()) names.push_back(bus->settings.name);
   throw ApiError{404, fmt::format("there is no bus \"{}\"", name.substr(0, 40)), "address", suggestion(name, names)};
 }
+
+NamedSerialBus* serial_bus_argument(Call& call) { return call.line.find_serial_bus(call.arguments.front()); }
 
 Response handle(Line& line, const Request& request) {
   try {

@@ -11,14 +11,14 @@ namespace {
 Json list_axes(Call& call) {
   Json axes = Json::array();
   for (const auto& axis : call.line.axes()) {
-    axes.push_back(view_of(*axis, call.line.buses()[axis->settings().bus]->settings));
+    axes.push_back(view_of(call.line, *axis));
   }
   return Json{{"axes", std::move(axes)}};
 }
 
 Json show_axis(Call& call) {
   Axis& axis = axis_argument(call);
-  return view_of(axis, call.line.buses()[axis.settings().bus]->settings);
+  return view_of(call.line, axis);
 }
 
 Json switch_power(Call& call) {

@@ -51,11 +51,22 @@ Json active_faults(Axis& axis) {
   return faults;
 }
 
-Json view_of(Axis& axis, const BusSettings& bus) {
+Json view_of(const Line& line, Axis& axis) {
   const AxisSettings& settings = axis.settings();
   products::Device& device = axis.device();
-  Json view{{"name", settings.name},       {"product", settings.product->name}, {"bus", bus.name},
-            {"node_id", device.node_id()}, {"bit_rate", device.bit_rate()},     {"powered", axis.powered()}};
+  Json view{{"name", settings.name}, {"product", settings.product->name}};
+  view["bus"] = settings.bus ? Json(line.buses()[*settings.bus]->settings.name) : Json(nullptr);
+  view["node_id"] = device.node_id();
+  view["bit_rate"] = device.bit_rate();
+  if (settings.serial) {
+    const products::SerialPort& port = *device.serial_port();
+    view["serial"] = {{"bus", line.serial_buses()[settings.serial->bus]->settings.name},
+                      {"station", port.station()},
+                      {"protocol", name_of(port.protocol())}};
+  } else {
+    view["serial"] = nullptr;
+  }
+  view["powered"] = axis.powered();
   if (axis.powered()) {
     const drive::Drive& drive = device.drive();
     const drive::Mode mode = drive.mode();

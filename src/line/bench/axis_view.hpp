@@ -1,12 +1,12 @@
 #pragma once
 
-#include "line/axis.hpp"
 #include "line/bench/error.hpp"
+#include "line/line.hpp"
 
 namespace servodrome::line::bench {
 
 // What GET /api/v1/axes/{axis} says of an axis: the drive as it sees itself, and the true shaft.
-Json view_of(Axis& axis, const BusSettings& bus);
+Json view_of(const Line& line, Axis& axis);
 
 // The drive's active faults: [{"code": "0x7380", "name": ...}].
 Json active_faults(Axis& axis);

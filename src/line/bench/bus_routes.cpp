@@ -3,6 +3,7 @@
 
 #include "line/bench/body_reader.hpp"
 #include "line/bench/routes.hpp"
+#include "line/bench/serial_bus.hpp"
 #include "line/nearest_name.hpp"
 
 namespace servodrome::line::bench {
@@ -50,15 +51,11 @@ Json view_of(const links::Disturbance& disturbance) {
 Json view_of(const Line& line, const NamedBus& named) {
   const links::CanBus& bus = named.bus;
   const links::BusCounters& counters = bus.counters();
-  Json view{{"name", named.settings.name},
-            {"bit_rate", bus.bit_rate()},
-            {"load_percent", bus.load_percent(line.now())},
-            {"cut", bus.is_bus_cut()},
-            {"frames", counters.frames},
-            {"errors", counters.errors},
-            {"collisions", counters.collisions},
-            {"dropped", counters.dropped},
-            {"delayed", counters.delayed},
+  Json view{{"name", named.settings.name},    {"type", "can"},
+            {"bit_rate", bus.bit_rate()},     {"load_percent", bus.load_percent(line.now())},
+            {"cut", bus.is_bus_cut()},        {"frames", counters.frames},
+            {"errors", counters.errors},      {"collisions", counters.collisions},
+            {"dropped", counters.dropped},    {"delayed", counters.delayed},
             {"corrupted", counters.corrupted}};
   view["disturbance"] = bus.disturbance() ? view_of(*bus.disturbance()) : Json(nullptr);
   view["axes"] = Json::object();
@@ -68,26 +65,21 @@ Json view_of(const Line& line, const NamedBus& named) {
     }
   }
   view["links"] = Json::array();
-  for (const auto& link : named.links) {
-    const links::LinkCounters& traffic = link->counters();
-    view["links"].push_back({{"name", link->name()},
-                             {"clients", traffic.clients},
-                             {"to_bus", traffic.to_bus},
-                             {"from_bus", traffic.from_bus},
-                             {"dropped", traffic.dropped},
-                             {"refused", traffic.refused},
-                             {"malformed", traffic.malformed}});
-  }
+  for (const auto& link : named.links) view["links"].push_back(view_of_link(link->name(), link->counters()));
   return view;
 }
 
 Json list_buses(Call& call) {
   Json buses = Json::array();
   for (const auto& bus : call.line.buses()) buses.push_back(view_of(call.line, *bus));
+  for (const auto& bus : call.line.serial_buses()) buses.push_back(view_of_serial_bus(call.line, *bus));
   return Json{{"buses", std::move(buses)}};
 }
 
-Json show_bus(Call& call) { return view_of(call.line, bus_argument(call)); }
+Json show_bus(Call& call) {
+  if (const NamedSerialBus* serial = serial_bus_argument(call)) return view_of_serial_bus(call.line, *serial);
+  return view_of(call.line, bus_argument(call));
+}
 
 void calm(const Line& line, NamedBus& named) {
   named.bus.clear_disturbance();
@@ -114,6 +106,7 @@ const Axis* named_axis(const Line& line, const NamedBus& named, BodyReader& body
 // Replaces what was disturbed before.
 Json disturb(Call& call) {
   constexpr double longest_delay_ms = 60'000;
+  if (NamedSerialBus* serial = serial_bus_argument(call)) return disturb_serial_bus(call, *serial);
   NamedBus& named = bus_argument(call);
   BodyReader body(call.body);
   links::Disturbance disturbance;
@@ -140,6 +133,7 @@ Json disturb(Call& call) {
 }
 
 Json end_disturbance(Call& call) {
+  if (NamedSerialBus* serial = serial_bus_argument(call)) return calm_serial_bus(call, *serial);
   NamedBus& named = bus_argument(call);
   BodyReader(call.body, true).finish();
   calm(call.line, named);

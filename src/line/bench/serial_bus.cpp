@@ -1,0 +1,72 @@
+#include "line/bench/serial_bus.hpp"
+
+#include <fmt/format.h>
+
+#include "line/bench/body_reader.hpp"
+
+namespace servodrome::line::bench {
+
+std::string text_of(const modbus::CharacterFormat& format) {
+  return fmt::format("{}{}{}", format.data_bits, "NEO"[static_cast<std::size_t>(format.parity)], format.stop_bits);
+}
+
+Json view_of_link(const std::string& name, const links::LinkCounters& traffic) {
+  return Json{{"name", name},
+              {"clients", traffic.clients},
+              {"to_bus", traffic.to_bus},
+              {"from_bus", traffic.from_bus},
+              {"dropped", traffic.dropped},
+              {"refused", traffic.refused},
+              {"malformed", traffic.malformed}};
+}
+
+Json view_of_serial_bus(const Line& line, const NamedSerialBus& named) {
+  const links::SerialLine& serial = named.line;
+  const links::SerialLineCounters& counters = serial.counters();
+  const links::SerialDisturbance& disturbance = serial.disturbance();
+  Json view{{"name", named.settings.name},
+            {"type", "rs485"},
+            {"bit_rate", serial.format().bit_rate},
+            {"format", text_of(serial.format())},
+            {"cut", disturbance.cut},
+            {"characters", counters.characters},
+            {"collisions", counters.collisions},
+            {"disturbed", counters.disturbed}};
+  const bool is_disturbed = disturbance.drop > 0 || disturbance.corrupt > 0;
+  view["disturbance"] =
+      is_disturbed ? Json{{"drop", disturbance.drop}, {"corrupt", disturbance.corrupt}, {"seed", disturbance.seed}}
+                   : Json(nullptr);
+  view["axes"] = Json::object();
+  for (const auto& axis : line.axes()) {
+    const auto& settings = axis->settings().serial;
+    if (!settings || line.serial_buses()[settings->bus].get() != &named) continue;
+    const products::SerialPort& port = *axis->device().serial_port();
+    view["axes"][axis->settings().name] = Json{{"station", port.station()},
+                                               {"protocol", name_of(port.protocol())},
+                                               {"bit_rate", port.format().bit_rate},
+                                               {"format", text_of(port.format())}};
+  }
+  view["links"] = Json::array();
+  for (const auto& link : named.links) view["links"].push_back(view_of_link(link->name(), link->counters()));
+  return view;
+}
+
+Json disturb_serial_bus(Call& call, NamedSerialBus& named) {
+  BodyReader body(call.body);
+  links::SerialDisturbance disturbance;
+  disturbance.drop = body.number("drop", 0, 1).value_or(0);
+  disturbance.corrupt = body.number("corrupt", 0, 1).value_or(0);
+  disturbance.seed = body.integer("seed", UINT64_MAX).value_or(1);
+  disturbance.cut = body.boolean("cut").value_or(false);
+  body.finish();
+  named.line.disturb(disturbance);
+  return view_of_serial_bus(call.line, named);
+}
+
+Json calm_serial_bus(Call& call, NamedSerialBus& named) {
+  BodyReader(call.body, true).finish();
+  named.line.disturb({});
+  return view_of_serial_bus(call.line, named);
+}
+
+}  // namespace servodrome::line::bench
