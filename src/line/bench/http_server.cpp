@@ -1,5 +1,6 @@
 #include "line/bench/http_server.hpp"
 
+#include <algorithm>
 #include <boost/asio/post.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
@@ -98,6 +99,7 @@ class HttpServer::Connection : public std::enable_shared_from_this<Connection> {
   }
 
   void read() {
+    reading_since_ = std::chrono::steady_clock::now();
     parser_.emplace();
     parser_->header_limit(largest_header);
     parser_->body_limit(largest_body);
@@ -115,6 +117,9 @@ class HttpServer::Connection : public std::enable_shared_from_this<Connection> {
       }
     });
   }
+
+  // When it began to wait for the request that is not there yet.
+  std::chrono::steady_clock::time_point reading_since() const { return reading_since_; }
 
   // No call of the server after this.
   void disconnect() {
@@ -159,6 +164,7 @@ class HttpServer::Connection : public std::enable_shared_from_this<Connection> {
   }
 
   HttpServer* server_;
+  std::chrono::steady_clock::time_point reading_since_;
   beast::tcp_stream stream_;
   beast::flat_buffer buffer_{largest_header + largest_body};
   std::optional<http::request_parser<http::string_body>> parser_;
@@ -195,7 +201,15 @@ std::uint16_t HttpServer::port() const {
 void HttpServer::accept() {
   acceptor_.async_accept([this](error_code code, tcp::socket socket) {
     if (code == boost::asio::error::operation_aborted) return;
-    if (!code && connections_.size() < most_connections) {
+    if (!code) {
+      // Connections that send nothing do not keep others out.
+      if (connections_.size() == most_connections) {
+        const auto longest =
+            std::min_element(connections_.begin(), connections_.end(),
+                             [](const auto& a, const auto& b) { return a->reading_since() < b->reading_since(); });
+        (*longest)->disconnect();
+        connections_.erase(longest);
+      }
       const auto connection = std::make_shared<Connection>(*this, std::move(socket));
       connections_.insert(connection);
       connection->read();

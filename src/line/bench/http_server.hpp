@@ -13,7 +13,8 @@
 namespace servodrome::line::bench {
 
 // HTTP/1.1 on a TCP port, with keep-alive, for a handler that answers at once. Requests of at most 8 KiB of header and
-// 256 KiB of body; at most 64 connections; one that is silent for a minute is closed. All in the thread of `io`.
+// 256 KiB of body; at most 64 connections, of which the one that was silent longest makes room for a new one; one that
+// is silent for a minute is closed. All in the thread of `io`.
 class HttpServer {
  public:
   using Handler = std::function<Response(const Request&)>;
