@@ -9,15 +9,21 @@ void RtuServer::reset(const RtuTiming& timing) {
 }
 
 // Reception as in figure 14 of the standard: timers run from the end of each character. One that arrives after the
-// silence belongs to the next frame even if nobody has polled in between.
+// silence belongs to the next frame even if nobody has polled in between. So does one that follows a whole frame after
+// 1.5 characters: a master that answers another station's answer too soon for this one is understood all the same.
 void RtuServer::start_character(Time at) {
   poll(at);
+  const Time pause = at - last_ - timing_.character;
+  if (is_receiving_ && 2 * pause > 3 * timing_.character && !is_spoilt_ &&
+      is_rtu_frame(std::span(frame_).first(received_))) {
+    is_receiving_ = false;
+  }
   if (!is_receiving_) {
     is_receiving_ = true;
     is_spoilt_ = false;
     received_ = 0;
     to_send_ = 0;
-  } else if (timing_.inter_character > Time{0} && at - last_ > timing_.inter_character + timing_.character) {
+  } else if (timing_.inter_character > Time{0} && pause > timing_.inter_character) {
     is_spoilt_ = true;
   }
   last_ = at;

@@ -83,6 +83,29 @@ TEST(RtuServer, PausesWithinAFrame) {
   }
 }
 
+// A master need not wait longer than other stations' answers take: a whole frame has ended after 1.5 characters, as far
+// as stations are concerned that are not to answer it.
+TEST(RtuServer, AFrameSoonAfterAnothersIsUnderstood) {
+  for (const bool patient : {false, true}) {
+    const RtuTiming timing = at_least(patient ? Time(20ms) : Time{}, standard_timing(ismk_format));
+    Station<Device> station(ismk_profile, ismk_map, 1, timing);
+    for (const char* other : {"02 03 32 00 00 02 CA 80", "02 03 04 C0 37 FF FF 45 4D"}) {
+      std::vector<std::uint8_t> bytes = bytes_of(other);
+      seal_rtu_frame(bytes, bytes.size() - 2);
+      station.send(bytes);
+      station.now += timing.character * 3 / 2 + 1ns;
+    }
+    EXPECT_EQ(station.ask(enable), enable);
+    // But a request to the station itself is not carried out when the master goes on before it was answered.
+    std::vector<std::uint8_t> shut_down = bytes_of("01 06 31 00 00 06 00 00");
+    seal_rtu_frame(shut_down, 6);
+    station.send(shut_down);
+    station.now += timing.character * 2;
+    EXPECT_EQ(station.ask("01 03 32 00 00 02 CA B3").substr(0, 5), "01 03");
+    EXPECT_EQ(station.device.objects.controlword, 0x0F);
+  }
+}
+
 TEST(RtuServer, PausesDoNotMatterIfSoConfigured) {
   RtuTiming patient = character_timing(ismk_format);
   patient.inter_character = Time{0};
