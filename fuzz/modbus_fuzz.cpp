@@ -3,45 +3,13 @@
 #include <cstdlib>
 #include <optional>
 
-#include "dictionary/table.hpp"
 #include "modbus/rtu_server.hpp"
 #include "modbus/tcp_connection.hpp"
+#include "modbus/test_device.hpp"
 
 namespace {
 
 using namespace servodrome;
-
-struct Objects {
-  std::uint16_t controlword = 0;
-  std::int8_t mode = 0;
-  std::int32_t position = 0;
-  std::uint64_t wide = 0;
-  std::uint16_t secret = 0;
-  dictionary::Blob<20> text;
-};
-
-constexpr auto table = dictionary::make_table<[] {
-  using namespace dictionary;
-  TableBuilder<10> t;
-  t.add(text_constant(0x1008, "", "fuzz"));
-  t.add(var(0x2000, "", SERVODROME_FIELD(Objects, text), Access::rw));
-  t.add(var(0x2001, "", SERVODROME_FIELD(Objects, wide), Access::rw));
-  t.add(var(0x2002, "", SERVODROME_FIELD(Objects, secret), Access::wo));
-  t.add(var(0x6040, "", SERVODROME_FIELD(Objects, controlword), Access::rw, Pdo::none, {.minimum = 0, .maximum = 999}));
-  t.add(var(0x6060, "", SERVODROME_FIELD(Objects, mode), Access::rw));
-  t.add(var(0x6064, "", SERVODROME_FIELD(Objects, position), Access::rw));
-  return t;
-}>();
-
-constexpr auto map = std::to_array<modbus::Register>({{0, 0x6040, 0, 1},
-                                                      {1, 0x6060, 0, 1},
-                                                      {2, 0x6064, 0, 2},
-                                                      {4, 0x2001, 0, 4},
-                                                      {8, 0x2000, 0, 12},
-                                                      {20, 0x1008, 0, 3},
-                                                      {0x100, 0x2002, 0, 1},
-                                                      {0xFFFE, 0x6064, 0, 2}});
-static_assert(modbus::is_valid_map(map, table));
 
 constexpr auto identification =
     std::to_array<modbus::Identification>({{0, "Servodrome"}, {1, "fuzz"}, {2, "1"}, {3, "x"}, {0x80, "y"}});
@@ -63,10 +31,9 @@ struct Device final : modbus::Units {
   explicit Device(std::uint8_t choice) : profile(profile_of(choice)) {}
   modbus::Server* find(std::uint8_t unit) override { return unit < 0xF0 ? &server : nullptr; }
 
-  Objects objects;
-  dictionary::Dictionary dictionary{table, std::as_writable_bytes(std::span(&objects, 1))};
+  modbus::test::TestDevice device;
   modbus::Profile profile;
-  modbus::Server server{dictionary, map, profile};
+  modbus::Server server{device.dictionary, modbus::test::test_map, profile};
   modbus::RtuServer rtu{server, 1, modbus::character_timing({.bit_rate = 115200})};
   std::optional<modbus::TcpConnection> tcp{*this};
 };
@@ -135,7 +102,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     }
     check_rtu_answer(device.rtu.take());
   }
-  if (device.objects.text.length > 20 || device.objects.controlword > 999) std::abort();
+  const modbus::test::TestObjects& objects = device.device.objects;
+  if (objects.name.length > 6 || objects.ranged < -100 || objects.ranged > 100) std::abort();
   // Whatever came before, the next request is answered on both.
   silence();
   std::array<std::uint8_t, 8> request = {1, 3, 0, 0, 0, 1};
@@ -144,7 +112,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   now += std::chrono::milliseconds(1);
   device.rtu.poll(now);
   const auto answer = device.rtu.take();
-  if (answer.size() != 7 || modbus::read_u16(&answer[3]) != device.objects.controlword) std::abort();
+  if (answer.size() != 7 || modbus::read_u16(&answer[3]) != objects.plain) std::abort();
   device.tcp.emplace(device);
   constexpr std::array<std::uint8_t, 12> tcp_request = {0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 1};
   if (device.tcp->receive(tcp_request) != 12 || device.tcp->take().size() != 11) std::abort();

@@ -75,6 +75,15 @@ constexpr SerialInterface generic402_serial{
     .registers = products::Generic402::registers,
 };
 
+constexpr std::array ismk_protocols{products::SerialProtocol::serial10, products::SerialProtocol::modbus_rtu};
+constexpr SerialInterface ismk_serial{
+    .protocols = ismk_protocols,
+    .has_own_station = false,
+    .supports = products::Ismk::supports,
+    .profile = &products::Ismk::modbus_profile,
+    .registers = products::Ismk::registers,
+};
+
 const std::array products{
     // Wiring: ISMC manual L2680.
     Product{"ismc",
@@ -100,7 +109,7 @@ const std::array products{
             4,
             {0, 1, 2},
             describe_ismk,
-            nullptr,
+            &ismk_serial,
             products::ismk::ratings,
             products::ismk::default_rating},
 };

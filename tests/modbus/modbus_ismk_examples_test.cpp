@@ -1,44 +1,12 @@
 // Every Modbus frame of the iSMK manual (L2277-2429; section 16.1 of its digest), byte by byte.
+#include "modbus/ismk_examples.hpp"
 #include "modbus/ismk_modbus.hpp"
 
 namespace servodrome::modbus::test {
 namespace {
 
-struct Example {
-  const char* what;
-  const char* request;
-  const char* response;  // nullptr: the request comes back
-  std::uint16_t index;
-  std::uint8_t sub;
-  std::int64_t value;  // afterwards; before, where it is read
-};
-
-constexpr Example examples[] = {
-    {"RS232 protocol at once", "01 06 86 C0 00 01 61 7E", nullptr, 0x6510, 0x0C, 1},
-    {"RS232 protocol after saving", "01 06 86 C0 00 03 E0 BF", nullptr, 0x6510, 0x0C, 3},
-    {"store control parameters", "01 06 29 10 00 01 41 93", nullptr, 0x2FF0, 1, 1},
-    {"target speed 30 rpm", "01 10 6F 00 00 02 04 55 55 00 08 1A 47", "01 10 6F 00 00 02 5C DC", 0x60FF, 0, 0x85555},
-    {"mode 3", "01 06 35 00 00 03 C6 07", nullptr, 0x6060, 0, 3},
-    {"150 rpm", "01 10 6F 00 00 02 04 F5 C3 00 28 D9 B3", "01 10 6F 00 00 02 5C DC", 0x60FF, 0, 0x28F5C3},
-    {"enable", "01 06 31 00 00 0F C7 32", nullptr, 0x6040, 0, 0x0F},
-    {"status, homing found", "01 03 32 00 00 02 CA B3", "01 03 04 C0 37 FF FF 76 4D", 0x6041, 0, 0xC037},
-    {"mode 6", "01 06 35 00 00 06 06 04", nullptr, 0x6060, 0, 6},
-    {"homing method 33", "01 06 4D 00 00 21 5E BE", nullptr, 0x6098, 0, 33},
-    {"homing speed 200 rpm", "01 10 50 10 00 02 04 9D 03 00 36 51 1A", "01 10 50 10 00 02 51 0D", 0x6099, 1, 0x369D03},
-    {"zero speed 150 rpm", "01 10 50 20 00 02 04 F5 C3 00 28 CE 5A", "01 10 50 20 00 02 51 02", 0x6099, 2, 0x28F5C3},
-    {"start homing", "01 06 31 00 00 1F C6 FE", nullptr, 0x6040, 0, 0x1F},
-    {"mode 1", "01 06 35 00 00 01 47 C6", nullptr, 0x6060, 0, 1},
-    {"target position 50000", "01 10 40 00 00 02 04 C3 50 00 00 FE 39", "01 10 40 00 00 02 54 08", 0x607A, 0, 50000},
-    {"profile speed 30 rpm", "01 10 4A 00 00 02 04 55 55 00 08 BC D6", "01 10 4A 00 00 02 57 D0", 0x6081, 0, 0x85555},
-    {"controlword 2F", "01 06 31 00 00 2F C6 EA", nullptr, 0x6040, 0, 0x2F},
-    {"controlword 3F", "01 06 31 00 00 3F C7 26", nullptr, 0x6040, 0, 0x3F},
-    {"controlword 4F", "01 06 31 00 00 4F C6 C2", nullptr, 0x6040, 0, 0x4F},
-    {"controlword 5F", "01 06 31 00 00 5F C7 0E", nullptr, 0x6040, 0, 0x5F},
-    {"status, position reached", "01 03 32 00 00 02 CA B3", "01 03 04 D4 37 FF FF 73 BD", 0x6041, 0, 0xD437},
-};
-
 TEST(IsmkModbusExamples, ByteByByte) {
-  for (const Example& example : examples) {
+  for (const IsmkExample& example : ismk_examples) {
     Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
     station.device.objects.statusword = example.index == 0x6041 ? static_cast<std::uint16_t>(example.value) : 0;
     EXPECT_EQ(station.ask(example.request), example.response == nullptr ? example.request : example.response)
@@ -50,9 +18,9 @@ TEST(IsmkModbusExamples, ByteByByte) {
 // The one frame of the manual whose CRC is wrong (L2402), and every frame with any one bit turned over.
 TEST(IsmkModbusExamples, WrongCrcIsNotAnswered) {
   Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
-  EXPECT_EQ(station.ask("01 10 50 10 00 02 04 9D 03 00 36 57 98"), "");
+  EXPECT_EQ(station.ask(ismk_wrong_crc), "");
   EXPECT_EQ(station.device.objects.homing_speed_switch, 0U);
-  for (const Example& example : examples) {
+  for (const IsmkExample& example : ismk_examples) {
     const std::vector<std::uint8_t> request = bytes_of(example.request);
     for (std::size_t bit = 0; bit < 8 * request.size(); ++bit) {
       std::vector<std::uint8_t> damaged = request;
@@ -62,7 +30,7 @@ TEST(IsmkModbusExamples, WrongCrcIsNotAnswered) {
     }
   }
   EXPECT_EQ(station.device.objects.controlword, 6);
-  EXPECT_EQ(station.ask(examples[0].request), examples[0].request);
+  EXPECT_EQ(station.ask(ismk_examples[0].request), ismk_examples[0].request);
 }
 
 // Error answers have the printed function codes: 81h for reading (not 83h), 86h, 90h (L2317, L2331, L2353).

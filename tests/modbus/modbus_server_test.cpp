@@ -1,54 +1,15 @@
 // Requests and responses of the standard (Modbus Application Protocol V1.1b3), on a device with objects of all kinds.
 #include "modbus/ismk_modbus.hpp"
+#include "modbus/test_device.hpp"
 
 namespace servodrome::modbus::test {
 namespace {
 
-struct Objects {
-  std::uint16_t plain = 0x1234;
-  std::int8_t small = -3;
-  std::int32_t position = 0;
-  std::uint64_t wide = 0x1122334455667788;
-  std::int16_t ranged = 0;
-  std::uint16_t owned = 0;
-  std::uint16_t secret = 0;
-  std::uint16_t constant = 7;
-  dictionary::Blob<6> name;
-};
-
-constexpr auto table = dictionary::make_table<[] {
-  using namespace dictionary;
-  TableBuilder<20> t;
-  t.add(text_constant(0x1008, "", "abc"));
-  t.add(var(0x2000, "", SERVODROME_FIELD(Objects, plain), Access::rw));
-  t.add(var(0x2001, "", SERVODROME_FIELD(Objects, small), Access::rw));
-  t.add(var(0x2002, "", SERVODROME_FIELD(Objects, position), Access::rw));
-  t.add(var(0x2003, "", SERVODROME_FIELD(Objects, wide), Access::rw));
-  t.add(var(0x2004, "", SERVODROME_FIELD(Objects, ranged), Access::rw, Pdo::none, {.minimum = -100, .maximum = 100}));
-  t.add(var(0x2005, "", SERVODROME_FIELD(Objects, owned), Access::rw, Pdo::none, {.owner = Owner::drive}));
-  t.add(var(0x2006, "", SERVODROME_FIELD(Objects, secret), Access::wo));
-  t.add(var(0x2007, "", SERVODROME_FIELD(Objects, constant), Access::ro));
-  t.add(var(0x2008, "", SERVODROME_FIELD(Objects, name), Access::rw));
-  return t;
-}>();
-
-constexpr auto map = std::to_array<Register>({{0, 0x2000, 0, 1},
-                                              {1, 0x2001, 0, 1},
-                                              {2, 0x2002, 0, 2},
-                                              {4, 0x2003, 0, 4},
-                                              {8, 0x2004, 0, 1},
-                                              {9, 0x2005, 0, 1},
-                                              {10, 0x2006, 0, 1},
-                                              {11, 0x2007, 0, 1},
-                                              {12, 0x2008, 0, 3},
-                                              {15, 0x1008, 0, 2},
-                                              {0xFFFF, 0x2000, 0, 1}});
-static_assert(is_valid_map(map, table));
-static_assert(!is_valid_map(std::to_array<Register>({{0, 0x2003, 0, 3}}), table), "too narrow");
-static_assert(!is_valid_map(std::to_array<Register>({{0, 0x2002, 0, 2}, {1, 0x2000, 0, 1}}), table), "overlap");
-static_assert(!is_valid_map(std::to_array<Register>({{1, 0x2000, 0, 1}, {0, 0x2001, 0, 1}}), table), "not sorted");
-static_assert(!is_valid_map(std::to_array<Register>({{0, 0x3000, 0, 1}}), table), "no such object");
-static_assert(!is_valid_map(std::to_array<Register>({{0xFFFF, 0x2002, 0, 2}}), table), "behind the last register");
+static_assert(!is_valid_map(std::to_array<Register>({{0, 0x2003, 0, 3}}), test_table), "too narrow");
+static_assert(!is_valid_map(std::to_array<Register>({{0, 0x2002, 0, 2}, {1, 0x2000, 0, 1}}), test_table), "overlap");
+static_assert(!is_valid_map(std::to_array<Register>({{1, 0x2000, 0, 1}, {0, 0x2001, 0, 1}}), test_table), "not sorted");
+static_assert(!is_valid_map(std::to_array<Register>({{0, 0x3000, 0, 1}}), test_table), "no such object");
+static_assert(!is_valid_map(std::to_array<Register>({{0xFFFF, 0x2002, 0, 2}}), test_table), "behind the last register");
 
 constexpr auto identification = std::to_array<Identification>(
     {{0x00, "Servodrome"}, {0x01, "REF402"}, {0x02, "1.0"}, {0x04, "Reference drive"}, {0x80, "extended"}});
@@ -60,7 +21,7 @@ struct Owner final : dictionary::Listener {
 };
 
 struct ServerTest : testing::Test {
-  ServerTest() { dictionary.set_listener(dictionary::Owner::drive, &owner); }
+  ServerTest() { device.dictionary.set_listener(dictionary::Owner::drive, &owner); }
 
   std::string ask(std::span<const std::uint8_t> request) {
     std::array<std::uint8_t, longest_pdu> response{};
@@ -68,11 +29,11 @@ struct ServerTest : testing::Test {
   }
   std::string ask(const std::string& request) { return ask(bytes_of(request)); }
 
-  Objects objects;
+  TestDevice device;
+  TestObjects& objects = device.objects;
   Owner owner;
-  dictionary::Dictionary dictionary{table, std::as_writable_bytes(std::span(&objects, 1))};
   Profile profile = standard;
-  Server server{dictionary, map, profile};
+  Server server{device.dictionary, test_map, profile};
 };
 
 TEST_F(ServerTest, ReadsRegisters) {

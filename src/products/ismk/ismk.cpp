@@ -51,6 +51,7 @@ void Ismk::prepare(dictionary::Area areas) {
     own.device.encoder_resolution = settings().motor.counts_per_revolution;
     own.device.peak_current_a = static_cast<std::uint16_t>(rating().motor.peak_current_a);
   }
+  prepare_rs485(areas);
 }
 
 drive::Configuration Ismk::configuration() const {
@@ -77,6 +78,10 @@ dictionary::AbortCode Ismk::check(const dictionary::Entry& entry, std::span<cons
                                    [number](const BitRateCode& row) { return row.code == number; });
     if (!known) return dictionary::AbortCode::value_invalid;
   }
+  if (entry.index == 0x2FE2) {  // L2285
+    const auto& codes = ismk::rs485_bit_rates;
+    if (std::find(codes.begin(), codes.end(), number) == codes.end()) return dictionary::AbortCode::value_invalid;
+  }
   return dictionary::AbortCode::none;
 }
 
@@ -102,6 +107,7 @@ void Ismk::written(const dictionary::Entry& entry) {
       own.drive.max_profile_velocity =
           rounded<std::uint32_t>(ismk::velocity_dec_from_rpm(own.drive.max_motor_speed_rpm));
       break;
+    case 0x65100C: select_protocol(); break;
     default: reconfigure();
   }
 }

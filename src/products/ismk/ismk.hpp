@@ -4,6 +4,7 @@
 #include "products/ismk/object_table.hpp"
 #include "products/ismk/policy.hpp"
 #include "products/ismk/ratings.hpp"
+#include "products/ismk/registers.hpp"
 
 namespace servodrome::products {
 
@@ -23,7 +24,16 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   static constexpr std::uint8_t factory_node_id = 1;          // L879
   static constexpr std::uint32_t factory_bit_rate = 500'000;  // L3211
 
+  static constexpr std::span<const modbus::Register> registers{ismk::registers};
+  static constexpr modbus::Profile modbus_profile = ismk::modbus_profile;
+
   explicit Ismk(const Settings& settings) : CanDevice(settings) {}
+
+  // What the RS485 port can be set to: 8N1 at one of four bit rates.
+  static bool supports(const modbus::CharacterFormat& format);
+
+  void power_on(const drive::Feedback& feedback, Time now) override;
+  SerialPort* serial_port() override { return &serial_port_; }
 
   // The rating of Settings::model; the default one for a name that is not known.
   const Model& rating() const;
@@ -39,6 +49,13 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
   void written(const dictionary::Entry& entry) override;
   void refresh(const dictionary::Entry& entry) override;
+
+  void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override;
+  void prepare_rs485(dictionary::Area areas);
+  void open_serial_port();
+  void select_protocol();
+
+  SerialPort serial_port_{dictionary(), registers, modbus_profile};
 };
 
 }  // namespace servodrome::products

@@ -1,0 +1,68 @@
+// The RS485 port of the iSMK: Modbus RTU or the 10-byte protocol (L839-851, L2270-2288).
+#include <algorithm>
+
+#include "products/ismk/ismk.hpp"
+
+namespace servodrome::products {
+
+namespace {
+
+// 6510h sub 0Ch (L850, L2277, L2286).
+constexpr std::uint8_t speaks_serial10 = 1U << 0;
+constexpr std::uint8_t after_restart = 1U << 1;
+
+SerialProtocol protocol_of(std::uint8_t selection) {
+  return (selection & speaks_serial10) != 0 ? SerialProtocol::serial10 : SerialProtocol::modbus_rtu;
+}
+
+}  // namespace
+
+bool Ismk::supports(const modbus::CharacterFormat& format) {
+  return format.data_bits == 8 && format.stop_bits == 1 && format.parity == modbus::Parity::none &&  // L851
+         std::any_of(ismk::rs485_bit_rates.begin(), ismk::rs485_bit_rates.end(),
+                     [&](std::uint16_t code) { return ismk::rs485_bit_rate_of(code) == format.bit_rate; });
+}
+
+void Ismk::prepare_rs485(dictionary::Area areas) {
+  ismk::Buses& own = objects().buses;
+  if (contains(areas, dictionary::Area::manufacturer)) {
+    for (const std::uint16_t code : ismk::rs485_bit_rates) {
+      if (settings().serial.format && ismk::rs485_bit_rate_of(code) == settings().serial.format->bit_rate) {
+        own.rs485_bit_rate = code;
+      }
+    }
+  }
+  if (contains(areas, dictionary::Area::profile) && settings().serial.protocol) {
+    own.rs485_protocol = *settings().serial.protocol == SerialProtocol::serial10 ? speaks_serial10 : 0;
+  }
+}
+
+void Ismk::power_on(const drive::Feedback& feedback, Time now) {
+  CanDevice::power_on(feedback, now);
+  open_serial_port();
+}
+
+void Ismk::reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) {
+  CanDevice::reset(command, restore, node_id);
+  if (command == canopen::NmtCommand::reset_node) open_serial_port();
+}
+
+void Ismk::open_serial_port() {
+  const ismk::Buses& own = objects().buses;
+  SerialSetup setup;
+  setup.protocol = protocol_of(own.rs485_protocol);
+  setup.station = static_cast<std::uint8_t>(own.station);
+  setup.format = {.bit_rate = ismk::rs485_bit_rate_of(own.rs485_bit_rate), .parity = modbus::Parity::none};
+  // The manual gives no pauses: 3.5 characters, as Modbus has it, and none that spoils a frame.
+  setup.timing = modbus::character_timing(setup.format);
+  setup.timing.inter_character = Time{0};
+  setup.timing = modbus::at_least(settings().serial.silence, setup.timing);
+  serial_port_.open(setup);
+}
+
+void Ismk::select_protocol() {
+  const std::uint8_t selection = objects().buses.rs485_protocol;
+  if ((selection & after_restart) == 0) serial_port_.select(protocol_of(selection));
+}
+
+}  // namespace servodrome::products
