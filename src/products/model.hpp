@@ -20,6 +20,7 @@ struct Model {
   float source_resistance_ohm = 0.05F;
   float winding_to_case_k_per_w = 1.0F;
   float case_to_ambient_k_per_w = 1.8F;
+  float stage_rated_current_a = 0.0F;   // the drive's own, as amplitude; 0: no less than the motor's
   float stage_resistance_ohm = 0.005F;  // of the switches, per phase
 };
 

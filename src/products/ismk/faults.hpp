@@ -10,23 +10,89 @@ using drive::Cause;
 using drive::Reaction;
 using drive::ResetRule;
 
-// The alarms of the manual (chapter 10, L3268-3385; codes L3158-3196) that a plain drive has. The error registers are
-// the recommendation of the digest: the manual is silent.
-inline constexpr auto faults = std::to_array<drive::FaultRow>({
-    {Cause::encoder_connection, 0x7331, 0x41, Reaction::power_off, ResetRule::when_cause_gone,
-     "Encoder not connected"},                                                                           // L3348
-    {Cause::encoder_crc, 0x7330, 0x41, Reaction::power_off, ResetRule::when_cause_gone, "Encoder CRC"},  // L3351
-    {Cause::power_stage_hot, 0x4210, 0x09, Reaction::option_code, ResetRule::when_cause_gone,
-     "Driver temperature"},                                                                                   // L3352
-    {Cause::over_voltage, 0x3210, 0x05, Reaction::option_code, ResetRule::when_cause_gone, "Overvoltage"},    // L3353
-    {Cause::under_voltage, 0x3220, 0x05, Reaction::option_code, ResetRule::when_cause_gone, "Undervoltage"},  // L3354
-    {Cause::short_circuit, 0x2320, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Overcurrent"},     // L3355
-    {Cause::following_error, 0x8611, 0x21, Reaction::option_code, ResetRule::when_cause_gone,
-     "Following error"},                                                                                       // L3359
-    {Cause::i2t, 0x2350, 0x03, Reaction::option_code, ResetRule::when_cause_gone, "Motor or driver IIt"},      // L3363
-    {Cause::motor_hot, 0x4310, 0x09, Reaction::option_code, ResetRule::when_cause_gone, "Motor temperature"},  // L3365
-    {Cause::communication_lost, 0x8100, 0x11, Reaction::option_code, ResetRule::when_cause_gone,
-     "CAN bus fault"},  // L3382
-});
+// Where an alarm shows: bits 0..15 are those of 2601h, 16..31 those of 2602h, 32..47 those of 2605h sub 7. What stands
+// in 2605h sub 7 details a bit of the other two, which is set with it, or'ed in << 8; no detail has bit 0 of 2601h,
+// because that one says that 2602h is not 0 (L3276).
+constexpr std::uint16_t state_bit(unsigned bit) { return static_cast<std::uint16_t>(bit); }
+constexpr std::uint16_t state_2_bit(unsigned bit) { return static_cast<std::uint16_t>(16 + bit); }
+constexpr std::uint16_t extension_bit(unsigned bit, std::uint16_t detailed) {
+  return static_cast<std::uint16_t>(detailed << 8 | (32 + bit));
+}
+
+// The alarms of the manual's chapter 10 (L3268-3385) with their emergency codes (L3158-3196). Error registers are the
+// recommendation of the digest, because the manual is silent. The reaction is 605Eh throughout; faults after which the
+// current is no longer known cut the power stage whatever 605Eh says, and those after which the rotor's angle is not
+// known leave of it only braking by short circuit, "even if the encoder is wrong" (L1530). What its own table calls
+// "restart" or "service" is reset by a restart only.
+//
+// Which cause has which row is a reading where the manual names no cause: the plant's over-current comparators are one
+// alarm; telegrams that break off are 400.0 (encoder times out), none at all 000.2; the supply of the gates hangs on
+// the logic supply; a fault of the drive's own electronics is the MCU's. Without a cause in this drive, and raised by
+// injection only: the chopper (the iSMK has none, L315), pulses and the second encoder (no terminals), the current
+// sensor, watchdog, interrupt, SPI, the motor's identification and 81FFh, whose bus is not said.
+inline constexpr auto faults = [] {
+  constexpr auto option_code = Reaction::option_code;
+  constexpr auto angle_lost = Reaction::angle_lost;
+  constexpr auto power_off = Reaction::power_off;
+  constexpr auto reset = ResetRule::when_cause_gone;
+  constexpr auto restart = ResetRule::power_cycle;
+  const auto overcurrent = [](Cause cause) {  // L3355
+    return drive::FaultRow{cause,         0x2320,      0x03, Reaction::power_off, ResetRule::when_cause_gone,
+                           "Overcurrent", state_bit(7)};
+  };
+  const auto motor_temperature = [](Cause cause) {  // L3365
+    return drive::FaultRow{
+        cause, 0x4310, 0x09, Reaction::option_code, ResetRule::when_cause_gone, "Motor temperature", state_bit(13)};
+  };
+  return std::to_array<drive::FaultRow>({
+      {Cause::motor_mismatch, 0x6320, 0x01, power_off, restart, "Motor wrongly configured", state_2_bit(4)},  // L3346
+      // 2601h (L3273-3291)
+      {Cause::encoder_connection, 0x7331, 0x41, angle_lost, reset, "Encoder not connected", state_bit(1)},
+      {Cause::encoder_multi_turn, 0x7320, 0x41, option_code, ResetRule::clear_multi_turn, "Encoder internal fault",
+       state_bit(2)},  // L3350
+      {Cause::encoder_crc, 0x7330, 0x41, angle_lost, reset, "Encoder CRC", state_bit(3)},
+      {Cause::power_stage_hot, 0x4210, 0x09, option_code, reset, "Driver temperature", state_bit(4)},
+      {Cause::over_voltage, 0x3210, 0x05, option_code, reset, "Overvoltage", state_bit(5)},
+      {Cause::under_voltage, 0x3220, 0x05, power_off, reset, "Undervoltage", state_bit(6)},
+      overcurrent(Cause::overcurrent_u),
+      overcurrent(Cause::overcurrent_v),
+      overcurrent(Cause::overcurrent_w),
+      overcurrent(Cause::bus_overcurrent),
+      overcurrent(Cause::short_circuit),
+      {Cause::brake_resistor, 0x7110, 0x01, option_code, reset, "Chop resistor", state_bit(8)},
+      {Cause::following_error, 0x8611, 0x21, option_code, reset, "Following error", state_bit(9)},
+      {Cause::gate_supply, 0x5112, 0x05, power_off, reset, "Low logic voltage", state_bit(10)},
+      {Cause::i2t, 0x2350, 0x03, option_code, reset, "Motor or driver IIt", state_bit(11)},
+      {Cause::pulse_frequency, 0x8A80, 0x21, option_code, reset, "Over frequency", state_bit(12)},
+      motor_temperature(Cause::motor_hot),
+      motor_temperature(Cause::motor_contact),  // the input "motor error" (L2180)
+      {Cause::encoder_delimiter, 0x7331, 0x41, angle_lost, reset, "Encoder information", state_bit(14)},
+      {Cause::memory, 0x6310, 0x01, option_code, restart, "EEPROM data", state_bit(15)},
+      // 2602h (L3293-3309)
+      {Cause::current_sensor, 0x5210, 0x03, power_off, reset, "Current sensor", state_2_bit(0)},
+      {Cause::watchdog, 0x6010, 0x01, power_off, restart, "Watchdog", state_2_bit(1)},
+      {Cause::interrupt, 0x6011, 0x01, power_off, restart, "Wrong interrupt", state_2_bit(2)},
+      {Cause::internal_hardware, 0x7400, 0x01, power_off, restart, "MCU fault", state_2_bit(3)},
+      {Cause::motor_unknown, 0x6320, 0x01, power_off, restart, "Motor configuration", state_2_bit(4)},
+      {Cause::enable_refused, 0x5443, 0x21, option_code, reset, "External enable", state_2_bit(8)},
+      {Cause::positive_limit, 0x5442, 0x21, option_code, reset, "Positive limit", state_2_bit(9)},
+      {Cause::negative_limit, 0x5441, 0x21, option_code, reset, "Negative limit", state_2_bit(10)},
+      {Cause::serial_interface, 0x6012, 0x01, power_off, restart, "SPI internal", state_2_bit(11)},
+      {Cause::communication_lost, 0x8100, 0x11, option_code, reset, "CAN bus fault", state_2_bit(12)},
+      {Cause::second_encoder_direction, 0x8A81, 0x41, option_code, reset, "Closed loop direction", state_2_bit(13)},
+      {Cause::second_encoder_connection, 0x7382, 0x41, option_code, reset, "Master ABZ", state_2_bit(14)},
+      {Cause::second_encoder_count, 0x7306, 0x41, option_code, reset, "Master counting", state_2_bit(15)},
+      // 2605h sub 7 (L3317-3325)
+      {Cause::current_sensor_origin, 0x5210, 0x03, power_off, reset, "Origin record", extension_bit(0, state_2_bit(0))},
+      {Cause::brake_resistor_hot, 0x7111, 0x01, option_code, reset, "Internal braking resistor over-temperature",
+       extension_bit(1, state_bit(8))},
+      {Cause::brake_resistor_short, 0x7112, 0x01, option_code, restart, "Internal braking resistor short circuit",
+       extension_bit(2, state_bit(8))},
+      {Cause::phase_loss, 0x6321, 0x01, power_off, reset, "Motor phase loss", extension_bit(3, state_2_bit(4))},
+      {Cause::current_saturation, 0x2321, 0x03, power_off, reset, "ADC sampling saturation",
+       extension_bit(4, state_bit(7))},
+      {Cause::service_timeout, 0x81FF, 0x11, option_code, reset, "Service timeout", extension_bit(12, state_2_bit(12))},
+  });
+}();
 
 }  // namespace servodrome::products::ismk

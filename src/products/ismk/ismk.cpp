@@ -15,6 +15,8 @@ struct BitRateCode {
 constexpr auto bit_rate_codes =
     std::to_array<BitRateCode>({{100, 1000000}, {50, 500000}, {25, 250000}, {12, 125000}, {5, 50000}, {1, 10000}});
 
+constexpr std::uint16_t encoder_turns_valid = 10;  // of 2690h (L3350)
+
 template <typename Integer>
 Integer rounded(double value) {
   constexpr auto low = static_cast<double>(std::numeric_limits<Integer>::min());
@@ -54,7 +56,7 @@ void Ismk::prepare(dictionary::Area areas) {
   prepare_rs485(areas);
 }
 
-drive::Configuration Ismk::configuration() const {
+drive::Configuration Ismk::configuration() {
   const ismk::Objects& own = objects();
   drive::Configuration configuration;
   configuration.motor = settings().motor;
@@ -68,7 +70,56 @@ drive::Configuration Ismk::configuration() const {
   if (own.device.brake_present != 0) {
     configuration.brake_release_ms = configuration.brake_engage_ms = own.device.brake_delay_ms;
   }
+  // The power stage may carry its printed continuous current for ever (L303-306), as the motor its rated one.
+  configuration.monitors.stage_rated_current_a = rating().stage_rated_current_a;
+  configuration.monitors.stage_peak_current_a = rating().motor.peak_current_a;
+  configuration.ignored = ismk::AlarmLog::ignored(own.alarms);
+  terminals_.configure(own, configuration);
   return configuration;
+}
+
+void Ismk::power_on(const drive::Feedback& feedback, Time now) {
+  terminals_.reset();
+  CanDevice::power_on(feedback, now);
+  open_serial_port();
+  if (settings().store != nullptr && dictionary::Store(*settings().store).damaged()) {
+    drive().raise(drive::Cause::memory);
+  }
+}
+
+void Ismk::cycle(Time now) {
+  terminals_.cycle(drive(), objects());
+  CanDevice::cycle(now);
+}
+
+void Ismk::reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) {
+  if (command == canopen::NmtCommand::reset_node) terminals_.reset();
+  CanDevice::reset(command, restore, node_id);
+  if (command == canopen::NmtCommand::reset_node) open_serial_port();
+}
+
+// With 6007h the loss of the master is an alarm of the drive, which sends its own emergency (L3079, L3306).
+canopen::LossReaction Ismk::communication_lost(canopen::LossCause, canopen::LossReaction standard) {
+  if (objects().drive.abort_connection_option_code == 1) drive().raise(drive::Cause::communication_lost);
+  standard.emergency_code = 0;
+  return standard;
+}
+
+void Ismk::fault_raised(const drive::FaultRow& fault) {
+  alarm_log_.raise(fault, objects().alarms, drive());
+  node().raise(fault.code, fault.error_register, ismk::emergency_bytes(objects().alarms));
+}
+
+void Ismk::faults_reset() {
+  ismk::AlarmLog::reset(objects().alarms);
+  node().clear(0, ismk::emergency_bytes(objects().alarms));
+}
+
+std::array<char, 6> Ismk::display() {
+  if (drive().is_active(drive::Cause::motor_mismatch)) return ismk::motor_wrong_code;
+  const ismk::Alarms& alarms = objects().alarms;
+  // 000.1 of 2601h says to look at 2602h (L3347).
+  return ismk::display_code(alarms.state);
 }
 
 dictionary::AbortCode Ismk::check(const dictionary::Entry& entry, std::span<const std::byte> value) {
@@ -81,6 +132,15 @@ dictionary::AbortCode Ismk::check(const dictionary::Entry& entry, std::span<cons
   if (entry.index == 0x2FE2) {  // L2285
     const auto& codes = ismk::rs485_bit_rates;
     if (std::find(codes.begin(), codes.end(), number) == codes.end()) return dictionary::AbortCode::value_invalid;
+  }
+  if (entry.index == 0x2010 && number != 0) {
+    const auto code = static_cast<std::uint16_t>(number);
+    const bool input = entry.sub >= 0x03 && entry.sub <= 0x07;
+    const bool output = entry.sub == 0x0F || entry.sub == 0x10;
+    if ((input && drive::find_function(ismk::input_functions, code) == nullptr) ||
+        (output && drive::find_function(ismk::output_functions, code) == nullptr)) {
+      return dictionary::AbortCode::value_invalid;
+    }
   }
   return dictionary::AbortCode::none;
 }
@@ -108,6 +168,11 @@ void Ismk::written(const dictionary::Entry& entry) {
           rounded<std::uint32_t>(ismk::velocity_dec_from_rpm(own.drive.max_motor_speed_rpm));
       break;
     case 0x65100C: select_protocol(); break;
+    case 0x269000:
+      if (own.device.encoder_reset == encoder_turns_valid) drive().clear_multi_turn();
+      break;
+    case 0x2FF102:
+    case 0x2FF103: ismk::enter_position(own.tables); break;
     default: reconfigure();
   }
 }
@@ -120,6 +185,13 @@ void Ismk::refresh(const dictionary::Entry& entry) {
       break;
     case 0x2FF00E:
       own.motion.following_error_limit = rounded<std::uint16_t>(own.drive.following_error_window / 100.0);
+      break;
+    case 0x641019: own.device.motor_temperature_c = rounded<std::int16_t>(drive().winding_temperature_c()); break;
+    case 0x2FF010:
+      own.device.motor_utilisation_percent = rounded<std::uint8_t>(drive().i2t_utilisation_percent());
+      break;
+    case 0x2FF011:
+      own.device.drive_utilisation_percent = rounded<std::uint8_t>(drive().stage_utilisation_percent());
       break;
     default: break;
   }

@@ -1,10 +1,12 @@
 #pragma once
 
 #include "products/can_device.hpp"
+#include "products/ismk/alarms.hpp"
 #include "products/ismk/object_table.hpp"
 #include "products/ismk/policy.hpp"
 #include "products/ismk/ratings.hpp"
 #include "products/ismk/registers.hpp"
+#include "products/ismk/terminals.hpp"
 
 namespace servodrome::products {
 
@@ -32,17 +34,26 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   // What the RS485 port can be set to: 8N1 at one of four bit rates.
   static bool supports(const modbus::CharacterFormat& format);
 
-  void power_on(const drive::Feedback& feedback, Time now) override;
   SerialPort* serial_port() override { return &serial_port_; }
 
   // The rating of Settings::model; the default one for a name that is not known.
   const Model& rating() const;
 
+  void power_on(const drive::Feedback& feedback, Time now) override;
+  void cycle(Time now) override;
+
+  // What the manual describes and prints no objects for.
+  const ismk::Terminals& terminals() const { return terminals_; }
+  const ismk::AlarmLog& alarm_log() const { return alarm_log_; }  // outlives power cycles
+  std::array<char, 6> display();                                  // the alarm, "000.0" without one
+  ismk::Capture capture(std::size_t unit) { return ismk::Terminals::capture(drive(), unit); }
+  void rearm_capture(std::size_t unit, bool rising) { ismk::Terminals::rearm(drive(), unit, rising); }
+
  private:
   friend CanDevice;
 
   void prepare(dictionary::Area areas);
-  drive::Configuration configuration() const;
+  drive::Configuration configuration();
   std::uint8_t chosen_node_id() const { return static_cast<std::uint8_t>(objects().buses.station); }
   std::uint32_t chosen_bit_rate() const;
 
@@ -50,12 +61,21 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   void written(const dictionary::Entry& entry) override;
   void refresh(const dictionary::Entry& entry) override;
 
-  void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override;
   void prepare_rs485(dictionary::Area areas);
   void open_serial_port();
   void select_protocol();
 
+  // --- canopen::DeviceEvents
+  void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override;
+  canopen::LossReaction communication_lost(canopen::LossCause cause, canopen::LossReaction standard) override;
+
+  // --- drive::DriveEvents
+  void fault_raised(const drive::FaultRow& fault) override;
+  void faults_reset() override;
+
   SerialPort serial_port_{dictionary(), registers, modbus_profile};
+  ismk::Terminals terminals_{};
+  ismk::AlarmLog alarm_log_{};
 };
 
 }  // namespace servodrome::products

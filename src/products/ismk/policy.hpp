@@ -15,7 +15,7 @@ inline constexpr auto digital_inputs = [] {
   };
   // Bit 4, not bit 3, is the interlock (L2005, C25).
   return std::array{signal(0, drive::Signal::negative_limit), signal(1, drive::Signal::positive_limit),
-                    signal(2, drive::Signal::home), signal(4, drive::Signal::interlock)};
+                    signal(2, drive::Signal::home), signal(4, drive::Signal::enable_refused)};
 }();
 
 constexpr drive::Policy make_policy() {

@@ -6,20 +6,21 @@
 
 // The four ratings of the iSMK (L302-327) with their motors.
 //
-// Printed: peak current of the drive (Ap), rated and greatest torque, rated speed, rotor inertia, supply 24 to 60 V,
-// encoder 65536 inc/rev. Derived: the torque constant is greatest torque by peak current, so the rated current is rated
-// torque by torque constant, a third of the peak current; for 40-010 and 80-075 that is the printed continuous current
-// within 6 %, the other two carry some reserve. Chosen, because nothing is printed: five pole pairs; resistances for
-// copper losses of 15, 22, 35 and 55 W at rated torque; inductances for electrical time constants of 1.4 to 3 ms, with
-// which every motor still reaches peak torque at rated speed on 48 V; thermal resistances for a winding 98 K above
-// ambient in continuous duty at rated torque and 48 K at 70 % of it, which is what the duty printed means (S1 only at
-// 70 % of rated torque, L308, with an alarm at 100 degC, L792).
+// Printed: peak and continuous current of the drive, rated and greatest torque, rated speed, rotor inertia, supply 24
+// to 60 V, encoder 65536 inc/rev. Derived: the torque constant is greatest torque by peak current, so the rated current
+// is rated torque by torque constant, a third of the peak current; for 40-010 and 80-075 that is the printed continuous
+// current within 6 %, the other two carry some reserve. Chosen, because nothing is printed: five pole pairs;
+// resistances for copper losses of 15, 22, 35 and 55 W at rated torque; inductances for electrical time constants
+// of 1.4 to 3 ms, with which every motor still reaches peak torque at rated speed on 48 V; thermal resistances for a
+// winding 98 K above ambient in continuous duty at rated torque and 48 K at 70 % of it, which is what the duty printed
+// means (S1 only at 70 % of rated torque, L308, with an alarm at 100 degC, L792).
 namespace servodrome::products::ismk {
 
 namespace rating {
 
 struct Nameplate {
-  float peak_current_a;  // Ap
+  float peak_current_a;        // Ap
+  float continuous_current_a;  // Arms
   float rated_torque_nm;
   float peak_torque_nm;
   float rotor_inertia_kgm2;
@@ -46,6 +47,7 @@ constexpr Model model(std::string_view name, std::string_view title, const Namep
   motor.inductance_d_h = plate.inductance_h;
   motor.inductance_q_h = plate.inductance_h;
   motor.inertia_kgm2 = plate.rotor_inertia_kgm2;
+  made.stage_rated_current_a = plate.continuous_current_a * 1.41421356F;
   made.brake_torque_nm = plate.brake_torque_nm;
   made.dc_link_f = plate.dc_link_f;
   const float copper_w = 1.5F * plate.resistance_ohm * motor.rated_current_a * motor.rated_current_a;
@@ -59,10 +61,13 @@ constexpr Model model(std::string_view name, std::string_view title, const Namep
 inline constexpr std::string_view default_rating = "60-040";  // to which the printed defaults belong (L2026, L3467)
 
 inline constexpr std::array ratings{
-    rating::model("40-010", "iSMK40-010, 100 W", {18.0F, 0.32F, 0.96F, 0.044e-4F, 0.28F, 0.40e-3F, 0.32F, 2.2e-3F}),
-    rating::model("60-020", "iSMK60-020, 200 W", {24.0F, 0.64F, 1.92F, 0.17e-4F, 0.23F, 0.40e-3F, 1.5F, 3.3e-3F}),
-    rating::model("60-040", "iSMK60-040, 400 W", {48.0F, 1.27F, 3.81F, 0.31e-4F, 0.09F, 0.20e-3F, 1.5F, 4.7e-3F}),
-    rating::model("80-075", "iSMK80-075, 750 W", {100.0F, 2.39F, 7.17F, 0.85e-4F, 0.033F, 0.10e-3F, 3.2F, 10.0e-3F}),
+    rating::model("40-010", "iSMK40-010, 100 W",
+                  {18.0F, 4.0F, 0.32F, 0.96F, 0.044e-4F, 0.28F, 0.40e-3F, 0.32F, 2.2e-3F}),
+    rating::model("60-020", "iSMK60-020, 200 W", {24.0F, 7.0F, 0.64F, 1.92F, 0.17e-4F, 0.23F, 0.40e-3F, 1.5F, 3.3e-3F}),
+    rating::model("60-040", "iSMK60-040, 400 W",
+                  {48.0F, 12.0F, 1.27F, 3.81F, 0.31e-4F, 0.09F, 0.20e-3F, 1.5F, 4.7e-3F}),
+    rating::model("80-075", "iSMK80-075, 750 W",
+                  {100.0F, 23.0F, 2.39F, 7.17F, 0.85e-4F, 0.033F, 0.10e-3F, 3.2F, 10.0e-3F}),
 };
 static_assert(find_model(ratings, default_rating) != nullptr);
 

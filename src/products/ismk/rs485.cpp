@@ -37,16 +37,6 @@ void Ismk::prepare_rs485(dictionary::Area areas) {
   }
 }
 
-void Ismk::power_on(const drive::Feedback& feedback, Time now) {
-  CanDevice::power_on(feedback, now);
-  open_serial_port();
-}
-
-void Ismk::reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) {
-  CanDevice::reset(command, restore, node_id);
-  if (command == canopen::NmtCommand::reset_node) open_serial_port();
-}
-
 void Ismk::open_serial_port() {
   const ismk::Buses& own = objects().buses;
   SerialSetup setup;

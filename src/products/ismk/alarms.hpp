@@ -1,0 +1,66 @@
+#pragma once
+
+#include <array>
+
+#include "drive/cause_set.hpp"
+#include "drive/faults.hpp"
+#include "products/ismk/objects.hpp"
+
+namespace servodrome::drive {
+class Drive;
+}
+
+namespace servodrome::products::ismk {
+
+// 2601h, 2602h, 2605h sub 7.
+struct AlarmWords {
+  std::uint16_t state = 0;
+  std::uint16_t state_2 = 0;
+  std::uint16_t extension = 0;
+};
+
+// The bits of a row of the fault table, without the summary bit 0 of 2601h.
+AlarmWords words_of(const drive::FaultRow& row);
+
+// What the display shows of 2601h or 2602h: four digits with a point before the last, "080.0" (L3345-3385).
+std::array<char, 6> display_code(std::uint16_t word);
+inline constexpr std::array<char, 6> motor_wrong_code{'F', 'F', 'F', '.', 'F', '\0'};  // L3346
+
+// What the error history keeps of an alarm (L3268).
+struct AlarmRecord {
+  AlarmWords words{};
+  float dc_link_v = 0.0F;
+  float velocity_rpm = 0.0F;
+  float current_a = 0.0F;  // torque-producing, amplitude
+  float temperature_c = 0.0F;
+  std::int8_t mode = 0;
+  bool power_stage_on = false;
+};
+
+// The alarm words, the masks and the error history. No object of the history is printed: it is read here.
+class AlarmLog {
+ public:
+  static constexpr std::size_t capacity = 8;
+
+  // Which causes 2605h sub 1 and 4 switch off. A detail of 2605h sub 7 goes with the bit that it details.
+  static drive::CauseSet ignored(const Alarms& alarms);
+
+  // An alarm comes: sets its bits in `alarms`, and keeps it if 2605h says so.
+  void raise(const drive::FaultRow& row, Alarms& alarms, const drive::Drive& drive);
+  static void reset(Alarms& alarms) { alarms.state = alarms.state_2 = alarms.extension = 0; }
+
+  std::size_t size() const { return size_; }
+  const AlarmRecord& operator[](std::size_t n) const {
+    return records_[(newest_ + capacity - n) % capacity];
+  }  // 0: newest
+
+ private:
+  std::array<AlarmRecord, capacity> records_{};
+  std::size_t newest_ = 0;
+  std::size_t size_ = 0;
+};
+
+// Bytes 3 to 7 of an emergency message: 2601h and 2602h in the last four (L3158-3163); byte 3 is not defined.
+std::array<std::uint8_t, 5> emergency_bytes(const Alarms& alarms);
+
+}  // namespace servodrome::products::ismk
