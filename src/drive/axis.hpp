@@ -93,6 +93,7 @@ struct Axis {
   double cycle_s = 500e-6;
   double cycles_per_ms = 2.0;
   Counts encoder_position = 0;
+  Counts counts_per_ms = 0;  // moved in the last whole millisecond: what the slowest speeds are measured by
   Counts offset = 0;
   bool homed = false;
   std::uint32_t signals = 0;            // bit(Signal)

@@ -83,7 +83,8 @@ void Drive::power_on(const Feedback& feedback) {
   terminal_outputs_ = 0;
   limit_positions_ = {};
   wires_ = feedback.inputs;
-  axis_.encoder_position = feedback.position_counts;
+  axis_.encoder_position = position_of_ms_ = feedback.position_counts;
+  axis_.counts_per_ms = 0;
   supervision_.reset();
   cascade_ = {};
   cascade_.forget_motion();
@@ -93,7 +94,7 @@ void Drive::power_on(const Feedback& feedback) {
 void Drive::displaced(const Feedback& feedback) {
   cascade_.forget_motion();
   wires_ = feedback.inputs;
-  axis_.encoder_position = feedback.position_counts;
+  axis_.encoder_position = position_of_ms_ = feedback.position_counts;
   axis_.generator.reset(axis_.position());
 }
 
@@ -184,6 +185,11 @@ void Drive::update_inputs(const Feedback& feedback) {
 
 void Drive::cycle(const Feedback& feedback) {
   axis_.encoder_position = feedback.position_counts;
+  if (++cycles_of_ms_ >= axis_.cycles(1)) {
+    cycles_of_ms_ = 0;
+    axis_.counts_per_ms = axis_.encoder_position - position_of_ms_;
+    position_of_ms_ = axis_.encoder_position;
+  }
   dc_link_v_ = feedback.dc_link_v;
   winding_temperature_c_ = feedback.winding_temperature_c;
   update_inputs(feedback);

@@ -188,6 +188,8 @@ class Drive final : public dictionary::Listener {
   Actuation outputs_{};  // everything but the phase voltages, set once per cycle
   std::uint32_t last_inputs_ = 0;
   std::uint32_t wires_ = 0;
+  Counts position_of_ms_ = 0;
+  std::uint32_t cycles_of_ms_ = 0;
   std::uint32_t terminal_outputs_ = 0;
   std::array<Counts, 2> limit_positions_{};  // negative, positive
   bool warnings_ = false;

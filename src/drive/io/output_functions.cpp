@@ -27,11 +27,10 @@ std::uint32_t OutputConditions::update(const Drive& drive, const Settings& setti
   const bool enabled = drive.state() == PowerState::operation_enabled;
   const bool target_reached = enabled && (axis.objects.statusword & statusword::target_reached) != 0;
   const Loop loop = axis.demand.loop;
-  const double speed = std::abs(axis.velocity());
   const bool torque =
       settings.torque_current_a > 0.0F && std::abs(drive.loops().current_q_a) >= settings.torque_current_a;
-  const bool zero_speed =
-      zero_speed_.update(speed <= settings.zero_speed_counts_per_s, axis.cycles(settings.zero_speed_ms));
+  const bool zero_speed = zero_speed_.update(std::abs(axis.counts_per_ms) <= settings.zero_speed_counts_per_ms,
+                                             axis.cycles(settings.zero_speed_ms));
   const bool torque_reached = torque_.update(torque, axis.cycles(settings.torque_ms));
 
   std::uint32_t conditions = 0;

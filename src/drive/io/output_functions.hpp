@@ -5,6 +5,7 @@
 #include <span>
 
 #include "drive/modes/windows.hpp"
+#include "drive/units.hpp"
 
 // What the outputs of a drive can show, for products whose outputs carry a function code each.
 namespace servodrome::drive {
@@ -52,10 +53,10 @@ constexpr const OutputFunctionRow* find_function(std::span<const OutputFunctionR
 class OutputConditions {
  public:
   struct Settings {
-    double zero_speed_counts_per_s = 0.0;  // at most this fast
-    std::uint32_t zero_speed_ms = 0;       // for so long
-    float torque_current_a = 0.0F;         // at least this much torque-producing current, amplitude; 0: not watched
-    std::uint32_t torque_ms = 0;           // for so long
+    Counts zero_speed_counts_per_ms = 0;  // at most this fast
+    std::uint32_t zero_speed_ms = 0;      // for so long
+    float torque_current_a = 0.0F;        // at least this much torque-producing current, amplitude; 0: not watched
+    std::uint32_t torque_ms = 0;          // for so long
     std::optional<std::uint8_t> reached_index{};
   };
 
