@@ -17,7 +17,8 @@ class Medium;
 }
 namespace servodrome::drive {
 class Drive;
-}
+struct FaultRow;
+}  // namespace servodrome::drive
 namespace servodrome::canopen {
 class Node;
 }
@@ -50,6 +51,18 @@ struct Settings {
   std::span<const std::byte> description;  // the EDS text, for products that carry it (1021h)
 };
 
+// A fault that a device remembers with how it was then. For devices whose manual describes such a memory but prints no
+// objects of it.
+struct PastFault {
+  const drive::FaultRow* fault = nullptr;
+  float dc_link_v = 0.0F;
+  float velocity_rpm = 0.0F;
+  float current_a = 0.0F;      // torque-producing, amplitude
+  float temperature_c = 0.0F;  // of the motor
+  std::int8_t mode = 0;        // 6060h
+  bool power_stage_on = false;
+};
+
 // The life of a device: `power_on`; then, for every base tick, the board calls `drive().tick(feedback, actuation)` and,
 // when that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. Frames arrive through `receive`,
 // in time order with the ticks; `poll` is due at `next_deadline`. Frames to send are fetched with `take`. The
@@ -74,6 +87,9 @@ class Device {
   virtual canopen::Node& node() = 0;
   virtual std::uint8_t node_id() const = 0;
   virtual std::uint32_t bit_rate() const = 0;  // in force now, bit/s
+
+  // The fault before the `n` last ones, 0 is the last; nullptr: so many are not remembered.
+  virtual const PastFault* past_fault(std::size_t /*n*/) const { return nullptr; }
 
  protected:
   ~Device() = default;

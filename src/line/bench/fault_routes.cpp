@@ -12,7 +12,8 @@
 namespace servodrome::line::bench {
 namespace {
 
-// Something the bench can inject: a fault of the plant by its name, or one of the drive's own by its code.
+// Something the bench can inject: a fault of the plant by its name, or one of the drive's own by its code or, where
+// several have that code, by its cause.
 struct Injectable {
   std::optional<plant::Injection> plant;
   drive::Cause cause = drive::Cause::none;
@@ -37,12 +38,28 @@ Injectable injectable(Axis& axis, const std::string& name) {
     if (error != std::errc() || end != name.data() + name.size()) code = 0;
   }
   for (const drive::FaultRow* row : rows_of(axis)) {
-    if (code != 0 && row->code == code) return {std::nullopt, row->cause};
+    if ((code != 0 && row->code == code) || name == drive::name(row->cause)) return {std::nullopt, row->cause};
   }
   std::vector<std::string_view> names;
   for (const plant::InjectionName& known : plant::injection_names) names.push_back(known.name);
   throw ApiError{422, fmt::format("there is nothing called \"{}\" to inject", name.substr(0, 40)), "inject",
                  suggestion(name, names) + "; or give a fault code of the drive such as \"0x2310\""};
+}
+
+// What the drive itself remembers, the newest first.
+Json past_faults(Axis& axis) {
+  Json history = Json::array();
+  for (std::size_t n = 0; const products::PastFault* past = axis.device().past_fault(n); ++n) {
+    history.push_back({{"code", code_of(*past->fault)},
+                       {"name", past->fault->name},
+                       {"dc_link_v", past->dc_link_v},
+                       {"velocity_rpm", past->velocity_rpm},
+                       {"current_a", past->current_a},
+                       {"temperature_c", past->temperature_c},
+                       {"mode", past->mode},
+                       {"power_stage_on", past->power_stage_on}});
+  }
+  return history;
 }
 
 Json show_faults(Call& call) {
@@ -56,11 +73,12 @@ Json show_faults(Call& call) {
   }
   Json drive_faults = Json::array();
   for (const drive::FaultRow* row : rows_of(axis)) {
-    drive_faults.push_back({{"code", code_of(*row)}, {"name", row->name}});
+    drive_faults.push_back({{"code", code_of(*row)}, {"cause", drive::name(row->cause)}, {"name", row->name}});
   }
   Json plant_faults = Json::array();
   for (const plant::InjectionName& known : plant::injection_names) plant_faults.push_back(known.name);
   return Json{{"active", active_faults(axis)},
+              {"history", past_faults(axis)},
               {"injected", std::move(injected)},
               {"injectable", {{"plant", std::move(plant_faults)}, {"drive", std::move(drive_faults)}}}};
 }

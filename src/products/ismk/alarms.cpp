@@ -52,13 +52,15 @@ void AlarmLog::raise(const drive::FaultRow& row, Alarms& alarms, const drive::Dr
   const drive::Axis& axis = drive.axis();
   newest_ = (newest_ + 1) % capacity;
   size_ = std::min(size_ + 1, capacity);
-  records_[newest_] = {.words = {alarms.state, alarms.state_2, alarms.extension},
-                       .dc_link_v = drive.dc_link_v(),
-                       .velocity_rpm = static_cast<float>(axis.velocity() * 60.0 / axis.units.counts_per_revolution),
-                       .current_a = drive.loops().current_q_a,
-                       .temperature_c = drive.winding_temperature_c(),
-                       .mode = axis.objects.modes_of_operation,
-                       .power_stage_on = on};
+  AlarmRecord& record = records_[newest_];
+  record.fault = &row;
+  record.dc_link_v = drive.dc_link_v();
+  record.velocity_rpm = static_cast<float>(axis.velocity() * 60.0 / axis.units.counts_per_revolution);
+  record.current_a = drive.loops().current_q_a;
+  record.temperature_c = drive.winding_temperature_c();
+  record.mode = axis.objects.modes_of_operation;
+  record.power_stage_on = on;
+  record.words = {alarms.state, alarms.state_2, alarms.extension};
 }
 
 std::array<std::uint8_t, 5> emergency_bytes(const Alarms& alarms) {

@@ -4,6 +4,7 @@
 
 #include "drive/cause_set.hpp"
 #include "drive/faults.hpp"
+#include "products/device.hpp"
 #include "products/ismk/objects.hpp"
 
 namespace servodrome::drive {
@@ -26,15 +27,9 @@ AlarmWords words_of(const drive::FaultRow& row);
 std::array<char, 6> display_code(std::uint16_t word);
 inline constexpr std::array<char, 6> motor_wrong_code{'F', 'F', 'F', '.', 'F', '\0'};  // L3346
 
-// What the error history keeps of an alarm (L3268).
-struct AlarmRecord {
+// What the error history keeps of an alarm (L3268): how the drive was, and all the alarm words then.
+struct AlarmRecord : PastFault {
   AlarmWords words{};
-  float dc_link_v = 0.0F;
-  float velocity_rpm = 0.0F;
-  float current_a = 0.0F;  // torque-producing, amplitude
-  float temperature_c = 0.0F;
-  std::int8_t mode = 0;
-  bool power_stage_on = false;
 };
 
 // The alarm words, the masks and the error history. No object of the history is printed: it is read here.

@@ -45,7 +45,8 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   // What the manual describes and prints no objects for.
   const ismk::Terminals& terminals() const { return terminals_; }
   const ismk::AlarmLog& alarm_log() const { return alarm_log_; }  // outlives power cycles
-  std::array<char, 6> display();                                  // the alarm, "000.0" without one
+  const PastFault* past_fault(std::size_t n) const override { return n < alarm_log_.size() ? &alarm_log_[n] : nullptr; }
+  std::array<char, 6> display();  // the alarm, "000.0" without one
   ismk::Capture capture(std::size_t unit) { return ismk::Terminals::capture(drive(), unit); }
   void rearm_capture(std::size_t unit, bool rising) { ismk::Terminals::rearm(drive(), unit, rising); }
 

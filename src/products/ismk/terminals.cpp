@@ -59,7 +59,7 @@ void Terminals::write_outputs(drive::Drive& drive, Objects& objects) {
   Io& io = objects.io;
   const Motion& motion = objects.motion;
   conditions_ = outputs_.update(
-      drive, {.zero_speed_counts_per_s = io.zero_speed_window_inc_per_ms * 1000.0,
+      drive, {.zero_speed_counts_per_ms = io.zero_speed_window_inc_per_ms,
               .zero_speed_ms = motion.zero_speed_time_ms,
               .torque_current_a = static_cast<float>(motion.torque_reached_reference / peak_current_dec) *
                                   drive.configuration().motor.peak_current_a,
