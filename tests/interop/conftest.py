@@ -1,6 +1,7 @@
 """Fixtures: a line of two drives on the link of SERVODROME_LINK, and clients of it.
 
-Environment: SERVODROME, the built program; SERVODROME_LINK: socketcand (default), slcan, or socketcan:INTERFACE;
+Environment: SERVODROME, the built program; SERVODROME_LINK: socketcand (default), slcan,
+socketcan:INTERFACE, or socketcan for vcan0, vcan1 ... of as many workers (pytest -n);
 SERVODROME_CAPTURES: a folder that keeps the capture (pcap) of every test's bus.
 """
 
@@ -14,6 +15,9 @@ from line import TWO_DRIVES, Line, servodrome, wait_for
 
 LINK = os.environ.get("SERVODROME_LINK", "socketcand")
 KIND = LINK.partition(":")[0]
+WORKER = os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]
+if LINK == "socketcan":
+    LINK = f"socketcan:vcan{WORKER}"  # tests that run beside each other have a bus each
 
 
 def pytest_collection_modifyitems(config, items):
