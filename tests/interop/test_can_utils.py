@@ -1,14 +1,14 @@
 """can-utils on a SocketCAN interface that the line is on (run under tools/with-socketcan)."""
 
-import os
 import re
 import subprocess
 
 import pytest
+from conftest import LINK
 from line import wait_for
 
 pytestmark = pytest.mark.link("socketcan")
-INTERFACE = os.environ.get("SERVODROME_LINK", "").partition(":")[2]
+INTERFACE = LINK.partition(":")[2]
 
 
 class Candump:
