@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+
+#include "drive/tuning/resonance_analysis.hpp"
 
 namespace servodrome::drive {
 namespace {
@@ -21,6 +24,14 @@ constexpr float push_s = 1.0F;
 // leaves little in the integral to overshoot with.
 constexpr float limiter_share = 0.25F;
 
+// Second-order velocity feedback: the flattest pass band.
+constexpr float velocity_low_pass_damping = 0.70710678F;
+
+// What changed gains would have made the torque jump by fades with this time constant, and is gone below that share of
+// rated torque.
+constexpr float handover_s = 7.0e-3F;
+constexpr float handover_end = 1.0e-5F;
+
 // As far as the position loop looks; beyond, it saturates.
 constexpr Counts largest_position_error = Counts{1} << 30;
 
@@ -31,12 +42,15 @@ float clip(float value, float low, float high) { return std::min(std::max(value,
 void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates) {
   const auto counts = static_cast<float>(motor.counts_per_revolution);
   const auto pole_pairs = static_cast<float>(motor.pole_pairs);
+  const bool controlling = enabled_ && (demand_.loop == Loop::velocity || demand_.loop == Loop::position);
+  const float proportional_before = controlling ? proportional_torque() : 0.0F;
   // With the phases reversed the electrical angle runs against the counts, and so does the torque of a q current.
   const float sense = motor.phase_order_reversed ? -1.0F : 1.0F;
   sense_ = sense;
   const float velocity_period_s = static_cast<float>(rates.velocity_loop_ticks) * tick_s;
   velocity_mask_ = rates.velocity_loop_ticks - 1U;
   position_mask_ = rates.position_loop_ticks - 1U;
+  per_position_cycle_ = 1.0F / static_cast<float>(rates.position_loop_ticks);
   velocity_periods_per_s_ = 1.0F / velocity_period_s;
 
   phase_scale_ = (std::uint64_t{motor.pole_pairs} << 48) / motor.counts_per_revolution;
@@ -75,19 +89,68 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   rest_.window_counts = gains.rest_window_counts;
   rest_.still_periods = static_cast<std::uint16_t>(standstill_s * velocity_periods_per_s_);
   rest_.least_push = velocity_period_s / push_s;
+  integral_limit_ = gains.velocity_integral_limit_a > 0.0F ? gains.velocity_integral_limit_a * torque_per_ampere
+                                                           : std::numeric_limits<float>::max();
+  handover_decay_ = velocity_period_s / handover_s;
+
+  const bool filtered = gains.velocity_filter_hz > 0.0F;
+  const VelocityFeedback feedback = filtered ? gains.velocity_feedback : VelocityFeedback::first_order;
   velocity_filter_.gain = low_pass_gain(gains.velocity_filter_hz, velocity_period_s);
+  if (feedback == VelocityFeedback::second_order) {
+    velocity_low_pass_ =
+        make_low_pass(gains.velocity_filter_hz, velocity_low_pass_damping, velocity_period_s, velocity_low_pass_);
+  } else if (feedback == VelocityFeedback::observer) {
+    const float acceleration = motor.rated_torque_nm / (motor.inertia_kgm2 * rad_per_count) * velocity_period_s;
+    observer_ = make_velocity_observer(gains.velocity_filter_hz, acceleration, velocity_period_s, observer_);
+  }
+  if (feedback != velocity_feedback_) {
+    velocity_feedback_ = feedback;
+    settle_velocity(state_.velocity_counts_per_s);
+    observer_.disturbance = -observer_.acceleration * state_.torque;  // as if the load held the torque
+  }
+  const bool command_filter_on = gains.velocity_command_filter_hz > 0.0F;
+  if (command_filter_on && !command_filter_on_) command_filter_.value = state_.velocity_reference_counts_per_s;
+  command_filter_on_ = command_filter_on;
+  command_filter_.gain = low_pass_gain(gains.velocity_command_filter_hz, velocity_period_s);
   torque_filter_.gain = low_pass_gain(gains.torque_filter_hz, velocity_period_s);
 
-  notches_on_ = false;
+  const std::uint8_t notch_end_before = notch_end_;
+  notch_end_ = 0;
   for (std::size_t i = 0; i < notches_.size(); ++i) {
     const Notch& notch = gains.notches[i];
     if (notch.frequency_hz > 0.0F) {
       notches_[i] = make_notch(notch.frequency_hz, notch.width_hz, notch.depth, velocity_period_s, notches_[i]);
-      notches_on_ = true;
+      notch_end_ = static_cast<std::uint8_t>(i + 1);
+      if (i >= notch_end_before) notches_[i].settle(state_.torque_reference);
     } else {
       notches_[i] = {};
     }
   }
+  if (controlling) hand_over(proportional_before);
+}
+
+float Cascade::proportional_torque() const {
+  const float error = setpoint_weight_ * state_.velocity_reference_counts_per_s - state_.velocity_counts_per_s;
+  return velocity_kp_ * error + feed_forward_;
+}
+
+// The torque that the gains of before gave, and those of now do not, is kept aside and fades. So does an integral that
+// has no gain any more to be taken back by.
+void Cascade::hand_over(float proportional_before) {
+  feed_forward_ = demand_.torque + demand_.acceleration * inertia_torque_;
+  if (demand_.loop == Loop::position) {
+    position_velocity_ = position_kp_ * position_error_ + velocity_feed_forward_ * demand_.velocity;
+  }
+  if (!command_filter_on_) {
+    const float wanted = demand_.loop == Loop::position ? position_velocity_ : demand_.velocity;
+    state_.velocity_reference_counts_per_s =
+        clip(wanted, -demand_.velocity_limit_negative, demand_.velocity_limit_positive);
+  }
+  if (velocity_ki_ == 0.0F) {
+    handover_ += integral_;
+    integral_ = 0.0F;
+  }
+  handover_ += proportional_before - proportional_torque();
 }
 
 void Cascade::enable(const Feedback& feedback) {
@@ -108,12 +171,15 @@ void Cascade::disable() {
 
 void Cascade::clear_controllers() {
   position_velocity_ = 0.0F;
+  position_error_ = 0.0F;
   integral_ = 0.0F;
+  handover_ = 0.0F;
   feed_forward_ = 0.0F;
   current_reference_a_ = 0.0F;
   direct_.integral_v = 0.0F;
   quadrature_.integral_v = 0.0F;
   torque_filter_.value = 0.0F;
+  command_filter_.value = state_.velocity_counts_per_s;
   rest_.leave();
   for (Biquad& notch : notches_) notch.settle(0.0F);
   state_.velocity_reference_counts_per_s = 0.0F;
@@ -138,8 +204,11 @@ void Cascade::set_demand(const LoopDemand& demand) {
   feed_forward_ = feed_forward;
   if (demand.loop == Loop::torque) {
     integral_ = 0.0F;
+    handover_ = 0.0F;
   } else if (previous == Loop::torque) {
     integral_ = state_.torque_reference - feed_forward;
+    handover_ = 0.0F;
+    command_filter_.value = state_.velocity_counts_per_s;
   }
   if (demand.loop != Loop::position) state_.following_error_counts = 0;
   rest_.leave();
@@ -154,7 +223,7 @@ void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
     measure_velocity(feedback.position_counts);
     if (active) {
       if (demand_.loop == Loop::position && (tick & position_mask_) == 0) run_position_loop(feedback.position_counts);
-      run_velocity_loop();
+      run_velocity_loop(feedback.position_counts);
     }
   }
 
@@ -165,6 +234,11 @@ void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
   state_.current_d_a = current.d;
   state_.current_q_a = current.q * sense_;
   state_.torque = current.q * torque_per_ampere_;
+  torque_sum_ += state_.torque;
+  if (position_loop_due()) {
+    state_.mean_torque = torque_sum_ * per_position_cycle_;
+    torque_sum_ = 0.0F;
+  }
   if (active) {
     run_current_loop(current, angle, feedback.dc_link_v, actuation);
   } else {
@@ -183,15 +257,29 @@ void Cascade::measure_velocity(Counts position) {
   const auto moved = static_cast<std::int32_t>(edge - edge_position_);
   edge_position_ = edge;
   moved_ = moved != 0;
-  float velocity = velocity_filter_.apply(static_cast<float>(moved) * velocity_periods_per_s_);
-  if (moved == 0 && std::fabs(velocity) < standstill_share * velocity_periods_per_s_) {
+  float velocity = filtered_velocity(static_cast<float>(moved) * velocity_periods_per_s_);
+  if (moved == 0 && velocity != 0.0F && std::fabs(velocity) < standstill_share * velocity_periods_per_s_) {
     velocity = 0.0F;
-    velocity_filter_.value = 0.0F;
+    settle_velocity(0.0F);
   }
   state_.velocity_counts_per_s = velocity;
   electrical_rad_per_s_ = velocity * electrical_rad_per_count_;
   const float turns = clip(velocity * half_tick_turns_, -0.25F, 0.25F);
   half_tick_ = sin_cos_turns(turns < 0.0F ? turns + 1.0F : turns);
+}
+
+float Cascade::filtered_velocity(float measured) {
+  switch (velocity_feedback_) {
+    case VelocityFeedback::second_order: return velocity_low_pass_.apply(measured);
+    case VelocityFeedback::observer: return observer_.apply(measured, state_.torque);
+    default: return velocity_filter_.apply(measured);
+  }
+}
+
+void Cascade::settle_velocity(float velocity) {
+  velocity_filter_.value = velocity;
+  velocity_low_pass_.settle(velocity);
+  observer_.velocity = velocity;
 }
 
 void Cascade::run_position_loop(Counts position) {
@@ -205,16 +293,25 @@ void Cascade::run_position_loop(Counts position) {
   last_demand_position_ = demand_.position;
   last_demand_fraction_ = demand_.position_fraction;
   error = rest_.position_error(error, standing);
+  position_error_ = error;
   position_velocity_ = position_kp_ * error + velocity_feed_forward_ * demand_.velocity;
 }
 
-void Cascade::run_velocity_loop() {
-  float torque = demand_.loop == Loop::torque ? torque_controller() : velocity_controller();
-  if (notches_on_) {
-    for (Biquad& notch : notches_) torque = notch.apply(torque);
+void Cascade::run_velocity_loop(Counts position) {
+  const float controlled = demand_.loop == Loop::torque ? torque_controller() : velocity_controller();
+  float torque = controlled;
+  if (notch_end_ != 0) {
+    for (std::size_t i = 0; i < notch_end_; ++i) torque = notches_[i].apply(torque);
     torque = clip(torque, -demand_.torque_limit_negative, demand_.torque_limit_positive);
   }
   torque = torque_filter_.apply(torque);
+  if (analysis_ != nullptr) {
+    torque += analysis_->exchange({.position = position,
+                                   .controller_torque = controlled,
+                                   .torque_reference = state_.torque_reference,
+                                   .torque = state_.torque});
+    torque = clip(torque, -demand_.torque_limit_negative, demand_.torque_limit_positive);
+  }
   state_.torque_reference = torque;
   current_reference_a_ = torque * ampere_per_torque_;
 }
@@ -223,17 +320,22 @@ void Cascade::run_velocity_loop() {
 // voltage that is not there.
 float Cascade::velocity_controller() {
   const float wanted = demand_.loop == Loop::position ? position_velocity_ : demand_.velocity;
-  const float reference = clip(wanted, -demand_.velocity_limit_negative, demand_.velocity_limit_positive);
+  float reference = clip(wanted, -demand_.velocity_limit_negative, demand_.velocity_limit_positive);
+  if (command_filter_on_) reference = command_filter_.apply(reference);
   state_.velocity_reference_counts_per_s = reference;
-  state_.velocity_limited = reference != wanted;
+  state_.velocity_limited = wanted > demand_.velocity_limit_positive || wanted < -demand_.velocity_limit_negative;
 
   const float low = -demand_.torque_limit_negative;
   const float high = demand_.torque_limit_positive;
   const float measured = state_.velocity_counts_per_s;
   const float error = reference - measured;
-  const float sum = velocity_kp_ * (setpoint_weight_ * reference - measured) + integral_ + feed_forward_;
+  const float sum = velocity_kp_ * (setpoint_weight_ * reference - measured) + integral_ + feed_forward_ + handover_;
   const float torque = clip(sum, low, high);
   state_.torque_limited = torque != sum;
+  if (handover_ != 0.0F) {
+    handover_ -= handover_decay_ * handover_;
+    if (std::fabs(handover_) < handover_end) handover_ = 0.0F;
+  }
   const bool winding_up = state_.torque_limited ? (sum > torque) == (error > 0.0F)
                                                 : state_.voltage_limited && (error > 0.0F) == (torque > 0.0F);
   if (demand_.integral_off) {
@@ -242,7 +344,8 @@ float Cascade::velocity_controller() {
     integral_ = rest_.integrate(integral_, velocity_ki_ * error, moved_);
   }
   // A limit that is lowered takes the integral along, but leaves it room to make up for a wrong feed-forward.
-  integral_ = clip(integral_, low - std::max(feed_forward_, 0.0F), high + std::max(-feed_forward_, 0.0F));
+  integral_ = clip(integral_, std::max(low - std::max(feed_forward_, 0.0F), -integral_limit_),
+                   std::min(high + std::max(-feed_forward_, 0.0F), integral_limit_));
   return torque;
 }
 

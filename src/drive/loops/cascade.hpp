@@ -14,6 +14,8 @@
 // The control cascade of a servo drive: position, velocity and field-oriented current loop.
 namespace servodrome::drive {
 
+class ResonanceAnalysis;
+
 enum class Loop : std::uint8_t { off, torque, velocity, position };
 
 // What the mode of operation asks for, set once per position-loop cycle and held until the next.
@@ -39,6 +41,7 @@ struct CascadeState {
   float velocity_reference_counts_per_s = 0.0F;  // after the clip
   float torque_reference = 0.0F;                 // fraction of rated, after limits and filters
   float torque = 0.0F;                           // fraction of rated, from the measured currents
+  float mean_torque = 0.0F;                      // likewise, mean of the position-loop cycle just over
   float current_d_a = 0.0F;                      // measured, amplitude
   float current_q_a = 0.0F;                      // positive with the torque
   Counts following_error_counts = 0;             // position demand minus actual position; 0 out of the position loop
@@ -51,7 +54,8 @@ struct CascadeState {
 // standing on an edge does not seem to move.
 class Cascade {
  public:
-  // Takes the data over and keeps the loops' state: gains may change while the axis moves. `motor` and `gains` must be
+  // Takes the data over and keeps the loops' state: gains may change while the axis moves. The torque goes on without a
+  // step: what other gains would have made it jump by fades out over some 20 ms. `motor` and `gains` must be
   // positive where they divide (resistance, inductances, torque constant, rated torque, current bandwidth, counts per
   // revolution 1 .. 2^24).
   void configure(const MotorData& motor, const Gains& gains, Rates rates);
@@ -64,9 +68,13 @@ class Cascade {
   // The encoder was put somewhere else: what was measured before says nothing about the velocity now.
   void forget_motion() {
     measuring_ = false;
-    velocity_filter_.value = 0.0F;
+    settle_velocity(0.0F);
     state_.velocity_counts_per_s = 0.0F;
   }
+
+  // Adds the analysis' excitation to the torque and shows it the answer, once per velocity period, while the velocity
+  // loop runs. nullptr: no more.
+  void set_analysis(ResonanceAnalysis* analysis) { analysis_ = analysis; }
 
   void set_demand(const LoopDemand& demand);
   const LoopDemand& demand() const { return demand_; }
@@ -84,7 +92,12 @@ class Cascade {
   void clear_controllers();
   void measure_velocity(Counts position);
   void run_position_loop(Counts position);
-  void run_velocity_loop();
+  void run_velocity_loop(Counts position);
+  float filtered_velocity(float measured);
+  void settle_velocity(float velocity);
+  // What the present gains make of the present errors, without the integral.
+  float proportional_torque() const;
+  void hand_over(float proportional_before);
   float velocity_controller();
   float torque_controller();
   void run_current_loop(DirectQuadrature current, SinCos angle, float dc_link_v, Actuation& actuation);
@@ -101,14 +114,20 @@ class Cascade {
   // Running state
   std::uint32_t tick_ = 0;
   bool enabled_ = false;
-  bool measuring_ = false;  // edge_position_ is valid
-  bool notches_on_ = false;
-  bool moved_ = false;        // the encoder counted in the last velocity period
-  Counts edge_position_ = 0;  // the edge of a count last crossed
+  bool measuring_ = false;      // edge_position_ is valid
+  std::uint8_t notch_end_ = 0;  // behind the last notch that is on
+  bool moved_ = false;          // the encoder counted in the last velocity period
+  Counts edge_position_ = 0;    // the edge of a count last crossed
+  float torque_sum_ = 0.0F;     // of the measured torque in this position-loop cycle
   LowPass velocity_filter_;
   LowPass torque_filter_;
+  LowPass command_filter_;  // applied only with command_filter_on_
+  bool command_filter_on_ = false;
+  VelocityFeedback velocity_feedback_ = VelocityFeedback::first_order;
   float position_velocity_ = 0.0F;  // counts/s: velocity reference out of the position loop
+  float position_error_ = 0.0F;     // counts, as the position loop saw it last
   float integral_ = 0.0F;           // of the velocity loop, fraction of rated torque
+  float handover_ = 0.0F;           // likewise: torque of earlier gains that fades out
   float feed_forward_ = 0.0F;       // torque, fraction of rated
   float current_reference_a_ = 0.0F;
   float electrical_rad_per_s_ = 0.0F;
@@ -124,6 +143,7 @@ class Cascade {
   // Derived from motor data, gains and rates
   std::uint32_t velocity_mask_ = 1;
   std::uint32_t position_mask_ = 7;
+  float per_position_cycle_ = 0.125F;
   std::uint64_t phase_scale_ = 0;        // electrical turns per count, in 2^-48
   std::uint32_t commutation_phase_ = 0;  // 2^-32 turns
   float flux_linkage_vs_ = 0.0F;
@@ -137,13 +157,18 @@ class Cascade {
   float velocity_kp_ = 0.0F;      // fraction of rated torque per counts/s
   float velocity_ki_ = 0.0F;      // likewise, per velocity period
   float setpoint_weight_ = 1.0F;
+  float integral_limit_ = 0.0F;  // fraction of rated torque
+  float handover_decay_ = 0.0F;  // per velocity period
   float inertia_torque_ = 0.0F;  // fraction of rated torque per counts/s^2, times its share
   float limiter_ki_ = 0.0F;      // of the speed limiter, as velocity_ki_
   float limiter_decay_ = 0.0F;   // of the speed limiter's integral, per velocity period
   float position_kp_ = 0.0F;
   float velocity_feed_forward_ = 1.0F;
 
-  std::array<Biquad, 2> notches_{};  // applied only with notches_on_
+  std::array<Biquad, most_notches> notches_{};  // the first notch_end_ are applied
+  Biquad velocity_low_pass_{};                  // VelocityFeedback::second_order
+  VelocityObserver observer_{};
+  ResonanceAnalysis* analysis_ = nullptr;
 };
 
 }  // namespace servodrome::drive

@@ -41,4 +41,15 @@ Biquad make_low_pass(float corner_hz, float damping, float period_s, const Biqua
                            1.0F - width + k * k);
 }
 
+// The error obeys e' = (1 - g) (e - d), d' = d + h e with a pole p of multiplicity two for g = 1 - p^2, h = (1 - p)^2.
+VelocityObserver make_velocity_observer(float corner_hz, float acceleration, float period_s,
+                                        const VelocityObserver& previous) {
+  VelocityObserver observer = previous;
+  const float rest = low_pass_gain(corner_hz, period_s);  // 1 - p
+  observer.acceleration = acceleration;
+  observer.velocity_gain = rest * (2.0F - rest);
+  observer.disturbance_gain = rest * rest;
+  return observer;
+}
+
 }  // namespace servodrome::drive

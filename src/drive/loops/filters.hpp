@@ -45,4 +45,26 @@ struct Biquad {
 Biquad make_notch(float frequency_hz, float width_hz, float depth, float period_s, const Biquad& previous = {});
 Biquad make_low_pass(float corner_hz, float damping, float period_s, const Biquad& previous = {});
 
+// Velocity observer: what the torque makes of the inertia, corrected by what was measured. It lags behind only what it
+// does not know, a load torque or a wrong inertia, which it learns as a disturbance. Velocities in counts/s.
+struct VelocityObserver {
+  float acceleration = 0.0F;   // counts/s per period that a torque of 1 makes
+  float velocity_gain = 1.0F;  // of the error, per period
+  float disturbance_gain = 0.0F;
+  float velocity = 0.0F;
+  float disturbance = 0.0F;  // counts/s per period
+
+  float apply(float measured, float torque) {
+    const float predicted = velocity + acceleration * torque + disturbance;
+    const float error = measured - predicted;
+    velocity = predicted + velocity_gain * error;
+    disturbance += disturbance_gain * error;
+    return velocity;
+  }
+};
+
+// Both poles of the observer's error at `corner_hz`; keeps the state of `previous`.
+VelocityObserver make_velocity_observer(float corner_hz, float acceleration, float period_s,
+                                        const VelocityObserver& previous = {});
+
 }  // namespace servodrome::drive

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "drive/loops/motor_data.hpp"
@@ -13,6 +14,7 @@ namespace servodrome::drive {
 struct Rates {
   std::uint8_t velocity_loop_ticks = 2;  // 2: 8 kHz, 4: 4 kHz
   std::uint8_t position_loop_ticks = 8;  // 8: 2 kHz, 16: 1 kHz
+  friend bool operator==(const Rates&, const Rates&) = default;
 };
 
 // A notch in the torque reference, against a mechanical resonance: (s^2 + depth B s + w^2) / (s^2 + B s + w^2).
@@ -20,6 +22,15 @@ struct Notch {
   float frequency_hz = 0.0F;  // centre, below 7/16 of the velocity loop's rate; 0: off
   float width_hz = 0.0F;      // B / 2 pi: with depth 0, the distance of the two -3 dB points
   float depth = 0.0F;         // gain at the centre, 0 (nothing passes) .. 1 (no notch)
+};
+
+inline constexpr std::size_t most_notches = 4;
+
+// What the velocity loop is fed with; the velocity as it is measured where velocity_filter_hz is 0.
+enum class VelocityFeedback : std::uint8_t {
+  first_order,   // low pass at velocity_filter_hz
+  second_order,  // likewise, damped by 1 / sqrt 2
+  observer,      // VelocityObserver with its poles at velocity_filter_hz, for the inertia of the motor data
 };
 
 struct Gains {
@@ -30,10 +41,13 @@ struct Gains {
   float position_kp = 0.0F;                // 1/s
   float velocity_feed_forward = 1.0F;      // share of LoopDemand::velocity in the position loop
   float acceleration_feed_forward = 1.0F;  // share of inertia times LoopDemand::acceleration
-  float velocity_filter_hz = 0.0F;         // corner of the low pass on the measured velocity; 0: off
-  float torque_filter_hz = 0.0F;           // corner of the low pass on the torque reference; 0: off
-  float rest_window_counts = 1.0F;         // position errors left alone at rest: see RestRule
-  std::array<Notch, 2> notches{};
+  VelocityFeedback velocity_feedback = VelocityFeedback::first_order;
+  float velocity_filter_hz = 0.0F;          // corner of the filter on the measured velocity; 0: off
+  float velocity_command_filter_hz = 0.0F;  // corner of a low pass on the velocity reference; 0: off
+  float velocity_integral_limit_a = 0.0F;   // most that the integral of the velocity loop gives, amplitude; 0: no limit
+  float torque_filter_hz = 0.0F;            // corner of the low pass on the torque reference; 0: off
+  float rest_window_counts = 1.0F;          // position errors left alone at rest: see RestRule
+  std::array<Notch, most_notches> notches{};
 };
 
 // What default_gains is asked for.

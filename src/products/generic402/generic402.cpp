@@ -132,7 +132,7 @@ drive::Configuration Generic402::configuration() const {
   override_with(gains.torque_filter_hz, own.torque_filter_hz, 1.0F);
   gains.velocity_feed_forward = static_cast<float>(own.velocity_feed_forward) * 0.001F;
   gains.acceleration_feed_forward = static_cast<float>(own.acceleration_feed_forward) * 0.001F;
-  for (std::size_t i = 0; i < gains.notches.size(); ++i) {
+  for (std::size_t i = 0; i < own.notch_frequency_hz.size(); ++i) {
     gains.notches[i] = {.frequency_hz = static_cast<float>(own.notch_frequency_hz[i]),
                         .width_hz = static_cast<float>(own.notch_width_hz[i]),
                         .depth = static_cast<float>(own.notch_depth[i]) * 0.001F};
