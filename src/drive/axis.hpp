@@ -41,6 +41,7 @@ struct Monitors {
 struct Configuration {
   MotorData motor{};
   Gains gains{};
+  Rates rates{0, 0};  // of the loops; 0: those of the policy. Taken over while the motor is without power
   Monitors monitors{};
   InputMap inputs{};
   TouchProbeCapability touch_probe{};

@@ -15,8 +15,7 @@ Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
       objects_base_(objects_base),
       axis_{.objects = objects, .policy = policy},
       touch_probe_(TouchProbeCapability{}) {
-  axis_.cycle_s = policy.position_loop_ticks * tick_seconds;
-  axis_.cycles_per_ms = 1e-3 / axis_.cycle_s;
+  set_rates();
   axis_.loops = &cascade_.state();
 }
 
@@ -30,8 +29,8 @@ void Drive::configure(const Configuration& configuration) {
     if (now.active(high) != before.active(high)) note_edge({now.signal, now.active(high), axis_.encoder_position});
   }
   axis_.configuration = configuration;
-  cascade_.configure(configuration.motor, configuration.gains,
-                     {policy_.velocity_loop_ticks, policy_.position_loop_ticks});
+  if (!energised()) set_rates();
+  cascade_.configure(configuration.motor, configuration.gains, rates_);
   supervision_.configure(axis_);
   if (touch_probe_.capability() != configuration.touch_probe) {
     touch_probe_ = TouchProbe(configuration.touch_probe);
@@ -41,6 +40,18 @@ void Drive::configure(const Configuration& configuration) {
                                          configuration.monitors.index_deviation);
   last_inputs_ = ~wires_;  // the meaning of the wires may have changed
   set_units();
+}
+
+Rates Drive::wanted_rates() const {
+  const Rates& own = axis_.configuration.rates;
+  return {own.velocity_loop_ticks != 0 ? own.velocity_loop_ticks : policy_.velocity_loop_ticks,
+          own.position_loop_ticks != 0 ? own.position_loop_ticks : policy_.position_loop_ticks};
+}
+
+void Drive::set_rates() {
+  rates_ = wanted_rates();
+  axis_.cycle_s = rates_.position_loop_ticks * tick_seconds;
+  axis_.cycles_per_ms = 1e-3 / axis_.cycle_s;
 }
 
 bool Drive::set_units() {
@@ -77,7 +88,6 @@ void Drive::power_on(const Feedback& feedback) {
   dc_link_cycles_ = 0;
   brake_closed_cycles_ = 0;
   outputs_ = {};
-  tick_in_cycle_ = 0;
   edge_count_ = 0;
   tripped_ = 0;
   terminal_outputs_ = 0;
@@ -121,6 +131,7 @@ void Drive::restart() {
   cyclic_sync_position_ = {};
   cyclic_sync_velocity_ = {};
   cyclic_sync_torque_ = {};
+  identification_.abort();
   cascade_.disable();
   touch_probe_ = TouchProbe(axis_.configuration.touch_probe);
   configure(axis_.configuration);
@@ -130,7 +141,7 @@ void Drive::restart() {
 
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   if (feedback.edge_count != 0) capture_edges(feedback);
-  const bool cycle_due = tick_in_cycle_ == 0;
+  const bool cycle_due = cascade_.position_loop_due();
   if (tripped_ == 0) tripped_ = feedback.hardware_faults;  // the first to speak; what follows it is its consequence
   if (cycle_due) {
     cycle(feedback);
@@ -141,7 +152,6 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
     actuation.pwm_enabled = false;
   }
   cascade_.tick(feedback, actuation);
-  if (++tick_in_cycle_ == policy_.position_loop_ticks) tick_in_cycle_ = 0;
   return cycle_due;
 }
 
@@ -184,6 +194,7 @@ void Drive::update_inputs(const Feedback& feedback) {
 }
 
 void Drive::cycle(const Feedback& feedback) {
+  if (!energised() && rates_ != wanted_rates()) configure(axis_.configuration);  // written while it had power
   axis_.encoder_position = feedback.position_counts;
   if (++cycles_of_ms_ >= axis_.cycles(1)) {
     cycles_of_ms_ = 0;
@@ -242,6 +253,7 @@ void Drive::change_mode() {
   const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
   if (wanted == mode_) return;
   homing_mode_.abort();
+  identification_.abort();
   const bool running = state_ == PowerState::operation_enabled && !pending_.active;
   mode_ = wanted;
   if (!running) return;
@@ -284,8 +296,31 @@ void Drive::run_mode() {
     return;
   }
   const Counts before = axis_.generator.nearest_position();
+  const bool identifying = identification_.running();
   with_mode(*this, [&](auto& mode) { mode.step(axis_); });
   limit_switches(before);
+  if (identifying && !identification_.running()) finish_identification();
+}
+
+bool Drive::identify_inertia(const InertiaIdentification::Request& request) {
+  const bool standing = state_ == PowerState::operation_enabled && stage_ == Stage::on && !pending_.active &&
+                        !stopping_ && !halted_ && !in_motion();
+  return standing && identification_.begin(axis_, request);
+}
+
+void Drive::stop_identification() {
+  if (!identification_.running()) return;
+  identification_.abort();
+  finish_identification();
+}
+
+// The mode takes the axis over where it is, after a stop if it is not at rest.
+void Drive::finish_identification() {
+  axis_.take_over_actual();
+  with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
+  if (identification_.outcome() == InertiaIdentification::Outcome::done) return;
+  begin_stop(Stop::quick_stop_ramp);
+  limit_stop_ = true;
 }
 
 // Outside homing a limit switch ends every motion towards it; away from it the axis may move. So does a software limit

@@ -15,6 +15,7 @@
 #include "drive/power/power_state.hpp"
 #include "drive/supervision.hpp"
 #include "drive/touch_probe.hpp"
+#include "drive/tuning/inertia_identification.hpp"
 
 namespace servodrome::drive {
 
@@ -52,6 +53,15 @@ class Drive final : public dictionary::Listener {
   // One base tick: 62.5 us. True when it ran a position-loop cycle, which writes all of `actuation`; the ticks between
   // write the phase voltages only, so it is the same object every time.
   bool tick(const Feedback& feedback, Actuation& actuation);
+
+  // --- Tuning
+  // Identifies the load by moves of the drive's own, in place of the mode of operation; afterwards the mode goes on
+  // where the axis is then. False unless operation is enabled and the axis is commanded to stand.
+  bool identify_inertia(const InertiaIdentification::Request& request);
+  void stop_identification();  // the axis comes to rest
+  const InertiaIdentification& identification() const { return identification_; }
+  // See Cascade::set_analysis; forgotten at power_on.
+  void set_analysis(ResonanceAnalysis* analysis) { cascade_.set_analysis(analysis); }
 
   // --- Events from the bus
   void synchronise() { axis_.synchronised = true; }
@@ -138,10 +148,13 @@ class Drive final : public dictionary::Listener {
   void change_mode();
   void run_mode();
   void limit_switches(Counts before);
+  void finish_identification();
   void set_limits();
   void write_actuation();
   bool set_units();
   void load_touch_probe();
+  Rates wanted_rates() const;
+  void set_rates();
   // Calls `function` with the object of the present mode.
   template <typename Self, typename Function>
   static auto with_mode(Self& self, Function&& function);
@@ -164,6 +177,7 @@ class Drive final : public dictionary::Listener {
   CyclicSyncPosition cyclic_sync_position_{};
   CyclicSyncVelocity cyclic_sync_velocity_{};
   CyclicSyncTorque cyclic_sync_torque_{};
+  InertiaIdentification identification_{};  // while it runs it stands in for the mode
 
   PowerState state_ = PowerState::not_ready_to_switch_on;
   Mode mode_ = Mode::none;
@@ -199,7 +213,7 @@ class Drive final : public dictionary::Listener {
   std::array<SignalEdge, edge_capacity> edges_{};
   std::size_t edge_count_ = 0;
   std::uint32_t tripped_ = 0;  // HardwareFault bits since the last cycle
-  std::uint8_t tick_in_cycle_ = 0;
+  Rates rates_{0, 0};          // in force
 };
 
 }  // namespace servodrome::drive

@@ -6,6 +6,7 @@ namespace servodrome::drive {
 
 template <typename Self, typename Function>
 auto Drive::with_mode(Self& self, Function&& function) {
+  if (self.identification_.running()) return function(self.identification_);
   switch (self.mode_) {
     case Mode::profile_position: return function(self.profile_position_);
     case Mode::velocity: return function(self.velocity_mode_);

@@ -81,6 +81,7 @@ void Drive::enter_state(PowerState to) {
   releasing_torque_ = false;
   axis_.limited = false;
   homing_mode_.abort();
+  identification_.abort();
   const bool power =
       to == PowerState::operation_enabled || (to == PowerState::switched_on && policy_.energised_in_switched_on);
   if (power != energised()) {
@@ -118,6 +119,7 @@ bool Drive::demand_is_adrift() const {
 
 void Drive::begin_stop(Stop stop) {
   if (demand_is_adrift()) axis_.take_over_actual();
+  identification_.abort();
   stop_ = stop;
   stopping_ = true;
   limit_stop_ = false;
@@ -233,6 +235,7 @@ void Drive::react_to_fault(const FaultRow& fault) {
   const bool reacting = state_ == PowerState::fault_reaction_active;
   state_ = PowerState::fault_reaction_active;
   homing_mode_.abort();
+  identification_.abort();
   if (stop == Stop::power_off || !energised()) {
     switch_power(false);
   } else if (!reacting) {

@@ -1,0 +1,149 @@
+#include "drive/tuning/resonance_analysis.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace servodrome::drive {
+namespace {
+
+// A line's power must be that many times the mean noise of so many lines to either side.
+constexpr float least_signal_to_noise = 8.0F;
+constexpr std::size_t noise_lines = 4;
+
+// Of the sampling rate, as far as lines are used.
+constexpr float highest_share = 0.47F;
+
+// Beside a peak its valleys are looked for within this ratio of frequencies, and a second resonance outside of it.
+constexpr float neighbourhood = 1.4F;
+
+}  // namespace
+
+void ResonanceAnalysis::begin(const Settings& settings) {
+  settings_ = settings;
+  state_ = State::settling;
+  sample_ = 0;
+  block_ = 0;
+  count_ = 0;
+  torque_.fill(0.0F);
+  answer_.fill(0.0F);
+  fft_.begin();
+  // Even lines only: those of the excitation.
+  const float lines_per_hz = settings.sample_s * static_cast<float>(block);
+  const auto line = [&](float hz) {
+    const float reachable = std::min(hz, highest_share / settings.sample_s);
+    return std::max<std::size_t>(2 * noise_lines, 2 * static_cast<std::size_t>(0.5F * reachable * lines_per_hz));
+  };
+  lowest_line_ = line(settings.lowest_hz);
+  highest_line_ = line(settings.highest_hz);
+  first_line_ = line(settings.lowest_hz / neighbourhood);
+  last_line_ = line(settings.highest_hz * neighbourhood);
+  // From the first line to the last in one period: turns per sample, and half of what they grow by.
+  sweep_start_ = static_cast<float>(first_line_) / static_cast<float>(block);
+  const auto width = static_cast<float>(last_line_ - first_line_) / static_cast<float>(block);
+  sweep_slope_ = 0.5F * width / static_cast<float>(excitation_period);
+}
+
+float ResonanceAnalysis::exchange(const Sample& sample) {
+  if (!exciting()) return 0.0F;
+  const auto moved = static_cast<float>(sample.position - last_position_);
+  last_position_ = sample.position;
+  if (state_ == State::recording) {
+    torque_[sample_] += settings_.torque == Torque::actual ? sample.torque : sample.torque_reference;
+    answer_[sample_] += settings_.answer == Answer::position ? moved : sample.controller_torque;
+  }
+  const auto n = static_cast<float>(sample_ & (excitation_period - 1));
+  const float turns = n * (sweep_start_ + n * sweep_slope_);
+  if (++sample_ == block) {
+    sample_ = 0;
+    const std::uint8_t blocks = state_ == State::settling ? settings_.settling_blocks : settings_.blocks;
+    if (++block_ >= blocks) {
+      block_ = 0;
+      state_ = state_ == State::settling ? State::recording : State::transforming;
+    }
+  }
+  return settings_.amplitude * sin_cos_turns(turns - std::floor(turns)).sine;
+}
+
+void ResonanceAnalysis::compute(std::size_t steps) {
+  if (state_ == State::transforming) {
+    if (!fft_.advance(torque_, answer_, steps)) return;
+    state_ = State::measuring;
+    sample_ = first_line_;
+    return;
+  }
+  if (state_ != State::measuring) return;
+  for (; steps > 0 && sample_ <= last_line_; --steps, sample_ += 2) measure(sample_);
+  if (sample_ > last_line_) search();
+}
+
+// Both real signals came through one transform of torque + i answer: T(k) = (Z(k) + Z*(N - k)) / 2 and A(k) = (Z(k) -
+// Z*(N - k)) / 2i. The squared gain then takes the place of a line that is not read again: the noise is in the odd
+// ones.
+void ResonanceAnalysis::measure(std::size_t line) {
+  const auto power_of_answer = [&](std::size_t k) {
+    const float re = answer_[k] + answer_[block - k];
+    const float im = torque_[block - k] - torque_[k];
+    return re * re + im * im;
+  };
+  const float torque_re = torque_[line] + torque_[block - line];
+  const float torque_im = answer_[line] - answer_[block - line];
+  const float torque_power = torque_re * torque_re + torque_im * torque_im;
+  float noise = 0.0F;
+  for (std::size_t i = 1; i < 2 * noise_lines; i += 2) noise += power_of_answer(line - i) + power_of_answer(line + i);
+  noise /= static_cast<float>(2 * noise_lines);
+  const float answer_power = power_of_answer(line);
+  const auto k = static_cast<float>(line);
+  const bool believed = answer_power > least_signal_to_noise * noise && torque_power > 0.0F;
+  const float gain = believed ? (answer_power - noise) / torque_power * k * k : 0.0F;
+  torque_[line] = gain;
+}
+
+float ResonanceAnalysis::line_hz(float line) const { return line / (settings_.sample_s * static_cast<float>(block)); }
+
+// The highest line outside of the spared ones, refined by the parabola through its logarithm and those beside it.
+ResonanceAnalysis::Resonance ResonanceAnalysis::highest(std::size_t spared_from, std::size_t spared_to,
+                                                        std::size_t& line) const {
+  line = 0;
+  float height = 0.0F;
+  for (std::size_t k = std::max(lowest_line_, first_line_ + 2); k <= highest_line_ && k + 2 <= last_line_; k += 2) {
+    if (k >= spared_from && k <= spared_to) continue;
+    const float beside = std::min(torque_[k - 2], torque_[k + 2]);  // 0: not believed
+    const bool peak = beside > 0.0F && torque_[k] > torque_[k - 2] && torque_[k] >= torque_[k + 2];
+    if (peak && torque_[k] > height) {
+      height = torque_[k];
+      line = k;
+    }
+  }
+  if (line == 0) return {};
+  const auto at = static_cast<float>(line);
+  const auto lowest = [&](std::size_t from, std::size_t to) {
+    float valley = height;
+    for (std::size_t k = std::max(from, first_line_); k <= std::min(to, last_line_); k += 2) {
+      if (torque_[k] > 0.0F) valley = std::min(valley, torque_[k]);
+    }
+    return valley;
+  };
+  const auto even = [](float k) { return 2 * static_cast<std::size_t>(0.5F * k); };
+  const float valley = std::max(lowest(even(at / neighbourhood), line), lowest(line, even(at * neighbourhood)));
+  const float left = std::log(torque_[line - 2]);
+  const float right = std::log(torque_[line + 2]);
+  const float curvature = left - 2.0F * std::log(height) + right;
+  const float offset = curvature < 0.0F ? (left - right) / curvature : 0.0F;  // in lines, two of which are one step
+  return {line_hz(at + offset), std::sqrt(height / valley)};
+}
+
+void ResonanceAnalysis::search() {
+  state_ = State::done;
+  std::size_t first = 0;
+  const Resonance highest_peak = highest(1, 0, first);
+  if (first == 0 || highest_peak.prominence < settings_.least_prominence) return;
+  resonances_[count_++] = highest_peak;
+  const auto from = static_cast<std::size_t>(static_cast<float>(first) / neighbourhood);
+  const auto to = static_cast<std::size_t>(static_cast<float>(first) * neighbourhood);
+  std::size_t second = 0;
+  const Resonance next_peak = highest(from, to, second);
+  if (second == 0 || next_peak.prominence < settings_.least_prominence) return;
+  resonances_[count_++] = next_peak;
+}
+
+}  // namespace servodrome::drive
