@@ -14,6 +14,8 @@ constexpr std::uint16_t time_default = 0x100;
 constexpr std::uint16_t overrun_code = 0x8110;
 constexpr std::uint16_t error_passive_code = 0x8120;
 constexpr std::uint16_t bus_off_recovered_code = 0x8140;
+constexpr std::uint8_t sdo_length = 8;
+constexpr std::uint8_t nmt_length = 2;
 constexpr unsigned service_shift = 12;
 constexpr std::uint16_t number_mask = 0x0FFF;
 }  // namespace
@@ -102,6 +104,7 @@ void Node::set_state(NmtState state) {
 }
 
 void Node::receive_nmt(const Frame& frame) {
+  check_length(frame, nmt_length);
   if (frame.length != 2 || (frame.data[1] != 0 && frame.data[1] != node_id_)) return;
   switch (static_cast<NmtCommand>(frame.data[0])) {
     case NmtCommand::start: set_state(NmtState::operational); break;
@@ -170,7 +173,9 @@ void Node::receive(const Frame& frame, Time now) {
       break;
     }
     case Service::sdo:
-      if (services_allowed()) sdo_.receive(frame);
+      if (!services_allowed()) break;
+      check_length(frame, sdo_length);
+      sdo_.receive(frame);
       break;
     case Service::nmt: receive_nmt(frame); break;
     case Service::heartbeat: receive_heartbeat(static_cast<std::uint8_t>(number), frame); break;
@@ -265,6 +270,13 @@ void Node::communication_lost(LossCause cause, CommunicationError error) {
   }
 }
 
+// A frame that no service can make sense of; nothing lasts of it.
+void Node::check_length(const Frame& frame, std::uint8_t expected) {
+  if (frame.length == expected || profile_.frame_length_code == 0) return;
+  emergency_.begin(CommunicationError::frame_length, profile_.frame_length_code);
+  emergency_.end(CommunicationError::frame_length);
+}
+
 void Node::communication_restored(LossCause cause, CommunicationError error) {
   if (profile_.errors_clear_on_restored_communication) emergency_.end(error);
   events_.communication_restored(cause);
@@ -282,8 +294,10 @@ void Node::bus_state(BusState state, Time now) {
     return;
   }
   if (before == BusState::bus_off) {
-    emergency_.begin(CommunicationError::bus_off, bus_off_recovered_code);
-    emergency_.end(CommunicationError::bus_off);
+    if (profile_.bus_off_is_reported_on_recovery) {
+      emergency_.begin(CommunicationError::bus_off, bus_off_recovered_code);
+      emergency_.end(CommunicationError::bus_off);
+    }
     events_.communication_restored(LossCause::bus_off);
   }
   if (state == BusState::error_passive) {

@@ -69,6 +69,8 @@ class Node final : private dictionary::Listener {
     emergency_.clear(remaining, vendor);
   }
   std::uint8_t error_register() const { return emergency_.error_register(); }
+  // One of the errors that the node finds itself is present (CiA 301 table 26, 81xxh and 82xxh).
+  bool communication_error() const { return emergency_.communication_error(); }
 
   // The CAN controller's fault confinement state. Bus-off is a communication error; EMCY 8140h follows on recovery.
   void bus_state(BusState state, Time now);
@@ -94,6 +96,7 @@ class Node final : private dictionary::Listener {
   void set_state(NmtState state);
   void communication_lost(LossCause cause, CommunicationError error);
   void communication_restored(LossCause cause, CommunicationError error);
+  void check_length(const Frame& frame, std::uint8_t expected);
   dictionary::AbortCode check_signature(const dictionary::Entry& entry, std::uint32_t value);
   dictionary::AbortCode check_general(const dictionary::Entry& entry, std::uint32_t value) const;
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "canopen/time.hpp"
 #include "dictionary/entry.hpp"
 
@@ -29,6 +31,13 @@ struct TransmissionTypes {
   }
 };
 
+// A PDO whose CAN-ID the device accepts within limits only; `index` is that of its communication parameter.
+struct CobIdRange {
+  std::uint16_t index;
+  std::uint16_t lowest;
+  std::uint16_t highest;
+};
+
 // Node guarding beside the heartbeat (CiA 301 7.2.8.2.2.1: a node uses one of the two).
 enum class NodeGuarding : std::uint8_t {
   absent,          // remote frames on 700h + node id stay unanswered
@@ -48,7 +57,11 @@ struct Profile {
   bool valid_pdo_parameters_may_change = false;  // inhibit time, SYNC start value; else 0609 0030h
   bool valid_pdo_cob_id_may_change = false;      // CAN-ID without bit 31 first; else 0609 0030h
   bool mapped_length_may_exceed_object = false;  // a longer length pads with zeros; else 0604 0041h
-  bool type_254_sends_on_change = true;          // else by event timer and trigger_tpdo() only
+  // Mapping entries that are accepted although they are longer than their object: the rest is padded with zeros.
+  std::span<const std::uint32_t> padded_mappings{};
+  std::span<const CobIdRange> cob_id_ranges{};  // other CAN-IDs: 0609 0030h
+  bool rpdo_excess_length_is_reported = true;   // EMCY 8220h; the first bytes are processed all the same
+  bool type_254_sends_on_change = true;         // else by event timer and trigger_tpdo() only
   bool type_255_sends_on_change = true;
   Time inhibit_time_unit = std::chrono::microseconds(100);  // of sub-index 3 of 1800h..; object 1015h is always 100 us
 
@@ -64,6 +77,9 @@ struct Profile {
   bool sync_cob_id_fixed = false;                      // CAN-ID of 1005h cannot be changed
   bool time_consumer = true;                           // consumed on 100h even without object 1012h
   bool emergency_on_error_reset = true;                // code 0000h (or 00xxh) when errors go
+  bool error_reset_tells_the_last_only = false;        // ... and only when none is left
+  bool bus_off_is_reported_on_recovery = true;         // EMCY 8140h; else the device tells it as an error of its own
+  std::uint16_t frame_length_code = 0;                 // EMCY for an NMT or SDO frame of wrong length; 0: none
   bool errors_clear_on_restored_communication = true;  // heartbeat is back: its error goes; else only on NMT reset
 
   // Error control and NMT

@@ -38,7 +38,7 @@ enum class Owner : std::uint8_t { none, communication, drive, product };
 inline constexpr std::size_t owner_count = 4;
 
 // The three areas that are saved, restored and reset apart (CiA 301 1010h, 1011h, NMT reset).
-enum class Area : std::uint8_t { communication = 1, manufacturer = 2, profile = 4, all = 7 };
+enum class Area : std::uint8_t { none = 0, communication = 1, manufacturer = 2, profile = 4, all = 7 };
 constexpr Area operator|(Area a, Area b) {
   return static_cast<Area>(static_cast<std::uint8_t>(a) | static_cast<std::uint8_t>(b));
 }

@@ -13,6 +13,38 @@
 
 namespace servodrome::drive {
 
+// The mean velocity over some position-loop cycles, for display: of a coarse encoder the loops' own estimate jumps from
+// count to count.
+class MeanVelocity {
+ public:
+  static constexpr std::size_t longest = 32;
+
+  // One cycle: the position, in counts, after it. `cycles` 0 .. longest.
+  void update(Counts position, std::size_t cycles) {
+    if (cycles != cycles_) {
+      cycles_ = cycles;
+      forget();
+    }
+    if (cycles == 0) return;
+    const Counts before = filled_ == cycles ? positions_[next_] : filled_ == 0 ? position : positions_[0];
+    const std::size_t distance = filled_;
+    positions_[next_] = position;
+    next_ = next_ + 1 == cycles ? 0 : next_ + 1;
+    if (filled_ < cycles) ++filled_;
+    counts_per_cycle_ = distance == 0 ? 0.0 : static_cast<double>(position - before) / static_cast<double>(distance);
+  }
+  void forget() { filled_ = next_ = 0; }
+  bool active() const { return cycles_ != 0; }
+  double counts_per_cycle() const { return counts_per_cycle_; }
+
+ private:
+  std::array<Counts, longest> positions_{};
+  std::size_t cycles_ = 0;
+  std::size_t filled_ = 0;
+  std::size_t next_ = 0;
+  double counts_per_cycle_ = 0.0;
+};
+
 // Thresholds of the monitors; a threshold of 0 switches its monitor off unless said otherwise.
 struct Monitors {
   float over_voltage_v = 400.0F;
@@ -33,8 +65,11 @@ struct Monitors {
   // The power stage's own currents, as amplitude, where they are watched apart from the motor's; 0: they are not.
   float stage_rated_current_a = 0.0F;
   float stage_peak_current_a = 0.0F;
-  bool limit_switches = false;  // meeting one after homing, outside of homing, is a fault
-  Counts index_deviation = 0;   // between successive index pulses
+  bool limit_switches = false;          // meeting one after homing, outside of homing, is a fault
+  bool limit_switch_levels = false;     // ... or one that is active, outside of homing
+  Counts index_deviation = 0;           // between successive index pulses
+  std::uint32_t power_failure_ms = 20;  // the mains may be away for less
+  std::uint32_t brake_resistor_ms = 0;  // it may conduct so long without a break; 0: for ever
 };
 
 // What a product, its nameplate and its own parameters decide, and may change while the drive runs.
@@ -45,15 +80,20 @@ struct Configuration {
   Monitors monitors{};
   InputMap inputs{};
   TouchProbeCapability touch_probe{};
-  CauseSet ignored{};                          // faults that are neither reported nor reacted to
-  bool remote = true;                          // statusword bit 9: the bus, not an input, enables the drive
-  std::uint32_t remote_outputs = 0xFFFFFFFF;   // outputs that 60FEh may drive, bit n for output n
-  bool brake_inverted = false;                 // the brake's output is wired the other way round
-  bool brake_forced = false;                   // ... or commissioning simulates it as on
-  std::uint32_t brake_release_ms = 0;          // from power on to the first motion
-  std::uint32_t brake_engage_ms = 0;           // from brake command to power off
-  std::int16_t velocity_stop_shape = 0;        // ramp type of stopping in the velocity modes, as 6086h counts them
-  double torque_mode_velocity_positive = 0.0;  // counts/s, 0: the motor's greatest speed
+  CauseSet ignored{};                              // faults that are neither reported nor reacted to
+  bool remote = true;                              // statusword bit 9: the bus, not an input, enables the drive
+  std::uint32_t bus_inputs = 0;                    // input wires whose level is that of a bit of 60FEh:01
+  bool index_available = true;                     // the encoder has an index that homing may use
+  Cause encoder_loss = Cause::encoder_connection;  // what its lost connection is called
+  double sync_period_s = 0.0;                      // of the SYNC that interpolation waits for; 0: 60C2h
+  std::uint32_t shown_velocity_cycles = 0;         // over which 606Ch is the mean; 0: the loops' estimate
+  std::uint32_t remote_outputs = 0xFFFFFFFF;       // outputs that 60FEh may drive, bit n for output n
+  bool brake_inverted = false;                     // the brake's output is wired the other way round
+  bool brake_forced = false;                       // ... or commissioning simulates it as on
+  std::uint32_t brake_release_ms = 0;              // from power on to the first motion
+  std::uint32_t brake_engage_ms = 0;               // from brake command to power off
+  std::int16_t velocity_stop_shape = 0;            // ramp type of stopping in the velocity modes, as 6086h counts them
+  double torque_mode_velocity_positive = 0.0;      // counts/s, 0: the motor's greatest speed
   double torque_mode_velocity_negative = 0.0;
   float homing_stall_torque = 0.5F;  // fraction of rated torque
   std::uint32_t homing_stall_ms = 50;
@@ -89,6 +129,7 @@ struct Axis {
   Configuration configuration{};
   Units units{};
   Generator generator{};
+  MeanVelocity mean_velocity{};
   LoopDemand demand{};
 
   double cycle_s = 500e-6;
@@ -108,6 +149,10 @@ struct Axis {
 
   Counts position() const { return encoder_position + offset; }
   double velocity() const { return static_cast<double>(loops->velocity_counts_per_s); }
+  // What 606Ch shows and its windows look at.
+  double shown_velocity() const {
+    return mean_velocity.active() ? mean_velocity.counts_per_cycle() / cycle_s : velocity();
+  }
   float torque() const { return loops->torque; }
   bool active(Signal signal) const { return (signals & bit(signal)) != 0; }
   std::uint32_t cycles(std::uint32_t milliseconds) const {
@@ -125,7 +170,7 @@ struct Axis {
 
   // A type that the product does not have is a fault when a motion is planned; the stop that follows is linear.
   RampShape shape_of(std::int16_t type) const {
-    return has_shape(type) ? static_cast<RampShape>(type) : RampShape::linear;
+    return has_shape(type) ? policy.shape_of_type[static_cast<std::size_t>(type)] : RampShape::linear;
   }
   RampShape shape() const { return shape_of(objects.motion_profile_type); }
   RampShape velocity_stop_shape() const { return shape_of(configuration.velocity_stop_shape); }

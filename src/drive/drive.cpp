@@ -56,7 +56,8 @@ void Drive::set_rates() {
 
 bool Drive::set_units() {
   axis_.units.counts_per_revolution = axis_.configuration.motor.counts_per_revolution;
-  return policy_.units == nullptr || policy_.units(axis_.objects, axis_.configuration.motor, axis_.units);
+  units_valid_ = policy_.units == nullptr || policy_.units(axis_.objects, axis_.configuration.motor, axis_.units);
+  return units_valid_;
 }
 
 void Drive::objects_loaded() {
@@ -98,11 +99,13 @@ void Drive::power_on(const Feedback& feedback) {
   supervision_.reset();
   cascade_ = {};
   cascade_.forget_motion();
+  axis_.mean_velocity.forget();
   restart();
 }
 
 void Drive::displaced(const Feedback& feedback) {
   cascade_.forget_motion();
+  axis_.mean_velocity.forget();
   wires_ = feedback.inputs;
   axis_.encoder_position = position_of_ms_ = feedback.position_counts;
   axis_.generator.reset(axis_.position());
@@ -114,8 +117,10 @@ void Drive::restart() {
   pending_ = {};
   stopping_ = halted_ = limit_stop_ = short_circuit_ = releasing_torque_ = false;
   stage_ = Stage::off;
-  if (active_.any() && events_ != nullptr) events_->faults_reset();
+  const bool erroneous = active_.any() || warned_.any();
   active_.clear();
+  warned_.clear();
+  if (erroneous && events_ != nullptr) events_->errors_gone(0);
   newest_fault_ = nullptr;
   axis_.objects.error_code = 0;
   axis_.raised = Cause::none;
@@ -128,6 +133,7 @@ void Drive::restart() {
   profile_torque_ = {};
   homing_mode_ = {};
   interpolated_position_ = {};
+  synchronous_interpolation_ = {};
   cyclic_sync_position_ = {};
   cyclic_sync_velocity_ = {};
   cyclic_sync_torque_ = {};
@@ -160,13 +166,22 @@ void Drive::capture_edges(const Feedback& feedback) {
     const Edge& edge = feedback.edges[i];
     SignalEdge signal{Signal::index, edge.rising, edge.position_counts};
     if (edge.source != Edge::index_source) {
-      if (edge.source >= max_inputs) continue;
+      if (edge.source >= max_inputs || (axis_.configuration.bus_inputs >> edge.source & 1u) != 0) continue;
       const InputFunction& function = axis_.configuration.inputs[edge.source];
       if (function.forced) continue;
       signal.signal = function.signal;
       signal.rising = function.active(edge.rising);
     }
     if (signal.signal != Signal::none) note_edge(signal);
+  }
+}
+
+// No capture unit sees the inputs that the bus commands: they change where the axis is now.
+void Drive::note_bus_edges(std::uint32_t changed) {
+  for (std::size_t i = 0; i < max_inputs; ++i) {
+    const InputFunction& function = axis_.configuration.inputs[i];
+    if ((changed >> i & 1u) == 0 || function.signal == Signal::none || function.forced) continue;
+    note_edge({function.signal, function.active((wires_ >> i & 1u) != 0), axis_.encoder_position});
   }
 }
 
@@ -179,8 +194,15 @@ void Drive::note_edge(const SignalEdge& edge) {
 }
 
 void Drive::update_inputs(const Feedback& feedback) {
+  const std::uint32_t from_bus = axis_.configuration.bus_inputs;
   wires_ = feedback.inputs;
+  if (from_bus != 0) {
+    wires_ = (wires_ & ~from_bus) | (axis_.objects.physical_outputs >> policy_.first_bus_input_bit & from_bus);
+  }
   if (wires_ != last_inputs_) {
+    const std::uint32_t changed = (wires_ ^ bus_levels_) & from_bus;
+    if (changed != 0) note_bus_edges(changed);
+    bus_levels_ = wires_;
     last_inputs_ = wires_;
     std::uint32_t signals = 0;
     for (std::size_t i = 0; i < max_inputs; ++i) {
@@ -201,6 +223,7 @@ void Drive::cycle(const Feedback& feedback) {
     axis_.counts_per_ms = axis_.encoder_position - position_of_ms_;
     position_of_ms_ = axis_.encoder_position;
   }
+  axis_.mean_velocity.update(axis_.encoder_position, axis_.configuration.shown_velocity_cycles);
   dc_link_v_ = feedback.dc_link_v;
   winding_temperature_c_ = feedback.winding_temperature_c;
   update_inputs(feedback);
@@ -279,7 +302,8 @@ void Drive::run_mode() {
     if (halt && !halted_) {
       halted_ = true;
       with_mode(*this, [&](auto& mode) { mode.halt(axis_); });
-      begin_stop(stop_of_option_code(axis_.objects.halt_option_code));
+      const std::int16_t code = axis_.objects.halt_option_code;
+      begin_stop(stop_of_option_code(code != 0 ? code : policy_.halt_code_of_zero));
     } else if (!halt && halted_) {
       if (demand_is_adrift()) axis_.take_over_actual();
       halted_ = stopping_ = short_circuit_ = releasing_torque_ = false;
@@ -409,10 +433,14 @@ std::uint16_t Drive::statusword() const {
   std::uint16_t word = state_bits(state_);
   const bool powered = outputs_.dc_link_connected && dc_link_v_ > axis_.configuration.monitors.under_voltage_v;
   if (policy_.dc_link == DcLink::always ? powered : outputs_.dc_link_connected) word |= statusword::voltage_enabled;
-  if (warnings_) word |= statusword::warning;
+  if (warnings_ || outside_warning_ || (policy_.faults_show_as_warning && active_.any())) word |= statusword::warning;
   if (policy_.remote_bit && axis_.configuration.remote) word |= statusword::remote;
   const CascadeState& loops = cascade_.state();
   if (energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited)) {
+    word |= statusword::internal_limit_active;
+  }
+  if (policy_.limit_switches_show_as_limit &&
+      (axis_.active(Signal::negative_limit) || axis_.active(Signal::positive_limit))) {
     word |= statusword::internal_limit_active;
   }
   const auto mode_bits = [this] { return with_mode(*this, [&](const auto& mode) { return mode.status(axis_); }); };

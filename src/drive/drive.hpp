@@ -23,7 +23,9 @@ namespace servodrome::drive {
 class DriveEvents {
  public:
   virtual void fault_raised(const FaultRow&) {}
-  virtual void faults_reset() {}  // none is left
+  virtual void warning_raised(const FaultRow&) {}  // Reaction::none
+  // Faults were reset, or warnings went; `remaining` are the error register bits of those that are left.
+  virtual void errors_gone(std::uint8_t /*remaining*/) {}
 
  protected:
   ~DriveEvents() = default;
@@ -65,14 +67,15 @@ class Drive final : public dictionary::Listener {
 
   // --- Events from the bus
   void synchronise() { axis_.synchronised = true; }
-  void communication_lost();  // reacts by 6007h
+  void communication_lost(Cause cause = Cause::communication_lost);  // reacts by 6007h, or always by the fault
+  void show_warning(bool present) { outside_warning_ = present; }    // of the device around the drive, in bit 7
 
   // --- Terminals
   // What a device carries out of its inputs: as a controlword written by the bus.
   void command(std::uint16_t controlword);
   // Levels of outputs that the device works out itself, bit n for output n, beside those of 60FEh.
   void set_outputs(std::uint32_t levels) { terminal_outputs_ = levels; }
-  std::uint32_t wires() const { return wires_; }  // levels of the inputs
+  std::uint32_t wires() const { return wires_; }  // levels of the inputs, those that the bus commands included
   // Application counts where the switch was met last.
   Counts positive_limit_position() const { return limit_positions_[1]; }
   Counts negative_limit_position() const { return limit_positions_[0]; }
@@ -138,6 +141,8 @@ class Drive final : public dictionary::Listener {
   void react_to_fault(const FaultRow& row);
   void reset_faults();
   void collect_faults();
+  CauseSet present_causes() const;
+  std::uint8_t error_register() const;
   void switch_power(bool on);
 
   // drive.cpp
@@ -145,6 +150,7 @@ class Drive final : public dictionary::Listener {
   void update_inputs(const Feedback& feedback);
   void capture_edges(const Feedback& feedback);
   void note_edge(const SignalEdge& edge);
+  void note_bus_edges(std::uint32_t changed);
   void change_mode();
   void run_mode();
   void limit_switches(Counts before);
@@ -174,6 +180,7 @@ class Drive final : public dictionary::Listener {
   ProfileTorque profile_torque_{};
   HomingMode homing_mode_{};
   InterpolatedPosition interpolated_position_{};
+  SynchronousInterpolation synchronous_interpolation_{};
   CyclicSyncPosition cyclic_sync_position_{};
   CyclicSyncVelocity cyclic_sync_velocity_{};
   CyclicSyncTorque cyclic_sync_torque_{};
@@ -196,11 +203,15 @@ class Drive final : public dictionary::Listener {
 
   CauseSet active_{};  // latched faults
   CauseSet injected_{};
+  CauseSet warned_{};  // warnings that were told
+  bool outside_warning_ = false;
+  bool units_valid_ = true;
   const FaultRow* newest_fault_ = nullptr;
   bool multi_turn_cleared_ = false;
 
   Actuation outputs_{};  // everything but the phase voltages, set once per cycle
   std::uint32_t last_inputs_ = 0;
+  std::uint32_t bus_levels_ = 0;  // of the inputs when they last changed
   std::uint32_t wires_ = 0;
   Counts position_of_ms_ = 0;
   std::uint32_t cycles_of_ms_ = 0;

@@ -95,6 +95,20 @@ constexpr auto names = std::to_array<NamedCause>({
     {Cause::communication_lost, "communication_lost"},
     {Cause::service_timeout, "service_timeout"},
     {Cause::sync_lost, "sync_lost"},
+    {Cause::power_failure, "power_failure"},
+    {Cause::encoder_incremental, "encoder_incremental"},
+    {Cause::encoder_resolver, "encoder_resolver"},
+    {Cause::interpolation_late, "interpolation_late"},
+    {Cause::factor_group, "factor_group"},
+    {Cause::bus_off, "bus_off"},
+    {Cause::bus_exception, "bus_exception"},
+    {Cause::bus_overflow, "bus_overflow"},
+    {Cause::bus_passive, "bus_passive"},
+    {Cause::bus_settings, "bus_settings"},
+    {Cause::frame_length, "frame_length"},
+    {Cause::rpdo_length, "rpdo_length"},
+    {Cause::pdo_mapping, "pdo_mapping"},
+    {Cause::unknown_error, "unknown_error"},
 });
 static_assert(names.size() + 1 == static_cast<std::size_t>(Cause::count_of_causes));
 

@@ -19,6 +19,7 @@ enum class Cause : std::uint8_t {
   under_voltage,
   gate_supply,
   internal_hardware,
+  power_failure,          // the mains went away
   current_sensor,         // its zero has moved, or its ripple is too great
   current_sensor_origin,  // its zero could not be recorded
   current_saturation,     // the current is beyond what can be measured
@@ -34,6 +35,8 @@ enum class Cause : std::uint8_t {
   encoder_hot,
   // Encoder
   encoder_connection,
+  encoder_incremental,  // lost connection, where products tell encoders apart
+  encoder_resolver,
   encoder_crc,
   encoder_delimiter,
   encoder_multi_turn,
@@ -62,6 +65,7 @@ enum class Cause : std::uint8_t {
   profile_velocity_zero,
   profile_acceleration_zero,
   interpolation_period_zero,
+  interpolation_late,  // no set-point with the SYNC for too long
   velocity_deceleration_zero,
   // Homing
   homing_state,
@@ -73,10 +77,11 @@ enum class Cause : std::uint8_t {
   velocity_error,
   following_error,
   position_limit,
+  factor_group,  // the factors make no ratio
   i2t,
   external,  // an outside device, on an input
   enable_refused,
-  positive_limit,  // a limit switch was met where that is a fault
+  positive_limit,  // a limit switch, where that is a fault or a warning
   negative_limit,
   pulse_frequency,
   brake,
@@ -100,6 +105,15 @@ enum class Cause : std::uint8_t {
   communication_lost,
   service_timeout,
   sync_lost,
+  bus_off,
+  bus_exception,
+  bus_overflow,
+  bus_passive,
+  bus_settings,  // node address or bit rate that cannot be
+  frame_length,
+  rpdo_length,
+  pdo_mapping,
+  unknown_error,
   count_of_causes,
   // Products may number causes of their own from here.
   first_product_cause = 128
@@ -113,7 +127,7 @@ enum class Reaction : std::uint8_t {
   option_code,  // fault reaction option code 605Eh
   angle_lost,   // the rotor's angle is not known: of 605Eh only what needs none, else power off
   power_off,    // the motor cannot be controlled any more: power stage off at once
-  none          // a warning: shown in statusword bit 7, motion goes on
+  none          // a warning: reported, shown in statusword bit 7 while it is there; motion goes on
 };
 
 enum class ResetRule : std::uint8_t {

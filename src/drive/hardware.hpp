@@ -55,6 +55,7 @@ struct Feedback {
   std::array<Edge, 4> edges{};  // the first `edge_count` are valid, in the order they happened during the tick
   std::uint32_t encoder_faults = 0;
   std::uint32_t hardware_faults = 0;
+  bool supply_present = true;  // the mains before the rectifier
   float winding_temperature_c = 25.0F;
   float power_stage_temperature_c = 25.0F;
   float encoder_temperature_c = 25.0F;

@@ -79,7 +79,9 @@ void Drive::written(const Entry& entry) {
     case 0x607A: axis_.new_set_point = true; break;
     case 0x60B8: touch_probe_.write_function(objects.touch_probe_function); break;
     case 0x60C1:
-      if (entry.sub == 1) interpolated_position_.data_record(axis_);
+      if (entry.sub != 1) break;
+      interpolated_position_.data_record(axis_);
+      synchronous_interpolation_.data_record();
       break;
     case 0x60C4:
       if (entry.sub == 6 || entry.sub == 2 || entry.sub == 4) interpolated_position_.clear_buffer();
@@ -124,12 +126,14 @@ void Drive::refresh(const Entry& entry) {
       break;
     case 0x6063: objects.position_actual_internal_value = wrap_to_32_bits(axis_.position()); break;
     case 0x6064: objects.position_actual_value = wrap_to_32_bits(axis_.to_user_position(axis_.position())); break;
-    case 0x6069: objects.velocity_sensor_actual_value = saturated<std::int32_t>(axis_.velocity()); break;
+    case 0x6069:
+      objects.velocity_sensor_actual_value = saturated<std::int32_t>(axis_.shown_velocity() / units.velocity_sensor);
+      break;
     case 0x606B:
       objects.velocity_demand_value = saturated<std::int32_t>(units.velocity_to_user(axis_.generator.velocity()));
       break;
     case 0x606C:
-      objects.velocity_actual_value = saturated<std::int32_t>(units.velocity_to_user(axis_.velocity()));
+      objects.velocity_actual_value = saturated<std::int32_t>(units.velocity_to_user(axis_.shown_velocity()));
       break;
     case 0x6074:
       objects.torque_demand = saturated<std::int16_t>(sign * 1000.0 * static_cast<double>(loops.torque_reference));

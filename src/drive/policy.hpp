@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -8,6 +9,7 @@
 #include "drive/io/signals.hpp"
 #include "drive/loops/motor_data.hpp"
 #include "drive/objects.hpp"
+#include "drive/trajectory/trajectory.hpp"
 #include "drive/units.hpp"
 
 // Where products differ, as data. A drive is constructed with one Policy and never asks which product it is.
@@ -48,6 +50,11 @@ struct OptionCodes {
   std::uint32_t fault_reaction = 0b1'1111;
 };
 
+enum class Interpolation : std::uint8_t {
+  buffered,  // set-points wait in the buffer 60C4h
+  at_sync,   // no buffer: each SYNC takes the last one over, and its failing to come is Cause::interpolation_late
+};
+
 enum class DcLink : std::uint8_t {
   always,            // the supply is wired to the DC link
   from_switched_on,  // the drive's relay connects it in Switched on and above
@@ -77,28 +84,42 @@ struct Policy {
   bool remote_bit = true;  // statusword bit 9 is set
   DcLink dc_link = DcLink::always;
   std::span<const FaultRow> faults;
+  std::int16_t halt_code_of_zero = 0;               // what 605Dh does while it reads 0
+  bool faults_show_as_warning = false;              // statusword bit 7 is set by faults as well
+  bool limit_switches_show_as_limit = false;        // ... bit 11 by an active limit switch, moving or not
+  bool communication_errors_are_warnings = false;   // those that the bus node finds itself
+  bool communication_loss_is_always_fault = false;  // in every state, and told as the drive's own error
 
   // Profile position
   std::uint8_t set_point_queue = 1;       // set-points that wait behind the running one
   bool halt_discards_set_points = false;  // the job must be triggered again after halt
   bool jerk_limited_only_from_standstill = false;
-  std::uint8_t ramp_shapes = 0b1111;    // 6086h: bit n for type n
-  bool zero_values_are_faults = false;  // zero profile values raise the planning causes
+  std::uint8_t ramp_shapes = 0b1111;  // 6086h: bit n for type n
+  std::array<RampShape, 4> shape_of_type{RampShape::linear, RampShape::sin2, RampShape::jerk_free,
+                                         RampShape::jerk_limited};  // what the types mean
+  // A jerk-limited profile brakes as it accelerates, ends at rest, and is over before another set-point is taken.
+  bool jerk_limited_single_symmetric = false;
+  bool acknowledge_blocks_change = false;  // with statusword bit 12 set not even bit 5 of the controlword is heard
+  bool zero_values_are_faults = false;     // zero profile values raise the planning causes
   OutOfLimits out_of_limits = OutOfLimits::clip;
   bool limit_switches_stop = true;  // outside homing, a limit switch ends motion towards it
   bool software_limits_need_homing = false;
   bool software_limits_switch_range_off = false;  // 607Bh is off while 607Dh is valid
   bool slippage_supported = true;                 // statusword bit 13 in profile velocity
 
+  Interpolation interpolation = Interpolation::buffered;
+
   // Homing
   std::span<const Method> homing_methods;
   std::int8_t home_offset_sign = -1;  // position at home = sign * 607Ch
   bool homing_errors_are_faults = false;
+  bool homing_reached_means_home = false;  // statusword bit 10 at rest only with home found, else at every rest
 
   // Terminals
   std::span<const DigitalInputBit> digital_inputs;
   std::uint8_t first_output_bit = 16;  // of 60FEh
   std::uint8_t output_count = 4;
+  std::uint8_t first_bus_input_bit = 0;  // of 60FEh:01, for inputs that the bus commands (Configuration::bus_inputs)
 
   // Rates
   std::uint8_t velocity_loop_ticks = 2;  // 8 kHz

@@ -59,7 +59,8 @@ void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& s
   warning_ = false;
   if (feedback.encoder_faults != 0) {
     for (const FlagCause& row : encoder_causes) {
-      if ((feedback.encoder_faults & row.flag) != 0) present_.set(row.cause);
+      if ((feedback.encoder_faults & row.flag) == 0) continue;
+      present_.set(row.cause == Cause::encoder_connection ? axis.configuration.encoder_loss : row.cause);
     }
   }
   if (situation.hardware_faults != 0) {
@@ -74,14 +75,17 @@ void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& s
   temperatures(axis, feedback);
   phases(axis, feedback, situation);
   motion(axis, situation);
-  if (axis.configuration.monitors.limit_switches) limit_switches(axis, situation);
+  const Monitors& monitors = axis.configuration.monitors;
+  if (monitors.limit_switches || monitors.limit_switch_levels) limit_switches(axis, situation);
   last_signals_ = axis.signals;
 }
 
-// Meeting the switch is the fault, not standing on it: else it could not be reset before the axis was moved by hand.
+// Meeting the switch is the fault, not standing on it: else it could not be reset before the axis was moved by hand. As
+// a warning it goes with its level.
 void Supervision::limit_switches(const Axis& axis, const Situation& situation) {
-  if (!axis.homed || situation.homing) return;
-  const std::uint32_t met = axis.signals & ~last_signals_;
+  const bool levels = axis.configuration.monitors.limit_switch_levels;
+  if ((!axis.homed && !levels) || situation.homing) return;
+  const std::uint32_t met = levels ? axis.signals : axis.signals & ~last_signals_;
   if ((met & bit(Signal::positive_limit)) != 0) present_.set(Cause::positive_limit);
   if ((met & bit(Signal::negative_limit)) != 0) present_.set(Cause::negative_limit);
 }
@@ -93,6 +97,11 @@ void Supervision::supply(const Axis& axis, const Feedback& feedback, const Situa
   if (under_voltage_.update(low, axis.cycles(under_voltage_ms))) present_.set(Cause::under_voltage);
   if (feedback.dc_link_v > monitors.chopper_on_v) chopper_ = true;
   if (feedback.dc_link_v < monitors.chopper_off_v) chopper_ = false;
+  const bool failed = !feedback.supply_present && situation.dc_link_expected;
+  if (power_failure_.update(failed, axis.cycles(monitors.power_failure_ms))) present_.set(Cause::power_failure);
+  if (monitors.brake_resistor_ms != 0 && brake_resistor_.update(chopper_, axis.cycles(monitors.brake_resistor_ms))) {
+    present_.set(Cause::brake_resistor);
+  }
 
   const float square =
       axis.loops->current_d_a * axis.loops->current_d_a + axis.loops->current_q_a * axis.loops->current_q_a;

@@ -45,6 +45,8 @@ class Supervision {
   Dwell following_{};
   Dwell velocity_{};
   Dwell under_voltage_{};
+  Dwell power_failure_{};
+  Dwell brake_resistor_{};
   Dwell open_phase_{};
   std::array<float, 3> phase_peak_a_{};
   std::uint32_t phase_cycles_ = 0;

@@ -52,11 +52,12 @@ constexpr std::int32_t wrap_to_32_bits(std::int64_t value) {
 
 // How user units become counts. `position` is exact, because positions add up; rates are factors.
 struct Units {
-  Ratio position{};           // counts per position unit
-  double velocity = 1.0;      // counts/s per velocity unit
-  double acceleration = 1.0;  // counts/s^2 per acceleration unit
-  double jerk = 1.0;          // counts/s^3 per jerk unit
-  double current = 0.001;     // rated current per current unit (6073h, 6078h)
+  Ratio position{};              // counts per position unit
+  double velocity = 1.0;         // counts/s per velocity unit
+  double acceleration = 1.0;     // counts/s^2 per acceleration unit
+  double jerk = 1.0;             // counts/s^3 per jerk unit
+  double velocity_sensor = 1.0;  // counts/s per unit of 6069h
+  double current = 0.001;        // rated current per current unit (6073h, 6078h)
   double counts_per_revolution = 131072.0;
   bool position_inverted = false;  // 607Eh bit 7
   bool velocity_inverted = false;  // 607Eh bit 6

@@ -13,7 +13,9 @@ auto Drive::with_mode(Self& self, Function&& function) {
     case Mode::profile_velocity: return function(self.profile_velocity_);
     case Mode::profile_torque: return function(self.profile_torque_);
     case Mode::homing: return function(self.homing_mode_);
-    case Mode::interpolated_position: return function(self.interpolated_position_);
+    case Mode::interpolated_position:
+      return self.policy_.interpolation == Interpolation::buffered ? function(self.interpolated_position_)
+                                                                   : function(self.synchronous_interpolation_);
     case Mode::cyclic_sync_position: return function(self.cyclic_sync_position_);
     case Mode::cyclic_sync_velocity: return function(self.cyclic_sync_velocity_);
     case Mode::cyclic_sync_torque: return function(self.cyclic_sync_torque_);

@@ -7,6 +7,7 @@
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
 #include "products/ismk/ismk.hpp"
+#include "products/pronet/pronet.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -32,6 +33,21 @@ describe::Description describe_ismc() {
   description.table = table_of<products::Ismc>();
   description.file.name = "ISMC.eds";  // ISMC manual L2871
   description.file.description = "ISMC servo drive, CANopen, as servodrome simulates it";
+  description.file.created_by = "servodrome";
+  description.file.modified_by = "servodrome";
+  return description;
+}
+
+describe::Description describe_pronet() {
+  describe::Description description;
+  description.vendor_name = "ESTUN";
+  description.product_name = "ProNet";
+  description.order_code = "pronet";                       // not printed; the name on a line
+  description.bit_rates_kbit = {50, 125, 250, 500, 1000};  // and 100, which CiA 306 does not know (L2042)
+  description.dummy_usage = {false, true, true, true, true, true, true};  // 0002h to 0007h (L2375-2380)
+  description.table = table_of<products::Pronet>();
+  description.file.name = "ProNet.eds";
+  description.file.description = "ESTUN ProNet servo drive, CANopen, as servodrome simulates it";
   description.file.created_by = "servodrome";
   description.file.modified_by = "servodrome";
   return description;
@@ -93,6 +109,16 @@ const std::array products{
             6,
             {0, 1, 2},
             describe_ismc},
+    // Terminals CN1_14 to CN1_17 and CN1_39 to CN1_42; POT, NOT and the reference switch where Pn509 and Pn510 have
+    // them
+    // from the factory.
+    Product{"pronet",
+            "ESTUN ProNet servo drive, CANopen",
+            make<products::Pronet>,
+            products::Pronet::factory_node_id,
+            8,
+            {3, 2, 4},
+            describe_pronet},
     Product{"generic402",
             "Reference drive with everything CiA 402-2 has",
             make<products::Generic402>,

@@ -64,6 +64,7 @@ const Parameters& valid(const Parameters& parameters) {
   feedback.index_level = travel_.index();
   feedback.encoder_faults = encoder_faults_;
   feedback.hardware_faults = hardware_faults_;
+  feedback.supply_present = !injected(Injection::supply_loss);
   if (alpha * alpha + beta * beta > overcurrent_squared_) [[unlikely]] {
     feedback.hardware_faults |= overcurrent_bits(feedback);
   }

@@ -16,6 +16,7 @@ namespace servodrome::products {
 //   table, policy, profile, length_aborts           the product as data
 //   factory_node_id, factory_bit_rate
 //   void prepare(Area)             values of these areas that are not defaults: identity, nameplate
+//   void loaded(Area)              optional: values that follow from the saved ones
 //   drive::Configuration configuration() const      from the present objects and the motor
 //   std::uint8_t chosen_node_id() const, std::uint32_t chosen_bit_rate() const     what the objects ask for
 //   product_check, product_written, product_refresh for objects of Owner::product
@@ -64,6 +65,7 @@ class CanDevice : public Device,
     const bool depends = period.count() != 0 && last_sync_ != Time{} && drive::is_cyclic_synchronous(drive_.mode()) &&
                          drive_.state() == drive::PowerState::operation_enabled;
     if (depends && now - last_sync_ > 2 * period) drive_.raise(drive::Cause::sync_lost);
+    if constexpr (Product::policy.communication_errors_are_warnings) drive_.show_warning(node_.communication_error());
   }
   void receive(const canopen::Frame& frame, Time now) override { node_.receive(frame, now); }
   void poll(Time now) override { node_.poll(now); }
@@ -90,6 +92,9 @@ class CanDevice : public Device,
     return dictionary::Store(*settings_.store).save(dictionary_, areas);
   }
 
+  // The objects of these areas have their saved values: for what follows from them.
+  void loaded(dictionary::Area) {}
+
   // --- canopen::DeviceEvents
   void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override {
     load_objects(restore, node_id);
@@ -113,7 +118,13 @@ class CanDevice : public Device,
     last_sync_ = now;
     drive_.synchronise();
   }
-  canopen::LossReaction communication_lost(canopen::LossCause, canopen::LossReaction standard) override {
+  canopen::LossReaction communication_lost(canopen::LossCause cause, canopen::LossReaction standard) override {
+    if constexpr (Product::policy.communication_loss_is_always_fault) {
+      drive_.communication_lost(cause == canopen::LossCause::bus_off ? drive::Cause::bus_off
+                                                                     : drive::Cause::communication_lost);
+      standard.emergency_code = 0;  // the drive's own error tells it
+      return standard;
+    }
     reported_by_node_ = standard.emergency_code;
     drive_.communication_lost();
     reported_by_node_ = 0;
@@ -128,7 +139,8 @@ class CanDevice : public Device,
       objects_.drive.error_code = reported_by_node_;  // 603Fh tells what the EMCY tells
     }
   }
-  void faults_reset() override { node_.clear(0); }
+  void warning_raised(const drive::FaultRow& warning) override { node_.raise(warning.code, warning.error_register); }
+  void errors_gone(std::uint8_t remaining) override { node_.clear(remaining); }
 
   // --- dictionary::Listener for Owner::product
   dictionary::AbortCode check(const dictionary::Entry&, std::span<const std::byte>) override {
@@ -149,6 +161,7 @@ class CanDevice : public Device,
     if (settings_.store != nullptr && !dictionary::Store(*settings_.store).load(dictionary_, areas)) {
       load_factory_values(areas, node_id);  // nothing saved, or the memory failed halfway
     }
+    product().loaded(areas);
   }
   void load_factory_values(dictionary::Area areas, std::uint8_t node_id) {
     dictionary_.load_defaults(areas, node_id);

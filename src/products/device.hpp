@@ -44,11 +44,11 @@ struct Settings {
   std::uint8_t node_id = 0;    // 0: the product's factory value
   std::uint32_t bit_rate = 0;  // bit/s; 0: the product's factory value
   std::uint32_t serial_number = 1;
-  std::string_view model;  // name of one of the product's models (model.hpp); empty: its default
+  std::string_view model{};  // name of one of the product's models (model.hpp); empty: its default
   drive::MotorData motor{};
   SerialSettings serial{};
-  dictionary::Medium* store = nullptr;     // non-volatile memory; nullptr: nothing is saved
-  std::span<const std::byte> description;  // the EDS text, for products that carry it (1021h)
+  dictionary::Medium* store = nullptr;       // non-volatile memory; nullptr: nothing is saved
+  std::span<const std::byte> description{};  // the EDS text, for products that carry it (1021h)
 };
 
 // A fault that a device remembers with how it was then. For devices whose manual describes such a memory but prints no

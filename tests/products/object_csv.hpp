@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cctype>
 
 #include "csv.hpp"
 #include "products/device.hpp"
@@ -13,8 +14,19 @@ namespace servodrome::test {
 struct Difference {
   std::uint16_t index;
   std::uint8_t sub;
-  const char* column;
+  std::string column;
 };
+
+// The list as a file beside the manual's, for products with many: index,sub,column,reason.
+inline std::vector<Difference> read_differences(const std::string& name) {
+  std::vector<Difference> differences;
+  for (const CsvRow& row : read_csv(name)) {
+    EXPECT_FALSE(row.at("reason").empty()) << row.at("index");
+    differences.push_back({static_cast<std::uint16_t>(std::stoul(row.at("index"), nullptr, 16)),
+                           static_cast<std::uint8_t>(std::stoul(row.at("sub"), nullptr, 16)), row.at("column")});
+  }
+  return differences;
+}
 
 inline std::string text_of(dictionary::Type type) {
   using dictionary::Type;
@@ -50,6 +62,11 @@ inline std::string text_of(dictionary::Pdo pdo) {
     case Pdo::both: return "both";
   }
   return "";
+}
+
+// A manual may tell in words where a number comes from.
+inline bool is_number(const std::string& text) {
+  return !text.empty() && (std::isdigit(static_cast<unsigned char>(text.front())) != 0 || text.front() == '-');
 }
 
 // "0x180+node-ID" for `node`, "0x80000381", "1310720", "-4".
@@ -90,14 +107,16 @@ inline std::size_t compare_objects(const dictionary::Dictionary& dictionary, std
     };
     const auto compare_number = [&](const char* column, std::int64_t ours) {
       if (row.at(column).empty()) return;
-      compare(column, csv_number(row.at(column), node) == ours ? row.at(column) : std::to_string(ours));
+      const bool same = is_number(row.at(column)) && csv_number(row.at(column), node) == ours;
+      compare(column, same ? row.at(column) : std::to_string(ours));
     };
     compare("type", text_of(entry->type));
     compare("access", text_of(entry->access));
     compare("pdo", text_of(entry->pdo));
     compare_number("default", dictionary.default_number(*entry, node));
-    compare_number("min", entry->minimum);
-    compare_number("max", entry->maximum);
+    const bool constant = entry->access == dictionary::Access::constant;
+    compare_number("min", constant ? entry->default_value : entry->minimum);
+    compare_number("max", constant ? entry->default_value : entry->maximum);
     const std::string& unit = row.at("unit");
     if (std::find(number_units.begin(), number_units.end(), unit) == number_units.end()) compare("unit", entry->unit);
     compare("saved", entry->saved ? "yes" : "no");

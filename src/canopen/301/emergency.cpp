@@ -1,12 +1,14 @@
 #include "canopen/301/emergency.hpp"
 
+#include <algorithm>
+
 #include "canopen/object_access.hpp"
 
 namespace servodrome::canopen {
 
 namespace {
 constexpr std::uint8_t generic_error = 0x01;
-constexpr std::uint8_t communication_error = 0x10;
+constexpr std::uint8_t communication_error_bit = 0x10;
 constexpr std::uint16_t error_field = 0x1003;
 constexpr Time retry_time = std::chrono::milliseconds(1);  // while the transmit ring is full
 }  // namespace
@@ -34,9 +36,7 @@ void Emergency::reconfigure() {
 
 void Emergency::update_register() {
   std::uint8_t bits = device_bits_;
-  for (const std::uint16_t count : active_) {
-    if (count != 0) bits |= communication_error;
-  }
+  if (communication_error()) bits |= communication_error_bit;
   error_register_ = bits == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(bits | generic_error);
   if (std::byte* place = storage_of(dictionary_, 0x1001, 0)) *place = std::byte{error_register_};
 }
@@ -52,7 +52,15 @@ void Emergency::clear(std::uint8_t remaining, const std::array<std::uint8_t, 5>&
   if (device_bits_ == 0) return;
   device_bits_ = remaining;
   update_register();
-  if (profile_.emergency_on_error_reset) queue(0, vendor);
+  if (tells_reset()) queue(0, vendor);
+}
+
+bool Emergency::tells_reset() const {
+  return profile_.emergency_on_error_reset && (!profile_.error_reset_tells_the_last_only || error_register_ == 0);
+}
+
+bool Emergency::communication_error() const {
+  return std::any_of(active_.begin(), active_.end(), [](std::uint16_t count) { return count != 0; });
 }
 
 void Emergency::begin(CommunicationError error, std::uint16_t code) {
@@ -67,7 +75,7 @@ void Emergency::end(CommunicationError error) {
   if (count == 0) return;
   --count;
   update_register();
-  if (count == 0 && profile_.emergency_on_error_reset) queue(0, {});
+  if (count == 0 && tells_reset()) queue(0, {});
 }
 
 // The newest error is sub-index 1, older ones move on and the oldest is lost (CiA 301 7.5.2.4).

@@ -19,8 +19,9 @@ enum class CommunicationError : std::uint8_t {
   rpdo_too_long,   // 8220h
   sync_length,     // 8240h
   rpdo_timeout,    // 8250h
+  frame_length,    // Profile::frame_length_code
 };
-inline constexpr std::size_t communication_error_count = 9;
+inline constexpr std::size_t communication_error_count = 10;
 
 // EMCY producer (CiA 301 7.2.7) with the error register 1001h and the history 1003h.
 class Emergency {
@@ -52,9 +53,11 @@ class Emergency {
   void poll();
 
   std::uint8_t error_register() const { return error_register_; }
+  bool communication_error() const;  // one of the node's own is present
 
  private:
   void update_register();
+  bool tells_reset() const;
   void record(std::uint16_t code, const std::array<std::uint8_t, 5>& vendor);
   void queue(std::uint16_t code, const std::array<std::uint8_t, 5>& vendor);
   void send_waiting();

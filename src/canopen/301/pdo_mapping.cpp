@@ -1,5 +1,7 @@
 #include "canopen/301/pdo_mapping.hpp"
 
+#include <algorithm>
+
 #include "canopen/object_access.hpp"
 
 namespace servodrome::canopen {
@@ -12,11 +14,15 @@ namespace {
 constexpr std::uint16_t mapping_offset = 0x200;  // from 14xxh to 16xxh and from 18xxh to 1Axxh
 
 // A BOOLEAN takes one bit of a PDO, or the byte it has in memory.
-bool length_fits(const Entry& entry, unsigned bits, const Profile& profile) {
+bool length_fits(const Entry& entry, std::uint32_t mapping_entry, const Profile& profile) {
+  const unsigned bits = mapping_entry & 0xFF;
   const unsigned own = dictionary::size_of(entry.type) * 8U;
   if (bits == own) return true;
   if (entry.type == dictionary::Type::boolean && bits == 1) return true;
-  return profile.mapped_length_may_exceed_object && bits > own;
+  if (bits < own) return false;
+  return profile.mapped_length_may_exceed_object ||
+         std::find(profile.padded_mappings.begin(), profile.padded_mappings.end(), mapping_entry) !=
+             profile.padded_mappings.end();
 }
 
 bool mappable(const Entry& entry, Direction direction) {
@@ -33,7 +39,9 @@ AbortCode resolve(const dictionary::Dictionary& dictionary, const Profile& profi
                                        static_cast<std::uint8_t>(mapping_entry >> 8), ignored);
   if (entry == nullptr) return AbortCode::object_does_not_exist;
   const unsigned bits = mapping_entry & 0xFF;
-  if (!mappable(*entry, direction) || bits == 0 || !length_fits(*entry, bits, profile)) return AbortCode::not_mappable;
+  if (!mappable(*entry, direction) || bits == 0 || !length_fits(*entry, mapping_entry, profile)) {
+    return AbortCode::not_mappable;
+  }
   if (shift + bits > 64) return AbortCode::mapping_exceeds_pdo_length;
 
   const unsigned own_bits = std::min(bits, dictionary::size_of(entry->type) * 8U);
@@ -80,6 +88,11 @@ AbortCode PdoConfiguration::check_cob_id(std::uint16_t parameter_index, std::uin
   const auto present = value_of<std::uint32_t>(dictionary, parameter_index, 1, cob_id::invalid);
   const std::uint32_t can_id = value & cob_id::can_id_mask;
   if (!cob_id::is_base(value)) return AbortCode::value_invalid;
+  for (const CobIdRange& range : profile.cob_id_ranges) {
+    if (range.index == parameter_index && (can_id < range.lowest || can_id > range.highest)) {
+      return AbortCode::value_invalid;
+    }
+  }
   if ((value & cob_id::invalid) != 0) return AbortCode::none;
   if (cob_id::is_restricted(can_id)) return AbortCode::value_invalid;
   // Bits 29 to 0 stay as they are while the PDO exists (CiA 301 7.5.2.35).

@@ -78,7 +78,8 @@ bool Rpdos::check_length(Rpdo& pdo, std::uint8_t length) {
     }
   };
   update(pdo.too_short, length < expected, CommunicationError::rpdo_too_short, not_processed);
-  update(pdo.too_long, length > expected, CommunicationError::rpdo_too_long, length_exceeded);
+  update(pdo.too_long, profile_.rpdo_excess_length_is_reported && length > expected, CommunicationError::rpdo_too_long,
+         length_exceeded);
   return length >= expected;
 }
 

@@ -95,6 +95,13 @@ constexpr const Method* find_method(std::span<const Method> methods, std::int8_t
   return nullptr;
 }
 
+constexpr bool uses_index(const Method& method) {
+  for (std::size_t i = 0; i < method.leg_count; ++i) {
+    if (method.legs[i].until == Until::index) return true;
+  }
+  return false;
+}
+
 // --- How tables are written
 
 // A leg that leads to the following one; `make_method` fills in which that is.
@@ -124,6 +131,12 @@ constexpr Method present_position(std::int8_t number) { return Method{.number = 
 constexpr Method mirrored(std::int8_t number, Method method) {
   method.number = number;
   for (Leg& leg : method.legs) leg.direction = opposite(leg.direction);
+  return method;
+}
+
+// The same method, coming to rest wherever the ramp after the latch ends.
+constexpr Method without_return(Method method) {
+  method.returns_to_latch = false;
   return method;
 }
 

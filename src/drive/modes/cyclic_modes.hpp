@@ -3,30 +3,11 @@
 #include <array>
 
 #include "drive/axis.hpp"
-#include "drive/modes/line.hpp"
+#include "drive/modes/set_point_follower.hpp"
 
 namespace servodrome::drive {
 
-// The interpolation time period 60C2h in position-loop cycles: a real number, at least 1.
-class InterpolationPeriod {
- public:
-  double cycles(const Axis& axis) {
-    const Objects& objects = axis.objects;
-    if (objects.interpolation_time_period_value != value_ || objects.interpolation_time_index != index_) update(axis);
-    return cycles_;
-  }
-
- private:
-  void update(const Axis& axis);
-
-  std::uint8_t value_ = 0;
-  std::int8_t index_ = 0;
-  double cycles_ = 1.0;
-};
-
-// Cyclic synchronous position mode (CiA 402-2). Targets are due one period 60C2h apart; the drive interpolates between
-// them on that time base of its own, not on the moments they arrive: a target may come up to a cycle early or late
-// (jitter of bus and master, or a period that is no multiple of the cycle) without a trace in the velocity.
+// Cyclic synchronous position mode (CiA 402-2): targets of any regular time, see SetPointFollower.
 class CyclicSyncPosition {
  public:
   static constexpr Loop loop = Loop::position;
@@ -36,20 +17,13 @@ class CyclicSyncPosition {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis&) { following_ = false; }
+  void interrupt(Axis&) { follower_.stop(); }
   double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
   std::uint16_t status(const Axis& axis) const;
 
  private:
-  void follow(Axis& axis, std::int64_t user);
-
-  Line line_{};
-  InterpolationPeriod period_{};
-  std::int64_t given_ = 0;  // the target the line leads to, with its offset
-  double due_ = 0.0;        // cycles until the line's target is due; below 0: since
-  double phase_ = 0.0;      // mean of due_ when the next target comes
-  bool following_ = false;  // a target was given since the mode was entered
-  bool regular_ = false;    // the last target came when it was due
+  SetPointFollower follower_{};
+  std::int64_t given_ = 0;  // the last target, with its offset
 };
 
 // Cyclic synchronous velocity and torque modes (CiA 402-2).
@@ -109,6 +83,35 @@ class InterpolatedPosition {
   bool waited_ = false;     // the line's end has passed without another record
   bool regular_ = false;    // the last record came before the end of the line before
   InterpolationPeriod period_{};
+};
+
+// Interpolated position without a buffer: every SYNC takes the set-point over that the bus has brought, and the axis is
+// there one period later. A SYNC that finds none leaves the axis with the last one; at the second in a row, or when as
+// much time has gone without a SYNC, Cause::interpolation_late is raised.
+class SynchronousInterpolation {
+ public:
+  static constexpr Loop loop = Loop::position;
+
+  void enter(Axis& axis);
+  void controlword(Axis& axis, std::uint16_t before, std::uint16_t now);
+  void data_record() { fresh_ = true; }  // 60C1h sub 1 was written
+  void step(Axis& axis);
+  void halt(Axis&) {}
+  void resume(Axis&) { disarm(); }
+  void interrupt(Axis&) { follower_.stop(); }
+  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  std::uint16_t status(const Axis& axis) const;
+
+ private:
+  void disarm() { follower_.stop(), armed_ = false; }
+  bool late(const Axis& axis);
+
+  SetPointFollower follower_{};
+  bool enabled_ = false;         // controlword bit 4
+  bool fresh_ = false;           // a set-point waits for the SYNC
+  bool armed_ = false;           // a SYNC has come since bit 4
+  unsigned stale_syncs_ = 0;     // SYNCs without a set-point since the last one
+  double waiting_cycles_ = 0.0;  // since the last set-point was taken over
 };
 
 }  // namespace servodrome::drive

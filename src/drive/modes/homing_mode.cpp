@@ -66,7 +66,9 @@ void HomingMode::fail(Axis& axis, Cause cause) {
 void HomingMode::start(Axis& axis) {
   const Objects& objects = axis.objects;
   const Method* method = find_method(axis.policy.homing_methods, objects.homing_method);
-  if (method == nullptr) return fail(axis, Cause::homing_method);
+  if (method == nullptr || (uses_index(*method) && !axis.configuration.index_available)) {
+    return fail(axis, Cause::homing_method);
+  }
   HomingConfig config{.fast = std::min(objects.homing_speed_switch * axis.units.velocity, axis.max_velocity(false)),
                       .slow = std::min(objects.homing_speed_zero * axis.units.velocity, axis.max_velocity(false)),
                       .acceleration = objects.homing_acceleration * axis.units.acceleration,
@@ -137,9 +139,9 @@ void HomingMode::step(Axis& axis) {
   axis.follow_generator(loop);
 }
 
-std::uint16_t HomingMode::status(const Axis&) const {
+std::uint16_t HomingMode::status(const Axis& axis) const {
   std::uint16_t bits = 0;
-  if (standing_) bits |= statusword::target_reached;
+  if (standing_ && (attained_ || !axis.policy.homing_reached_means_home)) bits |= statusword::target_reached;
   if (attained_) bits |= statusword::mode_bit_12;
   if (error_) bits |= statusword::mode_bit_13;
   return bits;

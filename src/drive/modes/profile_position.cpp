@@ -28,15 +28,17 @@ void ProfilePosition::enter(Axis& axis) {
 
 ProfilePosition::SetPoint ProfilePosition::capture(const Axis& axis, std::uint16_t word) const {
   const Objects& objects = axis.objects;
+  const RampShape shape = axis.shape();
+  const bool symmetric = shape == RampShape::jerk_limited && axis.policy.jerk_limited_single_symmetric;
   return {.target = objects.target_position,
           .relative = (word & controlword::mode_bit_6) != 0,
           .pass_previous = (word & controlword::mode_bit_9) != 0,
           .velocity = objects.profile_velocity * axis.units.velocity,
-          .end_velocity = objects.end_velocity * axis.units.velocity,
+          .end_velocity = symmetric ? 0.0 : objects.end_velocity * axis.units.velocity,
           .acceleration = objects.profile_acceleration,
-          .deceleration = objects.profile_deceleration,
+          .deceleration = symmetric ? objects.profile_acceleration : objects.profile_deceleration,
           .jerk = objects.profile_jerk[0],
-          .shape = axis.shape(),
+          .shape = shape,
           .option = objects.positioning_option_code};
 }
 
@@ -45,6 +47,7 @@ void ProfilePosition::controlword(Axis& axis, std::uint16_t before, std::uint16_
   if ((now & controlword::mode_bit_4) == 0) acknowledge_ = false;
   if (!rising || ((now & controlword::halt) != 0 && axis.policy.halt_discards_set_points)) return;
   if ((now & controlword::mode_bit_5) != 0) {
+    if (axis.policy.acknowledge_blocks_change && !room(axis)) return;
     count_ = 0;
     immediate_ = capture(axis, now);
     immediate_pending_ = true;

@@ -67,7 +67,7 @@ void ProfileVelocity::step(Axis& axis) {
 
 void ProfileVelocity::observe(Axis& axis) {
   const Objects& objects = axis.objects;
-  const double user_velocity = axis.velocity() / axis.units.velocity;
+  const double user_velocity = axis.shown_velocity() / axis.units.velocity;
   const double goal = axis.generator.velocity() / axis.units.velocity;
   const bool windowed = objects.velocity_window != 0xFFFF;
   const bool inside =

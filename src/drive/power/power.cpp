@@ -245,25 +245,44 @@ void Drive::react_to_fault(const FaultRow& fault) {
 }
 
 void Drive::collect_faults() {
-  CauseSet present = supervision_.present();
-  present |= injected_;
+  const CauseSet present = present_causes();
   warnings_ = supervision_.warning();
-  if (present.any()) {
-    for (const FaultRow& fault : policy_.faults) {
-      if (!present.test(fault.cause)) continue;
-      if (fault.reaction == Reaction::none) {
-        warnings_ = true;
-      } else {
-        raise(fault.cause);
-      }
+  if (!present.any() && !warned_.any()) return;
+  bool gone = false;
+  for (const FaultRow& fault : policy_.faults) {
+    const bool is_present = present.test(fault.cause);
+    if (fault.reaction == Reaction::none) {
+      warnings_ |= is_present;
+      gone |= !is_present && warned_.test(fault.cause);
+      const bool tell = is_present && !warned_.test(fault.cause) && events_ != nullptr;
+      warned_.set(fault.cause, is_present);
+      if (tell) events_->warning_raised(fault);
+    } else if (is_present) {
+      raise(fault.cause);
     }
   }
+  if (gone && events_ != nullptr) events_->errors_gone(error_register());
+}
+
+CauseSet Drive::present_causes() const {
+  CauseSet present = supervision_.present();
+  present |= injected_;
+  if (!units_valid_) present.set(Cause::factor_group);
+  return present;
+}
+
+// The bits of 1001h of all that is present.
+std::uint8_t Drive::error_register() const {
+  std::uint8_t bits = 0;
+  for (const FaultRow& fault : policy_.faults) {
+    if (active_.test(fault.cause) || warned_.test(fault.cause)) bits |= fault.error_register;
+  }
+  return bits;
 }
 
 void Drive::reset_faults() {
   if (state_ != PowerState::fault) return;
-  CauseSet present = supervision_.present();
-  present |= injected_;
+  const CauseSet present = present_causes();
   for (const FaultRow& fault : policy_.faults) {
     if (!active_.test(fault.cause)) continue;
     if (fault.reset == ResetRule::clear_multi_turn && multi_turn_cleared_ && !present.test(fault.cause)) continue;
@@ -274,10 +293,11 @@ void Drive::reset_faults() {
   axis_.objects.error_code = 0;
   axis_.raised = Cause::none;
   enter_state(PowerState::switch_on_disabled);
-  if (events_ != nullptr) events_->faults_reset();
+  if (events_ != nullptr) events_->errors_gone(error_register());
 }
 
-void Drive::communication_lost() {
+void Drive::communication_lost(Cause cause) {
+  if (policy_.communication_loss_is_always_fault) return raise(cause);
   switch (axis_.objects.abort_connection_option_code) {
     case 1:
       if (energised()) raise(Cause::communication_lost);

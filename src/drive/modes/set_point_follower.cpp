@@ -1,0 +1,100 @@
+#include "drive/modes/set_point_follower.hpp"
+
+namespace servodrome::drive {
+
+void InterpolationPeriod::update(const Axis& axis) {
+  value_ = axis.objects.interpolation_time_period_value;
+  index_ = axis.objects.interpolation_time_index;
+  double scale = 1.0;  // powers of ten are exact as far as they matter
+  for (int n = std::abs(int{index_}); n > 0; --n) scale *= 10.0;
+  const double cycles = value_ * (1000.0 * axis.cycles_per_ms);
+  cycles_ = std::clamp(index_ < 0 ? cycles / scale : cycles * scale, 1.0, 1e6);
+}
+
+namespace {
+
+// How early or late a cyclic target may be, in cycles. A target is on time in the first cycle at or after it is due.
+constexpr double jitter = 1.0;
+bool too_late(double due) { return std::ceil(due) < -jitter; }
+// Of the mean time of the targets: how far it may be off, in cycles (a period that is no multiple of the cycle makes up
+// to a half), and what one target counts for it.
+constexpr double phase_slack = 0.6;
+constexpr double phase_share = 1.0 / 32.0;
+
+}  // namespace
+
+// Demand of the loops from a line; the generator is kept at the same place so that a stop or another mode goes on from
+// here.
+void follow_line(Axis& axis, const Line& line, bool moving) {
+  axis.generator.place(line.now(), line.fraction(), moving ? line.rate() / axis.cycle_s : 0.0);
+  axis.follow_generator(Loop::position);
+}
+
+// The counts of a target in user units, for an axis that was sent to `last` before.
+Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
+  axis.limited = false;
+  const bool limits = axis.software_limits_active();
+  if (limits) {
+    const std::int64_t clipped =
+        std::clamp<std::int64_t>(user, axis.objects.min_position_limit, axis.objects.max_position_limit);
+    if (clipped != user && axis.policy.out_of_limits == OutOfLimits::fault) axis.raise(Cause::position_limit);
+    axis.limited = clipped != user;
+    user = clipped;
+  }
+  // A cyclic target never asks for half a turn in one cycle: the nearer of the two ways round the range 607Bh, or round
+  // the 32 bits of the object.
+  const std::int64_t now = axis.units.to_user(last);
+  if (const std::int64_t range = axis.position_range(); range != 0) {
+    std::int64_t distance = (user - now) % range;
+    if (distance > range / 2) distance -= range;
+    if (distance < -(range / 2)) distance += range;
+    user = now + distance;
+  } else if (!limits) {
+    user = now + wrap_to_32_bits(user - now);
+  }
+  return axis.units.to_counts(user);
+}
+
+// Before the first target of a mode just entered the axis comes to rest from whatever it was doing.
+void await_target(Axis& axis) {
+  axis.generator.step(axis.cycle_s);
+  axis.follow_generator(Loop::position);
+}
+
+void SetPointFollower::follow(Axis& axis, std::int64_t user) {
+  const double period = period_.cycles(axis);
+  if (!following_) {
+    line_.stand(axis.generator.position(), axis.generator.fraction());
+    following_ = true;
+    due_ = -2.0 * jitter;  // that is, not at all
+  }
+  if (too_late(due_)) {  // the first after a pause: due one period from now
+    regular_ = false;
+    due_ = period;
+    phase_ = 0.0;
+  } else {  // due one period after the one before
+    regular_ = true;
+    due_ = std::min(due_, 2.0 * jitter);
+    // The master's clock is not this one. Targets that are always early or late pull the time base along.
+    phase_ += (due_ - phase_) * phase_share;
+    if (std::abs(phase_) > phase_slack) due_ -= phase_ * phase_share;
+    due_ = std::max(1.0, due_ + period);
+  }
+  line_.go(resolve_cyclic_target(axis, user, line_.target()), due_);
+}
+
+void SetPointFollower::step(Axis& axis) {
+  if (!following_) return await_target(axis);
+  const bool last_chance = std::ceil(due_) <= -jitter;
+  if (last_chance && regular_) {
+    // The next target is lost. The axis ran on for the time it might have been late; back to the last one.
+    regular_ = false;
+    line_.go(line_.target(), period_.cycles(axis));
+  }
+  const bool run_on = regular_ && !last_chance;
+  line_.step(run_on);
+  due_ -= 1.0;
+  follow_line(axis, line_, run_on || !line_.arrived());
+}
+
+}  // namespace servodrome::drive

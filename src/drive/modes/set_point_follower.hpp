@@ -1,0 +1,58 @@
+#pragma once
+
+#include "drive/axis.hpp"
+#include "drive/modes/line.hpp"
+
+namespace servodrome::drive {
+
+// The interpolation time period 60C2h in position-loop cycles: a real number, at least 1.
+class InterpolationPeriod {
+ public:
+  double cycles(const Axis& axis) {
+    const Objects& objects = axis.objects;
+    if (objects.interpolation_time_period_value != value_ || objects.interpolation_time_index != index_) update(axis);
+    return cycles_;
+  }
+
+ private:
+  void update(const Axis& axis);
+
+  std::uint8_t value_ = 0;
+  std::int8_t index_ = 0;
+  double cycles_ = 1.0;
+};
+
+// Follows targets that are due one period 60C2h apart. It interpolates between them on a time base of its own, not on
+// the moments they arrive, and lets that time base be pulled along by them: a target may come up to a cycle early or
+// late (jitter of bus and master, or a period that is no multiple of the cycle) without a trace in the velocity.
+class SetPointFollower {
+ public:
+  // Forgets the targets; the axis comes to rest from whatever it does.
+  void stop() { following_ = false; }
+  bool following() const { return following_; }
+  // At the last target, with none expected this instant.
+  bool arrived() const { return line_.arrived(); }
+
+  // A new target in user units, to be reached one period after the one before.
+  void follow(Axis& axis, std::int64_t user);
+  // One position-loop cycle.
+  void step(Axis& axis);
+
+  double period_cycles(const Axis& axis) { return period_.cycles(axis); }
+
+ private:
+  Line line_{};
+  InterpolationPeriod period_{};
+  double due_ = 0.0;        // cycles until the line's target is due; below 0: since
+  double phase_ = 0.0;      // mean of due_ when the next target comes
+  bool following_ = false;  // a target was given
+  bool regular_ = false;    // the last target came when it was due
+};
+
+// What the modes of interpolation share: the loops' demand from a line, targets in counts, and coming to rest before
+// the first target.
+void follow_line(Axis& axis, const Line& line, bool moving);
+Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last);
+void await_target(Axis& axis);
+
+}  // namespace servodrome::drive

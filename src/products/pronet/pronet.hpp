@@ -1,0 +1,67 @@
+#pragma once
+
+#include "products/can_device.hpp"
+#include "products/pronet/objects.hpp"
+
+namespace servodrome::products {
+
+// ESTUN ProNet servo drive with CANopen (manual V1.04).
+class Pronet final : public CanDevice<Pronet, pronet::Objects> {
+ public:
+  static constexpr std::span<const dictionary::Entry> table{pronet::object_table};
+  static constexpr drive::Policy policy = pronet::make_policy();
+  static constexpr dictionary::LengthAborts length_aborts{};  // L288-290
+  static constexpr canopen::Profile profile{
+      .rpdo_types = {.acyclic_synchronous = false,
+                     .synchronous_remote = false,
+                     .asynchronous_remote = false,
+                     .manufacturer_event_driven = false},
+      .tpdo_types = {.acyclic_synchronous = false,
+                     .synchronous_remote = false,
+                     .asynchronous_remote = false},  // L328-335 (C4)
+      .remote_frames = false,                        // L204
+      .valid_pdo_may_be_remapped = true,             // L343-376
+      .valid_pdo_parameters_may_change = true,       // L343-376
+      .padded_mappings = pronet::padded_mappings,    // C7
+      .cob_id_ranges = pronet::cob_id_ranges,        // L385-394
+      .rpdo_excess_length_is_reported = false,       // 8220h is not in the list L637-667
+      .type_255_sends_on_change = false,             // L328-335: by the event time
+      .sdo_block = false,                            // L236
+      .sdo_timeout = std::chrono::seconds(0),        // 0504 0000h is not in the list L271-295
+      .sync_producer = false,                        // L617-627
+      .sync_cob_id_fixed = true,
+      .time_consumer = false,
+      .error_reset_tells_the_last_only = true,
+      .bus_off_is_reported_on_recovery = false,                // 8140h is an alarm of the drive
+      .frame_length_code = 0x8200,                             // L662
+      .node_guarding = canopen::NodeGuarding::absent,          // L204
+      .reset_communication_restores = dictionary::Area::none,  // L743-744, L2104
+      .lss = false};
+  static constexpr std::uint8_t factory_node_id = 1;            // L2050
+  static constexpr std::uint32_t factory_bit_rate = 1'000'000;  // not printed
+
+  explicit Pronet(const Settings& settings) : CanDevice(settings) {}
+
+  void power_on(const drive::Feedback& feedback, Time now) override;
+
+ private:
+  friend CanDevice;
+
+  void prepare(dictionary::Area areas);
+  void loaded(dictionary::Area areas);
+  void limit_torque();
+  drive::Configuration configuration() const;
+  std::uint8_t chosen_node_id() const;
+  std::uint32_t chosen_bit_rate() const;
+
+  void apply_transmit_masks();
+  void record_alarm(const drive::FaultRow& row);
+
+  void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override;
+  void fault_raised(const drive::FaultRow& fault) override;
+  void warning_raised(const drive::FaultRow& warning) override;
+  void written(const dictionary::Entry& entry) override;
+  void refresh(const dictionary::Entry& entry) override;
+};
+
+}  // namespace servodrome::products
