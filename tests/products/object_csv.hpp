@@ -64,6 +64,11 @@ inline std::string text_of(dictionary::Pdo pdo) {
   return "";
 }
 
+inline std::string without_spaces(std::string text) {
+  std::erase(text, ' ');
+  return text;
+}
+
 // A manual may tell in words where a number comes from.
 inline bool is_number(const std::string& text) {
   return !text.empty() && (std::isdigit(static_cast<unsigned char>(text.front())) != 0 || text.front() == '-');
@@ -99,7 +104,7 @@ inline std::size_t compare_objects(const dictionary::Dictionary& dictionary, std
     };
     const auto compare = [&](const char* column, const std::string& ours) {
       const std::string& theirs = row.at(column);
-      if (theirs.empty() || theirs == "unknown" || theirs == ours) return;
+      if (theirs.empty() || theirs == "unknown" || without_spaces(theirs) == without_spaces(ours)) return;
       if (theirs == "ro" && ours == "const") return;  // what cannot be written and does not change
       if (explained(column)) return;
       ADD_FAILURE() << std::hex << index << "h:" << int{sub} << " " << column << " is " << ours << ", in the manual "
