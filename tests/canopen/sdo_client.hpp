@@ -124,7 +124,7 @@ class SdoClient {
     }
     if (!device_.node.take(answer_)) ADD_FAILURE() << "no end of the block upload";
     EXPECT_EQ(answer_.data[0] & 0xE3, 0xC1);
-    bytes.resize(bytes.size() - (answer_.data[0] >> 2 & 7U));
+    for (unsigned padding = answer_.data[0] >> 2 & 7U; padding > 0 && !bytes.empty(); --padding) bytes.pop_back();
     EXPECT_EQ(bytes.size(), announced);
     EXPECT_EQ(crc16(bytes), answer_.data[1] | answer_.data[2] << 8);
     device_.node.receive(request(0xA1, 0), device_.now);
