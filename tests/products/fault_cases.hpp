@@ -40,6 +40,7 @@ struct FaultCase {
   double within_ms = 200.0;
   const char* variant = "";
   double comparator_a = 20.0;  // phase current at which the power stage's comparators speak
+  std::int32_t encoder_counts = 131072;
 };
 
 // The EMCY frames since the record was cleared, as text.
@@ -77,6 +78,7 @@ void check_fault(const FaultCase<DeviceType>& fault, std::uint8_t error_register
   SCOPED_TRACE("605Eh = " + std::to_string(option_code) + " " + fault.variant);
   plant::Parameters parameters = default_plant();
   parameters.supply.overcurrent_a = fault.comparator_a;
+  parameters.encoder.counts_per_revolution = fault.encoder_counts;
   Rig<DeviceType> rig(parameters);
   const std::uint8_t node_id = rig.device.node_id();
   auto& drive = rig.device.drive();
