@@ -110,9 +110,9 @@ void Ismk::fault_raised(const drive::FaultRow& fault) {
   node().raise(fault.code, fault.error_register, ismk::emergency_bytes(objects().alarms));
 }
 
-void Ismk::faults_reset() {
+void Ismk::errors_gone(std::uint8_t remaining) {
   ismk::AlarmLog::reset(objects().alarms);
-  node().clear(0, ismk::emergency_bytes(objects().alarms));
+  node().clear(remaining, ismk::emergency_bytes(objects().alarms));
 }
 
 std::array<char, 6> Ismk::display() {

@@ -72,7 +72,7 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
 
   // --- drive::DriveEvents
   void fault_raised(const drive::FaultRow& fault) override;
-  void faults_reset() override;
+  void errors_gone(std::uint8_t remaining) override;
 
   SerialPort serial_port_{dictionary(), registers, modbus_profile};
   ismk::Terminals terminals_{};
