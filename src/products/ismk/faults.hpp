@@ -16,7 +16,7 @@ using drive::ResetRule;
 constexpr std::uint16_t state_bit(unsigned bit) { return static_cast<std::uint16_t>(bit); }
 constexpr std::uint16_t state_2_bit(unsigned bit) { return static_cast<std::uint16_t>(16 + bit); }
 constexpr std::uint16_t extension_bit(unsigned bit, std::uint16_t detailed) {
-  return static_cast<std::uint16_t>(detailed << 8 | (32 + bit));
+  return static_cast<std::uint16_t>(unsigned{detailed} << 8U | (32U + bit));
 }
 
 // The alarms of the manual's chapter 10 (L3268-3385) with their emergency codes (L3158-3196). Error registers are the

@@ -186,7 +186,9 @@ void Ismk::refresh(const dictionary::Entry& entry) {
     case 0x2FF00E:
       own.motion.following_error_limit = rounded<std::uint16_t>(own.drive.following_error_window / 100.0);
       break;
-    case 0x641019: own.device.motor_temperature_c = rounded<std::int16_t>(drive().winding_temperature_c()); break;
+    case 0x641019:
+      own.device.motor_temperature_c = rounded<std::int16_t>(static_cast<double>(drive().winding_temperature_c()));
+      break;
     case 0x2FF010:
       own.device.motor_utilisation_percent = rounded<std::uint8_t>(drive().i2t_utilisation_percent());
       break;
