@@ -257,6 +257,40 @@ TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
   }
 }
 
+// Two alarms of an iSMK have the code 7331h: their causes tell them apart. It remembers both without objects for it.
+TEST(BenchFaults, CausesAndHistory) {
+  Line line(settings_of(R"(
+clock = "virtual"
+[[bus]]
+name = "can0"
+[[axis]]
+name = "joint"
+product = "ismk"
+)"));
+  line.run_until(500ms);
+  const auto ask = [&line](Method method, const std::string& target, const std::string& body = {}) {
+    const Response response = handle(line, {.method = method, .target = "/api/v1/axes/joint" + target, .body = body});
+    EXPECT_LT(response.status, 300U) << response.body;
+    return response.body.empty() ? json() : json::parse(response.body);
+  };
+  EXPECT_EQ(ask(Method::get, "/faults")["history"], json::array());
+  ask(Method::put, "/objects/2605/3", R"({"value": 65535})");  // keeps alarms of a motor that is not enabled
+  for (const char* cause : {"encoder_connection", "brake_resistor", "motor_contact"}) {
+    ask(Method::post, "/faults", fmt::format(R"({{"inject":"{}"}})", cause));
+    line.run_until(line.now() + 20ms);
+    ask(Method::delete_, "/faults");
+  }
+  EXPECT_EQ(ask(Method::get, "/objects/2601/0")["value"], 0x2102);
+  const json history = ask(Method::get, "/faults")["history"];
+  ASSERT_EQ(history.size(), 3U);
+  EXPECT_EQ(history[0]["code"], "0x4310");
+  EXPECT_EQ(history[1]["name"], "Chop resistor");
+  EXPECT_EQ(history[2]["code"], "0x7331");
+  EXPECT_EQ(history[0]["mode"], -4);
+  EXPECT_EQ(history[0]["power_stage_on"], false);
+  EXPECT_NEAR(history[0]["dc_link_v"].get<double>(), 48.0, 1.0);
+}
+
 TEST_F(BenchApi, BusesShowTheirTraffic) {
   const json bus = get("/buses")["buses"][0];
   EXPECT_EQ(bus, get("/buses/can0"));

@@ -581,9 +581,11 @@ TEST(IsmkAlarms, LostMasterIsIgnoredUnlessAsked) {
   IsmkRig rig;
   set(rig, 0x100C, 0, 50);
   turning(rig);
+  rig.send(0x000, {0x01, 0x01});
   rig.send(0x701, {}, true);
   rig.sent.clear();
   rig.run_ms(400);
+  EXPECT_EQ(rig.device.node().nmt_state(), canopen::NmtState::operational);
   EXPECT_EQ(rig.device.drive().state(), PowerState::operation_enabled);
   EXPECT_TRUE(test::emergencies(rig, 1).empty());
   EXPECT_EQ(rig.get(0x1001), 0);

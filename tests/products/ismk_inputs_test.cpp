@@ -284,6 +284,20 @@ void start_homing(IsmkRig& rig) {
   rig.control(0x06);
   rig.run_ms(5);
   EXPECT_EQ(rig.get(0x6060), 3);
+  // ... and carried to its end when the function is taken away.
+  wire(rig, di1, false);
+  ASSERT_TRUE(rig.enable());
+  wire(rig, di1, true);
+  EXPECT_EQ(rig.get(0x6060), 6);
+  assign(rig, di1, 0);
+  ASSERT_GE(rig.run_until([&] { return rig.get(0x6060) == 3; }, 5000.0), 0);
+  // The bus may choose another mode meanwhile.
+  assign(rig, di1, 0x2000);
+  rig.run_ms(2);
+  EXPECT_EQ(rig.get(0x6060), 6);
+  set(rig, 0x6060, 0, 1);
+  rig.run_ms(20);
+  EXPECT_EQ(rig.get(0x6060), 1);
 }
 
 void activate(IsmkRig& rig) {

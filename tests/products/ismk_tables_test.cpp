@@ -171,6 +171,24 @@ TEST(IsmkPositionTable, ByControlwordBit4) {
   EXPECT_EQ(reached(rig), 6U);
 }
 
+TEST(IsmkPositionTable, WithoutIndexInputsNothingIsShown) {
+  IsmkRig rig;
+  with_positions(rig);
+  enable_in(rig, 1);
+  rig.control(0x2F);
+  rig.run_ms(5);
+  select(rig, 5);
+  rig.run_ms(500);
+  EXPECT_EQ(reached(rig), 5U);
+  assign(rig, {0, 0, 0});
+  EXPECT_EQ(reached(rig), 0U);
+  set(rig, 0x607A, 0, 1000);
+  rig.control(0x3F);
+  rig.run_ms(500);
+  EXPECT_NEAR(place(rig), 1000.0, 2.0) << "607Ah is the master's again";
+  EXPECT_EQ(reached(rig), 0U);
+}
+
 // The whole procedure of the manual (L1345-1355): mode, enable and start come from inputs.
 TEST(IsmkPositionTable, EverythingByInputs) {
   IsmkRig rig;

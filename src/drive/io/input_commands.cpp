@@ -21,7 +21,7 @@ constexpr unsigned index_bits = 3;
 }  // namespace
 
 void InputCommands::step(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects) {
-  if (inputs.assigned() == 0 && assigned_ == 0) return;
+  if (inputs.assigned() == 0 && assigned_ == 0 && !homing_ && !start_bit_is_ours_) return;
   changed_ = (inputs.actions() ^ active_) | (inputs.assigned() & ~assigned_);
   rising_ = inputs.actions() & ~active_;
   active_ = inputs.actions();
@@ -34,7 +34,7 @@ void InputCommands::step(const InputFunctions& inputs, const Settings& settings,
     objects.target_velocity = settings.speeds[inputs.index(InputAction::speed_index_0, index_bits)];
   }
   position_table(inputs, settings, drive, objects);
-  homing(inputs, drive, objects);
+  homing(drive, objects);
 }
 
 // An input that is assigned acts at once as if it had just been switched to where it is; later its changes act, so
@@ -67,9 +67,11 @@ void InputCommands::position_table(const InputFunctions& inputs, const Settings&
     start_bit_is_ours_ = false;
     if (!inputs.active(InputAction::activate)) drive.command(without(objects.controlword, controlword::mode_bit_4));
   }
-  if (objects.modes_of_operation != position_mode) {
+  if (objects.modes_of_operation != position_mode || !indexed) {
     going_to_.reset();
     reached_.reset();
+  }
+  if (objects.modes_of_operation != position_mode) {
     start_bit_was_ = false;
     return;
   }
@@ -104,7 +106,7 @@ void InputCommands::position_table(const InputFunctions& inputs, const Settings&
   start_bit_was_ = start_bit;
 }
 
-void InputCommands::homing(const InputFunctions&, Drive& drive, Objects& objects) {
+void InputCommands::homing(Drive& drive, Objects& objects) {
   const bool enabled = drive.state() == PowerState::operation_enabled;
   if (!homing_) {
     if ((rising_ & bit(InputAction::start_homing)) == 0 || !enabled) return;

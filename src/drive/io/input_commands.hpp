@@ -38,7 +38,7 @@ class InputCommands {
  private:
   void control(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects);
   void position_table(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects);
-  void homing(const InputFunctions& inputs, Drive& drive, Objects& objects);
+  void homing(Drive& drive, Objects& objects);
 
   std::uint32_t active_ = 0;    // actions in the last cycle
   std::uint32_t assigned_ = 0;  // likewise

@@ -98,11 +98,11 @@ void Ismk::reset(canopen::NmtCommand command, dictionary::Area restore, std::uin
   if (command == canopen::NmtCommand::reset_node) open_serial_port();
 }
 
-// With 6007h the loss of the master is an alarm of the drive, which sends its own emergency (L3079, L3306).
-canopen::LossReaction Ismk::communication_lost(canopen::LossCause, canopen::LossReaction standard) {
+// 6007h alone says what a lost master means: nothing, or an alarm of the drive, which sends its own emergency (L3079,
+// L3306). Nothing is printed of a change of the NMT state.
+canopen::LossReaction Ismk::communication_lost(canopen::LossCause, canopen::LossReaction) {
   if (objects().drive.abort_connection_option_code == 1) drive().raise(drive::Cause::communication_lost);
-  standard.emergency_code = 0;
-  return standard;
+  return {.emergency_code = 0, .behaviour = canopen::ErrorBehaviour::no_change};
 }
 
 void Ismk::fault_raised(const drive::FaultRow& fault) {
