@@ -1,0 +1,204 @@
+#include "ethercat/esc/distributed_clock.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace servodrome::ethercat {
+
+namespace {
+
+constexpr std::int64_t one = std::int64_t{1} << 32;  // of rates
+constexpr std::uint16_t least_speed_counter_start = 0x0080;
+constexpr std::uint16_t greatest_speed_counter_start = 0x3FFF;
+constexpr std::uint16_t speed_counter_margin = 0x007F;  // the difference stays this far below the start value
+
+// x * rate / 2^32, rounded down, without overflow for any x that fits and |rate| < 2^31; `fraction` is added first and
+// left over.
+std::int64_t scaled(std::int64_t x, std::int64_t rate, std::uint32_t& fraction) {
+  const std::int64_t high = x >> 32;
+  const std::int64_t low = (x & 0xFFFFFFFF) * rate + fraction;
+  fraction = static_cast<std::uint32_t>(low & 0xFFFFFFFF);
+  return high * rate + (low >> 32);
+}
+
+// What a clock gains when its counter of `start` periods of 10 ns is stretched and shortened by `difference`: 1 ns more
+// every start - difference + 2 periods, 1 ns less every start + difference + 2.
+double gain(double start, double difference) {
+  return difference / (5.0 * (start + difference + 2.0) * (start - difference + 2.0));
+}
+
+std::int64_t limit_of(std::uint16_t start) {
+  return static_cast<std::int64_t>(gain(start, start - speed_counter_margin) * static_cast<double>(one));
+}
+
+}  // namespace
+
+void DistributedClock::reset(Time now) {
+  const std::int64_t oscillator = oscillator_;
+  *this = {};
+  oscillator_ = rate_ = oscillator;
+  anchor_ = now;
+  slew_ = limit_of(speed_counter_start_);
+}
+
+void DistributedClock::anchor(Time now) {
+  const std::int64_t delta = (now - anchor_).count();
+  const std::uint64_t local = local_time(now);
+  scaled(delta, rate_, anchor_fraction_);
+  std::uint32_t none = 0;
+  const std::int64_t done = std::min(scaled(delta, slew_, none), std::abs(phase_));
+  phase_ += phase_ > 0 ? -done : done;
+  anchor_local_ = local;
+  anchor_ = now;
+}
+
+void DistributedClock::set_oscillator(std::int32_t error_ppb, Time now) {
+  anchor(now);
+  oscillator_ = std::int64_t{error_ppb} * one / 1'000'000'000;
+  rate_ = oscillator_ + compensation_ + oscillator_ * compensation_ / one;
+}
+
+std::uint64_t DistributedClock::local_time(Time now) const {
+  const std::int64_t delta = (now - anchor_).count();
+  std::uint32_t fraction = anchor_fraction_;
+  std::int64_t local = static_cast<std::int64_t>(anchor_local_) + delta + scaled(delta, rate_, fraction);
+  if (phase_ != 0) {
+    std::uint32_t none = 0;
+    const std::int64_t done = std::min(scaled(delta, slew_, none), std::abs(phase_));
+    local += phase_ > 0 ? done : -done;
+  }
+  return static_cast<std::uint64_t>(local);
+}
+
+Time DistributedClock::when(std::uint64_t system, Time now) const {
+  // The clock is within a thousandth of the caller's, so each step leaves a thousandth of the way.
+  Time at = now;
+  for (int i = 0; i < 8; ++i) {
+    const auto missing = static_cast<std::int64_t>(system - system_time(at));
+    if (missing <= 0) break;
+    at += Time{missing};
+  }
+  while (at > now && static_cast<std::int64_t>(system - system_time(at - Time{1})) <= 0) at -= Time{1};
+  return at;
+}
+
+void DistributedClock::compare(std::uint32_t received, Time now) {
+  anchor(now);
+  const auto own = static_cast<std::uint32_t>(system_time(now));
+  const std::int64_t error = static_cast<std::int32_t>(own - delay_ - received);
+  mean_difference_ += (error * 256 - mean_difference_) / (std::int64_t{1} << difference_depth_);
+  const std::int64_t elapsed = static_cast<std::int64_t>(anchor_local_ - last_comparison_);
+  last_comparison_ = anchor_local_;
+  const int phase_shift = std::max<int>(difference_depth_, 1) - 1;
+  phase_ = -(error / (std::int64_t{1} << phase_shift));
+  if (phase_ == 0 && error != 0) phase_ = error > 0 ? -1 : 1;
+  if (!compared_) {
+    compared_ = true;
+    return;
+  }
+  if (elapsed <= 0) return;
+  // While the phase correction is limited, the error says little about the rate.
+  std::uint32_t none = 0;
+  if (std::abs(phase_) > scaled(elapsed, slew_, none)) return;
+  const int speed_shift = std::max(speed_depth_ - 4, 2 * phase_shift + 2);
+  const double slope = static_cast<double>(error) / static_cast<double>(elapsed);
+  const auto change = static_cast<std::int64_t>(std::ldexp(slope * static_cast<double>(one), -speed_shift));
+  const std::int64_t limit = limit_of(speed_counter_start_);
+  compensation_ = std::clamp(compensation_ - change, -limit, limit);
+  rate_ = oscillator_ + compensation_ + oscillator_ * compensation_ / one;
+}
+
+std::uint32_t DistributedClock::difference() const {
+  const std::int64_t mean = mean_difference_ / 256;
+  const auto amount = static_cast<std::uint32_t>(std::min<std::int64_t>(std::abs(mean), 0x7FFFFFFF));
+  return mean < 0 ? amount | 0x80000000U : amount;
+}
+
+void DistributedClock::set_speed_counter_start(std::uint16_t start, Time now) {
+  anchor(now);
+  speed_counter_start_ = std::clamp(start, least_speed_counter_start, greatest_speed_counter_start);
+  slew_ = limit_of(speed_counter_start_);
+  compensation_ = 0;
+  rate_ = oscillator_;
+  phase_ = 0;
+  mean_difference_ = 0;
+  compared_ = false;
+}
+
+std::int16_t DistributedClock::speed_counter_difference() const {
+  if (compensation_ == 0) return 0;
+  // gain(start, d) solved for d.
+  const double rate = static_cast<double>(compensation_) / static_cast<double>(one);
+  const double start = speed_counter_start_ + 2.0;
+  const double difference = (std::sqrt(1.0 + 100.0 * rate * rate * start * start) - 1.0) / (10.0 * rate);
+  return static_cast<std::int16_t>(std::lround(difference));
+}
+
+void DistributedClock::set_filters(std::uint8_t difference_depth, std::uint8_t speed_depth) {
+  difference_depth_ = std::min<std::uint8_t>(difference_depth & 0x0F, 12);
+  speed_depth_ = std::min<std::uint8_t>(speed_depth & 0x0F, 12);
+  mean_difference_ = 0;
+}
+
+// ---- SYNC0 and SYNC1 ----
+
+bool DistributedClock::start_sync(const SyncSettings& settings, Time now) {
+  stop_sync();
+  pulse_length_ = settings.pulse_length * std::uint64_t{10};
+  std::uint64_t start = settings.start_time;
+  const std::uint64_t system = system_time(now);
+  const std::uint64_t ahead = start - system;
+  const std::uint64_t near = settings.short_near_future ? std::uint64_t{1} << 31 : std::uint64_t{1} << 63;
+  const bool plausible = ahead < near;
+  if (!plausible) {
+    if (!settings.check_start_time) return false;
+    start = system;
+  }
+  const std::uint64_t cycle0 = settings.sync0_cycle;
+  const std::uint64_t cycle1 = settings.sync1_cycle;
+  sync_[0] = {.enabled = settings.sync0, .pending = true, .next = start, .step = cycle0};
+  // SYNC1 belongs to every SYNC0 it is not later than the next one of, else to every second, third...
+  sync_[1] = {.enabled = settings.sync1,
+              .pending = settings.sync1,
+              .next = start + cycle1,
+              .step = cycle0 == 0 ? 0 : cycle0 * (cycle1 / cycle0 + 1)};
+  return plausible;
+}
+
+void DistributedClock::stop_sync() { sync_ = {}; }
+
+bool DistributedClock::sync_level(unsigned n, Time now) const {
+  const Sync& sync = sync_[n];
+  if (sync.count == 0 || !sync.enabled) return false;
+  return pulse_length_ == 0 ? sync.unacknowledged : system_time(now) - sync.last < pulse_length_;
+}
+
+unsigned DistributedClock::poll_sync(Time now) {
+  unsigned fired = 0;
+  for (unsigned n = 0; n < sync_.size(); ++n) {
+    Sync& sync = sync_[n];
+    if (!sync.pending) continue;
+    const auto late = static_cast<std::int64_t>(system_time(now) - sync.next);
+    if (late < 0) continue;
+    // A caller that slept over several pulses gets them as one; the count knows them all.
+    const std::uint64_t steps = sync.step == 0 ? 0 : static_cast<std::uint64_t>(late) / sync.step;
+    sync.last = sync.next + steps * sync.step;
+    sync.next = sync.last + sync.step;
+    sync.count += static_cast<std::uint32_t>(steps) + 1;
+    sync.pending = sync.step != 0;
+    if (!sync.enabled) continue;
+    sync.unacknowledged = true;
+    fired |= 1U << n;
+  }
+  return fired;
+}
+
+Time DistributedClock::next_sync(Time now) const {
+  Time next = never;
+  for (const Sync& sync : sync_) {
+    if (sync.pending) next = std::min(next, when(sync.next, now));
+  }
+  return next;
+}
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,190 @@
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "ethercat/esc/distributed_clock.hpp"
+#include "ethercat/esc/fmmu.hpp"
+#include "ethercat/esc/registers.hpp"
+#include "ethercat/esc/sii_interface.hpp"
+#include "ethercat/esc/sync_manager.hpp"
+#include "ethercat/esc/watchdog.hpp"
+#include "ethercat/frame/datagram.hpp"
+
+namespace servodrome::ethercat {
+
+// An EtherCAT slave controller: its registers and memory, what frames do to them, and the side of the application
+// (ETG.1000.4). Two ports, 8 FMMUs, 8 sync managers, 8 KiB of process data memory, a 64-bit distributed clock.
+//
+// Register writes act where the datagram stands in the frame, not at its end. The processing unit takes the time of a
+// frame once, at its beginning.
+class Esc {
+ public:
+  static constexpr std::size_t memory_size = 0x3000;
+  static constexpr unsigned ports = 2;
+  static constexpr unsigned fmmus = 8;
+  static constexpr unsigned sync_managers = 8;
+
+  // `sii` is the content of the slave information memory.
+  explicit Esc(std::span<std::uint8_t> sii, SiiInterface::Timing timing = {}) : sii_(sii, timing) {}
+
+  // Power-on or reset. What is plugged in stays plugged in.
+  void power_on(Time now);
+
+  // ---- The line ----
+
+  // What a frame did that concerns the segment.
+  static constexpr unsigned effect_receive_times = 1;  // port receive times are to be latched: 0900h was written
+
+  // A frame passes the processing unit at `now`; its datagrams are executed. Returns effects.
+  unsigned process(Frame& frame, Time now);
+
+  // A cable with a working partner at its other end.
+  void set_link(unsigned port, bool link);
+  bool link(unsigned port) const { return link_[port]; }
+  // A closed loop turns frames back inside the controller (DL control, ETG.1000.4 table 33).
+  bool loop_closed(unsigned port) const { return loop_closed_[port]; }
+  // DL control bit 0: frames that are not EtherCAT are destroyed, those that are get their source address changed.
+  bool processes_only() const { return (memory_[reg::dl_control] & 0x01) != 0; }
+  void latch_port_time(unsigned port, Time arrival);
+  // Error counters, which stop at 255.
+  void count_invalid_frame(unsigned port) { increment(reg::rx_errors + 2U * port); }
+  void count_forwarded_error(unsigned port) { increment(reg::forwarded_rx_errors + port); }
+  void count_processing_unit_error() { increment(reg::processing_unit_errors); }
+
+  // ---- The application's side ----
+
+  // What wants the application: bits as in the AL event request, whether or not a mask lets them through, and the
+  // first two of these.
+  static constexpr std::uint32_t attention_reset = 0x80000000;      // the controller was reset over the bus
+  static constexpr std::uint32_t attention_pdi_reset = 0x40000000;  // reset sequence at 0041h
+  std::uint32_t attention() const { return attention_; }
+  void settle(std::uint32_t events) { attention_ &= ~events; }
+
+  // Reading acknowledges it: the master can write the next one.
+  std::uint16_t take_al_control();
+  void set_al_status(std::uint16_t status, std::uint16_t code);
+  std::uint16_t al_status() const { return load_u16(&memory_[reg::al_status]); }
+  std::uint32_t al_event_request() const;
+
+  const SyncManager& sync_manager(unsigned n) const { return sync_managers_[n]; }
+  const Fmmu& fmmu(unsigned n) const { return fmmus_[n]; }
+  // The buffer to be read (mailbox: empty when there is none; buffered: the newest complete one), and the one to be
+  // written. Each is to be closed.
+  std::span<const std::uint8_t> open_for_reading(unsigned n);
+  void close_reading(unsigned n);
+  std::span<std::uint8_t> open_for_writing(unsigned n);
+  void close_writing(unsigned n);
+  // The mailbox the master asks to have repeated is full again; acknowledges the request.
+  bool repeat_requested(unsigned n) const;
+  void repeat(unsigned n);
+  void acknowledge_repeat(unsigned n);
+  // PDI control bit 0: the application takes a channel out of use.
+  void disable_sync_manager(unsigned n, bool disabled);
+
+  DistributedClock& clock() { return clock_; }
+  const DistributedClock& clock() const { return clock_; }
+  SiiInterface& sii() { return sii_; }
+  const Watchdog& process_data_watchdog() const { return process_data_watchdog_; }
+  void stop_process_data_watchdog() { process_data_watchdog_.stop(); }
+  void pdi_alive(Time now) { pdi_watchdog_.trigger(now); }
+  // A latch input changed (ETG.1000.4 clause 6.7.4).
+  void latch_edge(unsigned unit, bool rising, Time now);
+
+  // Pulses, watchdogs and delays that are due; no later than `next_deadline`. Returns bit n for SYNCn.
+  unsigned poll(Time now);
+  Time next_deadline(Time now) const;
+
+  // The bytes of a register as they are now, for the application and for tests.
+  std::uint8_t read_byte(std::uint16_t address, Time now);
+  template <typename T>
+  T read_register(std::uint16_t address, Time now) {
+    std::array<std::uint8_t, sizeof(T)> bytes;
+    for (std::size_t i = 0; i < sizeof(T); ++i) bytes[i] = read_byte(static_cast<std::uint16_t>(address + i), now);
+    return load<T>(bytes.data());
+  }
+  // What the application may write without further ado: station alias, PDI access of the SII, pulse length...
+  template <typename T>
+  void write_register(std::uint16_t address, T value) {
+    store(&memory_[address], value);
+  }
+
+ private:
+  struct Mapping {  // an FMMU of whole bytes
+    std::uint32_t logical;
+    std::uint32_t length;
+    std::uint16_t physical;
+    std::uint8_t sync_manager;  // that holds all of it, or none
+  };
+  static constexpr std::uint8_t no_sync_manager = 0xFF;
+
+  void execute(Datagram& datagram);
+  bool addressed(std::uint16_t station) const;
+  void exchange(Datagram& datagram, bool reads, bool writes, bool combines);
+  void exchange_logical(Datagram& datagram, bool reads, bool writes);
+  void exchange_bits(Datagram& datagram, bool reads, bool writes);
+  bool read_mapped(const Mapping& mapping, const Datagram& datagram);
+  bool write_mapped(const Mapping& mapping, const Datagram& datagram);
+
+  template <typename Put>
+  bool read_memory(std::uint32_t address, std::uint32_t length, Put put);
+  template <typename Get>
+  bool write_memory(std::uint32_t address, std::uint32_t length, Get get);
+  unsigned sync_manager_at(std::uint32_t address) const;
+  std::uint32_t plain_until(std::uint32_t address, std::uint32_t end) const;
+
+  void refresh(std::uint32_t address, std::uint32_t length);
+  void refresh_block(std::uint32_t block);
+  void registers_read(std::uint32_t address, std::uint32_t length);
+  bool may_write(std::uint32_t address, std::uint32_t sync_managers_enabled) const;
+  bool take_register_bytes(std::uint32_t address, std::span<const std::uint8_t> bytes);
+  void block_written(std::uint32_t block, std::uint32_t first, std::uint32_t length);
+  void written_by_master(unsigned n);
+  void read_by_master(unsigned n);
+  void configure_sync_manager(unsigned n);
+  void configure_mappings();
+  void configure_watchdogs();
+  void configure_ports();
+  void configure_sync();
+  void load_from_sii();
+  void reset_letter(unsigned which, std::uint8_t letter);
+  void expire_watchdogs();
+  std::uint16_t ecat_event_request() const;
+  void increment(std::uint32_t address) {
+    if (memory_[address] != 0xFF) ++memory_[address];
+  }
+  void end_frame();
+
+  std::array<std::uint8_t, memory_size> memory_{};
+  std::array<SyncManager, sync_managers> sync_managers_{};
+  std::array<Fmmu, fmmus> fmmus_{};
+  std::array<Mapping, fmmus> reading_{};
+  std::array<Mapping, fmmus> writing_{};
+  std::uint8_t reading_count_ = 0;
+  std::uint8_t writing_count_ = 0;
+  bool whole_bytes_ = true;  // all FMMUs are, and no reading one touches a writing one's memory
+
+  DistributedClock clock_;
+  SiiInterface sii_;
+  Watchdog process_data_watchdog_;
+  Watchdog pdi_watchdog_;
+
+  Time now_{0};  // of the frame or poll at work
+  std::uint32_t attention_ = 0;
+  std::uint16_t ecat_events_ = 0;
+  unsigned effects_ = 0;
+  bool al_control_pending_ = false;
+  bool frame_end_work_ = false;
+  bool registers_unlocked_ = false;  // by 0020h in this frame
+  bool memory_unlocked_ = false;     // by 0030h in this frame
+  bool reset_pending_ = false;
+  std::array<std::uint8_t, 2> reset_progress_{};
+  std::array<std::uint32_t, 2> reset_frame_{};
+  std::uint32_t frames_ = 0;
+  std::array<bool, ports> link_{};
+  std::array<bool, ports> loop_closed_{true, true};
+  std::uint32_t lasting_dl_control_ = 0;
+  Time dl_control_until_ = never;
+};
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,319 @@
+// How the data of a datagram gets to the controller's memory and back (ETG.1000.4 clauses 5.4, 6.5, 6.6).
+#include <algorithm>
+
+#include "ethercat/esc/esc.hpp"
+
+namespace servodrome::ethercat {
+
+namespace {
+
+// What a working counter gains (ETG.1000.4 table 11).
+constexpr unsigned gain(bool read, bool written, bool both_wanted) {
+  return (read ? 1U : 0U) + (written ? both_wanted ? 2U : 1U : 0U);
+}
+
+struct Overlap {
+  std::uint32_t in_frame;  // first byte of the datagram's data
+  std::uint32_t in_area;   // first byte of the area
+  std::uint32_t length;    // 0: none
+};
+
+// Of `length` bytes from logical address `address` with `area_length` bytes from `area`.
+inline Overlap overlap(std::uint32_t address, std::uint32_t length, std::uint32_t area, std::uint32_t area_length) {
+  // The logical address space does not wrap around.
+  const std::uint64_t begin = std::max(address, area);
+  const std::uint64_t end = std::min(std::uint64_t{address} + length, std::uint64_t{area} + area_length);
+  if (begin >= end) return {0, 0, 0};
+  return {static_cast<std::uint32_t>(begin - address), static_cast<std::uint32_t>(begin - area),
+          static_cast<std::uint32_t>(end - begin)};
+}
+
+}  // namespace
+
+unsigned Esc::sync_manager_at(std::uint32_t address) const {
+  for (unsigned n = 0; n < sync_managers; ++n) {
+    if (sync_managers_[n].contains(address)) return n;
+  }
+  return no_sync_manager;
+}
+
+// Memory without a sync manager goes up to here.
+std::uint32_t Esc::plain_until(std::uint32_t address, std::uint32_t end) const {
+  for (const SyncManager& channel : sync_managers_) {
+    if (channel.active && channel.start > address) end = std::min<std::uint32_t>(end, channel.start);
+  }
+  return end;
+}
+
+// Hands the accessible parts of the range to `put(offset, bytes, count)`. True when there is any.
+template <typename Put>
+bool Esc::read_memory(std::uint32_t address, std::uint32_t length, Put put) {
+  if (address + length <= reg::process_memory) {
+    refresh(address, length);
+    put(std::uint32_t{0}, &memory_[address], length);
+    registers_read(address, length);
+    return true;
+  }
+  bool any = false;
+  for (std::uint32_t at = address, end = std::min<std::uint32_t>(address + length, memory_size); at < end;) {
+    const std::uint32_t offset = at - address;
+    if (at < reg::process_memory) {
+      const std::uint32_t count = reg::process_memory - at;
+      refresh(at, count);
+      put(offset, &memory_[at], count);
+      registers_read(at, count);
+      any = true;
+      at += count;
+      continue;
+    }
+    const unsigned n = sync_manager_at(at);
+    if (n == no_sync_manager) {
+      const std::uint32_t count = plain_until(at, end) - at;
+      put(offset, &memory_[at], count);
+      any = true;
+      at += count;
+      continue;
+    }
+    SyncManager& channel = sync_managers_[n];
+    const std::uint32_t within = at - channel.start;
+    const std::int32_t place = channel.master_writes ? -1 : channel.reading_at(within);
+    if (place < 0) {
+      ++at;
+      continue;
+    }
+    const std::uint32_t count = std::min(end - at, channel.length - within);
+    put(offset, &memory_[static_cast<std::size_t>(place)], count);
+    if (channel.read(within, count)) read_by_master(n);
+    any = true;
+    at += count;
+  }
+  return any;
+}
+
+// The same with `get(offset, bytes, count)`, which changes the bytes.
+template <typename Get>
+bool Esc::write_memory(std::uint32_t address, std::uint32_t length, Get get) {
+  const bool locked = (memory_[reg::write_protection] & 1) != 0 && !memory_unlocked_;
+  bool any = false;
+  for (std::uint32_t at = address, end = std::min<std::uint32_t>(address + length, memory_size); at < end;) {
+    const std::uint32_t offset = at - address;
+    if (at < reg::process_memory) {
+      const std::uint32_t count = std::min<std::uint32_t>(end, reg::process_memory) - at;
+      // Registers are taken over as a whole; bits that an FMMU does not map keep their values.
+      std::array<std::uint8_t, max_payload + 1> bytes;
+      std::memcpy(bytes.data(), &memory_[at], count);
+      get(offset, bytes.data(), count);
+      any |= take_register_bytes(at, std::span(bytes).first(count));
+      at += count;
+      continue;
+    }
+    if (locked) break;
+    const unsigned n = sync_manager_at(at);
+    if (n == no_sync_manager) {
+      const std::uint32_t count = plain_until(at, end) - at;
+      get(offset, &memory_[at], count);
+      any = true;
+      at += count;
+      continue;
+    }
+    SyncManager& channel = sync_managers_[n];
+    const std::uint32_t within = at - channel.start;
+    const std::int32_t place = channel.master_writes ? channel.writing_at(within) : -1;
+    if (place < 0) {
+      ++at;
+      continue;
+    }
+    const std::uint32_t count = std::min(end - at, channel.length - within);
+    get(offset, &memory_[static_cast<std::size_t>(place)], count);
+    if (channel.wrote(within, count)) written_by_master(n);
+    any = true;
+    at += count;
+  }
+  return any;
+}
+
+void Esc::exchange(Datagram& datagram, bool reads, bool writes, bool combines) {
+  const std::uint32_t address = datagram.offset();
+  const std::uint32_t length = datagram.length;
+  std::uint8_t* data = datagram.data;
+  if (length == 0) return;
+  std::array<std::uint8_t, max_payload> original;  // what a command that does both writes
+  if (reads && writes) std::memcpy(original.data(), data, length);
+  const std::uint8_t* source = reads ? original.data() : data;
+  bool read = false;
+  if (reads) {
+    read = read_memory(address, length,
+                       [data, combines](std::uint32_t offset, const std::uint8_t* bytes, std::uint32_t count) {
+                         if (!combines) {
+                           std::memcpy(data + offset, bytes, count);
+                           return;
+                         }
+                         for (std::uint32_t i = 0; i < count; ++i) data[offset + i] |= bytes[i];
+                       });
+  }
+  bool written = false;
+  if (writes) {
+    const std::uint32_t target = reads ? address + load_u16(&memory_[reg::physical_offset]) : address;
+    written = write_memory(target, length, [source](std::uint32_t offset, std::uint8_t* bytes, std::uint32_t count) {
+      std::memcpy(bytes, source + offset, count);
+    });
+  }
+  datagram.count(gain(read, written, reads && writes));
+}
+
+bool Esc::read_mapped(const Mapping& mapping, const Datagram& datagram) {
+  const Overlap part = overlap(datagram.logical(), datagram.length, mapping.logical, mapping.length);
+  if (part.length == 0) return false;
+  std::uint8_t* data = datagram.data + part.in_frame;
+  const std::uint32_t address = mapping.physical + part.in_area;
+  if (mapping.sync_manager == no_sync_manager) {
+    return read_memory(address, part.length,
+                       [data](std::uint32_t offset, const std::uint8_t* bytes, std::uint32_t count) {
+                         std::memcpy(data + offset, bytes, count);
+                       });
+  }
+  SyncManager& channel = sync_managers_[mapping.sync_manager];
+  const std::uint32_t within = address - channel.start;
+  const std::int32_t place = channel.master_writes ? -1 : channel.reading_at(within);
+  if (place < 0) return false;
+  std::memcpy(data, &memory_[static_cast<std::size_t>(place)], part.length);
+  if (channel.read(within, part.length)) read_by_master(mapping.sync_manager);
+  return true;
+}
+
+bool Esc::write_mapped(const Mapping& mapping, const Datagram& datagram) {
+  const Overlap part = overlap(datagram.logical(), datagram.length, mapping.logical, mapping.length);
+  if (part.length == 0) return false;
+  const std::uint8_t* data = datagram.data + part.in_frame;
+  const std::uint32_t address = mapping.physical + part.in_area;
+  if (mapping.sync_manager == no_sync_manager || memory_[reg::write_protection] != 0) {
+    return write_memory(address, part.length, [data](std::uint32_t offset, std::uint8_t* bytes, std::uint32_t count) {
+      std::memcpy(bytes, data + offset, count);
+    });
+  }
+  SyncManager& channel = sync_managers_[mapping.sync_manager];
+  const std::uint32_t within = address - channel.start;
+  const std::int32_t place = channel.master_writes ? channel.writing_at(within) : -1;
+  if (place < 0) return false;
+  std::memcpy(&memory_[static_cast<std::size_t>(place)], data, part.length);
+  if (channel.wrote(within, part.length)) written_by_master(mapping.sync_manager);
+  return true;
+}
+
+void Esc::exchange_logical(Datagram& datagram, bool reads, bool writes) {
+  if (!whole_bytes_) {
+    exchange_bits(datagram, reads, writes);
+    return;
+  }
+  // What is written is what came with the frame, so writing comes first; no FMMU that reads looks at memory that one
+  // that writes changes.
+  bool written = false;
+  bool read = false;
+  for (unsigned i = 0; writes && i < writing_count_; ++i) written |= write_mapped(writing_[i], datagram);
+  for (unsigned i = 0; reads && i < reading_count_; ++i) read |= read_mapped(reading_[i], datagram);
+  datagram.count(gain(read, written, reads && writes));
+}
+
+// Bit by bit: FMMUs that begin or end within a byte, shift, or exchange one memory in both directions.
+void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
+  std::array<std::uint8_t, max_payload> original;
+  std::array<std::uint8_t, max_payload + 1> bytes;
+  std::array<std::uint8_t, max_payload + 1> mask;
+  std::memcpy(original.data(), datagram.data, datagram.length);
+  const std::uint64_t frame_bit = std::uint64_t{datagram.logical()} * 8;
+
+  // Calls with the first bit in the frame, in the memory, and the number of bits.
+  const auto part_of = [&](const Fmmu& fmmu, auto&& with) {
+    const std::uint64_t begin = std::max(frame_bit, fmmu.logical_bit());
+    const std::uint64_t end =
+        std::min(frame_bit + datagram.length * 8U, fmmu.logical_bit() + static_cast<std::uint64_t>(fmmu.bits()));
+    if (begin >= end) return false;
+    return with(static_cast<std::uint32_t>(begin - frame_bit),
+                fmmu.physical_first_bit() + static_cast<std::uint32_t>(begin - fmmu.logical_bit()),
+                static_cast<std::uint32_t>(end - begin));
+  };
+
+  bool read = false;
+  bool written = false;
+  // The FMMU with the lowest number has the last word where two of them read the same bit.
+  for (unsigned n = fmmus; reads && n-- > 0;) {
+    if (!fmmus_[n].active || !fmmus_[n].reads) continue;
+    read |= part_of(fmmus_[n], [&](std::uint32_t in_frame, std::uint32_t in_memory, std::uint32_t bits) {
+      const std::uint32_t first = in_memory / 8;
+      const std::uint32_t count = (in_memory + bits - 1) / 8 - first + 1;
+      std::fill_n(mask.begin(), count, std::uint8_t{0});
+      const bool any =
+          read_memory(first, count, [&](std::uint32_t offset, const std::uint8_t* from, std::uint32_t some) {
+            std::memcpy(&bytes[offset], from, some);
+            std::fill_n(mask.begin() + offset, some, std::uint8_t{1});
+          });
+      for (std::uint32_t i = 0; any && i < bits; ++i) {
+        const std::uint32_t from = in_memory + i - first * 8;
+        if (mask[from / 8] == 0) continue;
+        const std::uint32_t to = in_frame + i;
+        std::uint8_t& byte = datagram.data[to / 8];
+        byte = static_cast<std::uint8_t>((byte & ~(1U << to % 8)) | (bytes[from / 8] >> from % 8 & 1U) << to % 8);
+      }
+      return any;
+    });
+  }
+  for (unsigned n = fmmus; writes && n-- > 0;) {
+    if (!fmmus_[n].active || !fmmus_[n].writes) continue;
+    written |= part_of(fmmus_[n], [&](std::uint32_t in_frame, std::uint32_t in_memory, std::uint32_t bits) {
+      const std::uint32_t first = in_memory / 8;
+      const std::uint32_t count = (in_memory + bits - 1) / 8 - first + 1;
+      std::fill_n(mask.begin(), count, std::uint8_t{0});
+      std::fill_n(bytes.begin(), count, std::uint8_t{0});
+      for (std::uint32_t i = 0; i < bits; ++i) {
+        const std::uint32_t from = in_frame + i;
+        const std::uint32_t to = in_memory + i - first * 8;
+        const unsigned bit = original[from / 8] >> from % 8 & 1U;
+        bytes[to / 8] = static_cast<std::uint8_t>(bytes[to / 8] | bit << to % 8);
+        mask[to / 8] = static_cast<std::uint8_t>(mask[to / 8] | 1U << to % 8);
+      }
+      return write_memory(first, count, [&](std::uint32_t offset, std::uint8_t* to, std::uint32_t some) {
+        for (std::uint32_t i = 0; i < some; ++i) {
+          to[i] = static_cast<std::uint8_t>((to[i] & ~mask[offset + i]) | bytes[offset + i]);
+        }
+      });
+    });
+  }
+  datagram.count(gain(read, written, reads && writes));
+}
+
+void Esc::written_by_master(unsigned n) {
+  attention_ |= reg::al_event::sync_manager0 << n;
+  if (!sync_managers_[n].triggers_watchdog) return;
+  if (process_data_watchdog_.check(now_)) attention_ |= reg::al_event::watchdog_process_data;
+  process_data_watchdog_.trigger(now_);
+}
+
+void Esc::read_by_master(unsigned n) { attention_ |= reg::al_event::sync_manager0 << n; }
+
+void Esc::configure_mappings() {
+  reading_count_ = writing_count_ = 0;
+  whole_bytes_ = true;
+  // Highest first: where two read the same byte, the one with the lowest number has the last word.
+  for (unsigned n = fmmus; n-- > 0;) {
+    const Fmmu& fmmu = fmmus_[n];
+    if (!fmmu.active) continue;
+    whole_bytes_ = whole_bytes_ && fmmu.whole_bytes();
+    Mapping mapping{fmmu.logical, fmmu.length, fmmu.physical, no_sync_manager};
+    for (unsigned channel = 0; channel < sync_managers; ++channel) {
+      if (!sync_managers_[channel].contains_user_area(fmmu.physical, fmmu.length)) continue;
+      mapping.sync_manager = static_cast<std::uint8_t>(channel);
+      break;
+    }
+    if (fmmu.reads) reading_[reading_count_++] = mapping;
+    if (fmmu.writes) writing_[writing_count_++] = mapping;
+  }
+  for (unsigned r = 0; r < reading_count_; ++r) {
+    for (unsigned w = 0; w < writing_count_; ++w) {
+      const Mapping& reading = reading_[r];
+      const Mapping& writing = writing_[w];
+      if (overlap(reading.physical, reading.length, writing.physical, writing.length).length != 0) whole_bytes_ = false;
+    }
+  }
+}
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,160 @@
+#include "ethercat/segment.hpp"
+
+namespace servodrome::ethercat {
+
+struct Segment::Travel {
+  Frame frame;
+  FrameKind kind;
+  Time time;
+  std::size_t last = 0;  // slave the processing ended at
+  Way end = Way::ends;   // how it went on there
+  bool corrupted = false;
+  bool destroyed = false;
+  bool latches = false;
+};
+
+namespace {
+constexpr std::uint8_t locally_administered = 0x02;  // of the first byte of the source address
+}
+
+// What a frame meets that leaves `slave` by its port 1.
+Segment::Way Segment::way_behind(std::size_t slave) const {
+  if (slaves_[slave].esc->loop_closed(1)) return Way::turns;
+  if (slave + 1 == slaves_.size()) return ring_cable_ ? Way::open : Way::ends;
+  const Slave& next = slaves_[slave + 1];
+  return next.cable && next.powered && !next.esc->loop_closed(0) ? Way::open : Way::ends;
+}
+
+// What a frame meets that leaves `slave` by its port 0.
+Segment::Way Segment::way_before(std::size_t slave) const {
+  if (slaves_[slave].esc->loop_closed(0)) return Way::turns;
+  if (!slaves_[slave].cable) return Way::ends;
+  if (slave == 0) return Way::open;
+  const Slave& previous = slaves_[slave - 1];
+  return previous.powered && !previous.esc->loop_closed(1) ? Way::open : Way::ends;
+}
+
+void Segment::pass(std::size_t slave, Travel& travel) {
+  Slave& at = slaves_[slave];
+  if (at.corrupts_next && !travel.corrupted) {
+    at.corrupts_next = false;
+    travel.corrupted = true;
+    at.esc->count_invalid_frame(0);
+    at.esc->count_processing_unit_error();
+    return;
+  }
+  if (travel.corrupted) {
+    at.esc->count_forwarded_error(0);
+    return;
+  }
+  switch (travel.kind) {
+    case FrameKind::ethercat:
+      if ((at.esc->process(travel.frame, travel.time) & Esc::effect_receive_times) != 0) {
+        at.esc->latch_port_time(0, travel.time);
+        travel.latches = true;
+      }
+      break;
+    case FrameKind::malformed: at.esc->count_processing_unit_error(); break;
+    case FrameKind::foreign: travel.destroyed = at.esc->processes_only(); return;
+  }
+  if (!at.esc->processes_only()) return;
+  if (travel.frame.source_address != nullptr) *travel.frame.source_address |= locally_administered;
+  if (travel.frame.udp_checksum != nullptr) store_u16(travel.frame.udp_checksum, 0);
+}
+
+void Segment::run_forward(std::size_t first, Travel& travel) {
+  for (std::size_t slave = first;; ++slave) {
+    const Way way = way_behind(slave);  // before the frame itself changes it
+    travel.last = slave;
+    travel.end = way;
+    pass(slave, travel);
+    if (way != Way::open || travel.destroyed || slave + 1 == slaves_.size()) return;
+    travel.time += slaves_[slave + 1].forward;
+  }
+}
+
+// The frame turned at the last slave and comes back through port 1 of those before it.
+void Segment::latch_returning(std::size_t first, const Travel& travel) {
+  Time time = travel.time;
+  for (std::size_t slave = travel.last; slave > first; --slave) {
+    time += slaves_[slave].backward;
+    slaves_[slave - 1].esc->latch_port_time(1, time);
+  }
+}
+
+Segment::Passage Segment::process(std::span<std::uint8_t> bytes, Time now, Port entry, Encapsulation encapsulation) {
+  Travel travel;
+  travel.time = now;
+  const bool whole = encapsulation == Encapsulation::ethernet;
+  travel.kind = whole ? parse_ethernet(bytes, travel.frame) : parse_payload(bytes, travel.frame);
+  if (slaves_.empty()) return {};
+
+  if (entry == Port::primary) {
+    Slave& front = slaves_.front();
+    if (!front.cable || !front.powered || front.esc->loop_closed(0)) return {};
+    travel.time += front.forward;
+    run_forward(0, travel);
+    if (travel.corrupted || travel.destroyed || travel.end == Way::ends) return {};
+    if (travel.end == Way::open) return {Exit::secondary, travel.time};
+    if (travel.latches) latch_returning(0, travel);
+    for (std::size_t slave = travel.last + 1; slave-- > 0;) travel.time += slaves_[slave].backward;
+    return {Exit::primary, travel.time};
+  }
+
+  // Into port 1 of the last slave, through to port 0 without processing, until a port 0 has its loop closed.
+  std::size_t slave = slaves_.size() - 1;
+  const Slave& back = slaves_[slave];
+  if (!ring_cable_ || !back.powered || back.esc->loop_closed(1)) return {};
+  const Time entered = travel.time;
+  for (Way way = way_before(slave); way != Way::turns; way = way_before(slave)) {
+    if (way == Way::ends) return {};
+    travel.time += slaves_[slave].backward;
+    if (slave == 0) return {Exit::primary, travel.time};
+    --slave;
+  }
+  // A frame that comes to a closed port 0 a second time circulates and is taken off the line (ETG.1000.4 clause 5.3.3).
+  if (!travel.frame.datagrams().empty()) {
+    Datagram& first = travel.frame.datagrams().front();
+    if (first.circulating()) return {};
+    first.set_circulating();
+  }
+  const std::size_t turning = slave;
+  run_forward(turning, travel);
+  if (travel.corrupted || travel.destroyed || travel.end != Way::open) return {};
+  if (travel.latches) {
+    Time time = entered;
+    for (std::size_t i = slaves_.size(); i-- > turning;) {
+      slaves_[i].esc->latch_port_time(1, time);
+      time += slaves_[i].backward;
+    }
+  }
+  return {Exit::secondary, travel.time};
+}
+
+void Segment::set_cable(std::size_t cable, bool connected) {
+  if (cable < slaves_.size()) {
+    slaves_[cable].cable = connected;
+  } else {
+    ring_cable_ = connected;
+  }
+  update_links();
+}
+
+void Segment::set_powered(std::size_t slave, bool powered, Time now) {
+  slaves_[slave].powered = powered;
+  update_links();
+  if (powered) slaves_[slave].esc->power_on(now);
+}
+
+void Segment::update_links() {
+  for (std::size_t i = 0; i < slaves_.size(); ++i) {
+    Slave& slave = slaves_[i];
+    const bool before = i == 0 || slaves_[i - 1].powered;
+    const bool last = i + 1 == slaves_.size();
+    const bool behind = last ? ring_cable_ : slaves_[i + 1].cable && slaves_[i + 1].powered;
+    slave.esc->set_link(0, slave.powered && slave.cable && before);
+    slave.esc->set_link(1, slave.powered && behind);
+  }
+}
+
+}  // namespace servodrome::ethercat

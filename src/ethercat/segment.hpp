@@ -1,0 +1,66 @@
+#pragma once
+
+#include <span>
+
+#include "ethercat/esc/esc.hpp"
+
+namespace servodrome::ethercat {
+
+// Slave controllers in line, and the cables between them: where a frame goes, what time it takes, where it comes back
+// (ETG.1000.3 clause 4). With a cable from the last slave to a second port of the master the line is a ring that bears
+// one break.
+class Segment {
+ public:
+  struct Slave {
+    Esc* esc = nullptr;
+    // From the slave before (or the master) to this one and back: cable, PHYs, and the way through the controller.
+    Time forward{0};
+    Time backward{0};
+    bool cable = true;  // in front of it
+    bool powered = true;
+    bool corrupts_next = false;  // the next frame to it arrives with a wrong FCS
+  };
+  enum class Port : std::uint8_t { primary, secondary };  // of the master
+  enum class Exit : std::uint8_t { lost, primary, secondary };
+  enum class Encapsulation : std::uint8_t {
+    ethernet,  // a whole frame without FCS
+    payload,   // the content of a UDP packet
+  };
+  struct Passage {
+    Exit exit = Exit::lost;
+    Time leaves{0};  // when the first bit is back at the master
+  };
+
+  // Does not own the slaves, which must outlive it. Controllers need a power_on before their first frame.
+  explicit Segment(std::span<Slave> slaves) : slaves_(slaves) { update_links(); }
+
+  // A frame enters at `now`; it is changed in place. `lost`: nothing comes back.
+  Passage process(std::span<std::uint8_t> bytes, Time now, Port entry = Port::primary,
+                  Encapsulation encapsulation = Encapsulation::ethernet);
+
+  // Cable 0 joins the master and the first slave, cable n the slaves n - 1 and n; the cable behind the last slave goes
+  // to the master's second port and is not there at first.
+  void set_cable(std::size_t cable, bool connected);
+  bool cable(std::size_t n) const { return n < slaves_.size() ? slaves_[n].cable : ring_cable_; }
+  // Off: no link to its neighbours. On: its controller starts anew.
+  void set_powered(std::size_t slave, bool powered, Time now);
+
+  std::span<Slave> slaves() const { return slaves_; }
+
+ private:
+  enum class Way : std::uint8_t { open, turns, ends };
+  struct Travel;
+
+  Way way_behind(std::size_t slave) const;
+  Way way_before(std::size_t slave) const;
+  // From `first` on through the processing units. Returns where it turned or ended.
+  void run_forward(std::size_t first, Travel& travel);
+  void pass(std::size_t slave, Travel& travel);
+  void latch_returning(std::size_t first, const Travel& travel);
+  void update_links();
+
+  std::span<Slave> slaves_;
+  bool ring_cable_ = false;
+};
+
+}  // namespace servodrome::ethercat

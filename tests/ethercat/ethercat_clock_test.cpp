@@ -1,0 +1,317 @@
+#include <algorithm>
+#include <cstdlib>
+
+#include "esc_rig.hpp"
+
+// Distributed clocks by ETG.1000.4 clause 6.7, seen from a master that starts them the usual way.
+namespace servodrome::ethercat::test {
+namespace {
+
+// Delays from the latched receive times, offsets to the master's time, static drift compensation, then cycles: what
+// ETG.1020 and common masters do, for slaves in line.
+class DcMaster {
+ public:
+  explicit DcMaster(Line& line) : line_(line) {}
+
+  void start() {
+    const std::size_t count = line_.escs.size();
+    for (std::size_t i = 0; i < count; ++i) {
+      line_.put<std::uint16_t>(i, reg::station_address, static_cast<std::uint16_t>(0x1001 + i));
+      // Writing the start value also clears the filter.
+      line_.put<std::uint16_t>(i, reg::speed_counter_start, 0x1000);
+    }
+    line_.send(Command::bwr, address_of(0, reg::receive_time_port), Bytes(4));
+    line_.now += 20us;
+    std::vector<std::uint32_t> way(count);
+    std::vector<std::uint64_t> local(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto first = line_.get<std::uint32_t>(i, reg::receive_time_port);
+      const auto back = line_.get<std::uint32_t>(i, reg::receive_time_port + 4);
+      way[i] = i + 1 < count ? back - first : 0;
+      local[i] = line_.get<std::uint64_t>(i, reg::receive_time_processing_unit);
+      line_.now += 50us;  // a master takes its time
+    }
+    std::uint32_t delay = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (i > 0) delay += (way[i - 1] - way[i]) / 2;
+      // The reference passed the latching frame `delay` earlier.
+      line_.put<std::uint64_t>(i, reg::system_time_offset, epoch + local[0] - local[i] + delay);
+      line_.put<std::uint32_t>(i, reg::system_time_delay, delay);
+      line_.now += 50us;
+    }
+    for (int i = 0; i < 15000; ++i) {
+      distribute();
+      line_.now += 10us;
+    }
+  }
+
+  void distribute() { line_.send(Command::frmw, address_of(0x1001, reg::system_time), Bytes(8)); }
+
+  void cycle(int count, Time period = 1ms) {
+    for (int i = 0; i < count; ++i) {
+      distribute();
+      line_.now += period;
+    }
+  }
+
+  std::uint64_t epoch = 0;
+
+ private:
+  Line& line_;
+};
+
+std::int64_t worst_difference(const Line& line) {
+  std::int64_t worst = 0;
+  const std::uint64_t reference = line.escs[0]->clock().system_time(line.now);
+  for (const auto& esc : line.escs) {
+    const auto difference = static_cast<std::int64_t>(esc->clock().system_time(line.now) - reference);
+    worst = std::max(worst, std::abs(difference));
+  }
+  return worst;
+}
+
+TEST(Clock, CountsTheOscillator) {
+  DistributedClock clock;
+  clock.reset(5s);
+  EXPECT_EQ(clock.local_time(6s), 1'000'000'000U);
+  clock.set_oscillator(100'000, 6s);  // 100 ppm
+  EXPECT_NEAR(static_cast<double>(clock.local_time(7s)), 2'000'100'000.0, 1.0);
+  EXPECT_NEAR(static_cast<double>(clock.local_time(6s + std::chrono::hours(10000))), 1e9 + 36e15 * 1.0001,
+              36e15 / 4294967296.0 + 2.0);
+  clock.set_oscillator(-100'000, 7s);
+  EXPECT_NEAR(static_cast<double>(clock.local_time(8s)), 3'000'000'000.0, 2.0);
+}
+
+TEST(Clock, AnchoringLosesNothing) {
+  // A clock that is asked and re-anchored a million times against one that is left alone.
+  DistributedClock often, once;
+  for (DistributedClock* clock : {&often, &once}) {
+    clock->reset(Time{0});
+    clock->set_oscillator(33'333, Time{0});
+  }
+  Time now{0};
+  for (int i = 0; i < 1'000'000; ++i) {
+    now += 997ns;
+    often.set_oscillator(33'333, now);
+  }
+  EXPECT_EQ(often.local_time(now), once.local_time(now));
+}
+
+TEST(Clock, WhenIsTheFirstNanosecond) {
+  DistributedClock clock;
+  for (const std::int32_t ppb : {-100'000, 0, 77'777, 100'000}) {
+    clock.set_oscillator(ppb, Time{0});
+    clock.reset(Time{0});
+    clock.set_offset(1000);
+    for (const std::uint64_t target : {std::uint64_t{1001}, std::uint64_t{12'345'678}, std::uint64_t{9'876'543'210}}) {
+      const Time at = clock.when(target, Time{0});
+      EXPECT_GE(clock.system_time(at), target);
+      EXPECT_LT(clock.system_time(at - 1ns), target);
+    }
+    EXPECT_EQ(clock.when(500, 7ns), 7ns);
+  }
+}
+
+TEST(Clock, DifferenceRegisterIsSignAndAmount) {
+  Line line(1);
+  line.put<std::uint8_t>(0, reg::system_time_filter, 0);
+  const auto own = line.get<std::uint64_t>(0, reg::system_time);
+  line.put<std::uint32_t>(0, reg::system_time, static_cast<std::uint32_t>(own) - 40);
+  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 40U);  // own clock ahead
+  line.put<std::uint16_t>(0, reg::speed_counter_start, 0x1000);
+  line.put<std::uint32_t>(0, reg::system_time, static_cast<std::uint32_t>(own) + 40);
+  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 0x80000028U);
+}
+
+struct Startup {
+  const char* name;
+  std::size_t slaves;
+  std::int32_t ppb;  // bound of the oscillators' errors
+  Time hop;
+};
+
+TEST(DcStartup, EverySlaveWithin100nsOfTheReference) {
+  for (const Startup& one : {Startup{"one ppm", 8, 1'000, 400ns}, Startup{"100 ppm", 8, 100'000, 400ns},
+                             Startup{"long cables", 8, 100'000, 1300ns}, Startup{"64", 64, 100'000, 713ns}}) {
+    Line line(one.slaves, one.hop);
+    std::uint32_t seed = 7;
+    for (std::size_t i = 0; i < one.slaves; ++i) {
+      line.segment->set_powered(i, true, line.now + Time{1'000'000 * static_cast<std::int64_t>(i)});
+      seed = seed * 1664525U + 1013904223U;
+      // The ends of the range and random values between.
+      const std::int32_t random = static_cast<std::int32_t>(seed % static_cast<std::uint32_t>(2 * one.ppb)) - one.ppb;
+      line.escs[i]->clock().set_oscillator(i == 1 ? one.ppb : i == 2 ? -one.ppb : random, line.now);
+    }
+    line.escs[0]->clock().set_oscillator(one.ppb / 2, line.now);
+    line.now += 100ms;
+    DcMaster master(line);
+    master.epoch = 700'000'000'000'000'000;
+    master.start();
+    EXPECT_LE(worst_difference(line), 100) << one.name;
+    // Within each cycle and from cycle to cycle.
+    std::int64_t worst = 0;
+    for (int i = 0; i < 500; ++i) {
+      master.distribute();
+      for (int part = 0; part < 4; ++part) {
+        line.now += 250us;
+        worst = std::max(worst, worst_difference(line));
+      }
+    }
+    EXPECT_LE(worst, 100) << one.name;
+    RecordProperty(one.name, static_cast<int>(worst));
+    std::printf("%-12s %zu slaves: at most %lld ns from the reference\n", one.name, one.slaves,
+                static_cast<long long>(worst));
+    // A slave sees its own difference.
+    for (std::size_t i = 1; i < one.slaves; ++i) {
+      EXPECT_LE(line.get<std::uint32_t>(i, reg::system_time_difference) & 0x7FFFFFFF, 20U) << one.name;
+    }
+  }
+}
+
+TEST(DcStartup, WithoutTheCompensationTheyDriftApart) {
+  Line line(2, 400ns);
+  line.escs[1]->clock().set_oscillator(100'000, line.now);
+  DcMaster master(line);
+  master.start();
+  master.cycle(100);
+  EXPECT_LE(worst_difference(line), 100);
+  const std::uint16_t correction = line.get<std::uint16_t>(1, reg::speed_counter_difference);
+  line.put<std::uint16_t>(1, reg::speed_counter_start, 0x1000);  // forgets the compensation
+  line.now += 10ms;
+  EXPECT_NEAR(static_cast<double>(worst_difference(line)), 1000.0, 20.0);
+  // The slave ran 100 ppm fast: its counter's difference was negative, by the formula of 0932h.
+  const double difference = static_cast<std::int16_t>(correction);
+  EXPECT_NEAR(difference / (5.0 * (4096 + difference + 2) * (4096 - difference + 2)), -100e-6, 2e-6);
+}
+
+TEST(DcStartup, AStepOfTheOscillatorIsRegained) {
+  Line line(2, 400ns);
+  DcMaster master(line);
+  master.start();
+  line.escs[1]->clock().set_oscillator(50'000, line.now);
+  master.cycle(1);
+  EXPECT_GT(worst_difference(line), 40);
+  master.cycle(300);
+  EXPECT_LE(worst_difference(line), 20);
+}
+
+// ---- SYNC ----
+
+class SyncUnit : public testing::Test {
+ protected:
+  void activate(std::uint64_t start, std::uint32_t cycle0, std::uint32_t cycle1, std::uint8_t activation) {
+    line.put<std::uint8_t>(0, reg::sync_activation, 0);
+    line.put<std::uint64_t>(0, reg::sync_start_time, start);
+    line.put<std::uint32_t>(0, reg::sync0_cycle, cycle0);
+    line.put<std::uint32_t>(0, reg::sync1_cycle, cycle1);
+    line.put<std::uint8_t>(0, reg::sync_activation, activation);
+  }
+  std::uint64_t system() { return esc.clock().system_time(line.now); }
+  // System times of the pulses of the next `span`, polled at the deadlines.
+  std::vector<std::pair<unsigned, std::uint64_t>> pulses(Time span) {
+    std::vector<std::pair<unsigned, std::uint64_t>> all;
+    const Time end = line.now + span;
+    while (true) {
+      const Time next = esc.next_deadline(line.now);
+      if (next > end) break;
+      line.now = next;
+      const unsigned fired = esc.poll(line.now);
+      for (unsigned n = 0; n < 2; ++n) {
+        if ((fired >> n & 1) != 0) all.emplace_back(n, system());
+      }
+    }
+    line.now = end;
+    return all;
+  }
+  Line line{1};
+  Esc& esc = *line.escs[0];
+};
+
+TEST_F(SyncUnit, PulsesBeginAtTheStartTime) {
+  esc.clock().set_oscillator(50'000, line.now);
+  const std::uint64_t start = system() + 3'000'000;
+  activate(start, 1'000'000, 0, 0x03);
+  EXPECT_EQ(line.get<std::uint64_t>(0, reg::sync_start_time), start);
+  const auto all = pulses(6ms);
+  ASSERT_EQ(all.size(), 4U);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(all[i], (std::pair{0U, start + i * 1'000'000}));
+  EXPECT_EQ(line.get<std::uint64_t>(0, reg::sync_start_time), start + 4'000'000);  // the next one
+  EXPECT_NE(esc.attention() & reg::al_event::sync0, 0U);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0);
+  EXPECT_TRUE(pulses(10ms).empty());
+}
+
+TEST_F(SyncUnit, Sync1FollowsSync0) {
+  const std::uint64_t start = system() + 1'000'000;
+  activate(start, 1'000'000, 250'000, 0x07);
+  const auto all = pulses(3300us);
+  ASSERT_EQ(all.size(), 6U);
+  EXPECT_EQ(all[1], (std::pair{1U, start + 250'000}));
+  EXPECT_EQ(all[5], (std::pair{1U, start + 2'250'000}));
+}
+
+TEST_F(SyncUnit, Sync1OfEverySecondCycle) {
+  const std::uint64_t start = system() + 1'000'000;
+  activate(start, 1'000'000, 1'250'000, 0x07);
+  std::vector<std::uint64_t> sync1;
+  for (const auto& [n, time] : pulses(8ms)) {
+    if (n == 1) sync1.push_back(time - start);
+  }
+  EXPECT_EQ(sync1, (std::vector<std::uint64_t>{1'250'000, 3'250'000, 5'250'000}));
+}
+
+TEST_F(SyncUnit, AStartTimeInThePastDoesNotStart) {
+  activate(system() - 1000, 1'000'000, 0, 0x03);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status) & 0x04, 0x04);
+  EXPECT_TRUE(pulses(10ms).empty());
+  activate(system() - 1000, 1'000'000, 0, 0x23);  // unless it is checked
+  EXPECT_EQ(pulses(3500us).size(), 4U);
+}
+
+TEST_F(SyncUnit, SingleShotAndAcknowledge) {
+  const std::uint64_t start = system() + 1000;
+  activate(start, 0, 0, 0x03);
+  EXPECT_EQ(pulses(10ms).size(), 1U);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync0_status), 1);  // pulse length 0
+  esc.clock().acknowledge_sync(0);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync0_status), 0);
+}
+
+TEST_F(SyncUnit, ALateCallerGetsOnePulseAndTheCount) {
+  activate(system() + 1000, 1'000'000, 0, 0x03);
+  line.now += 5500us;
+  EXPECT_EQ(esc.poll(line.now), 1U);
+  EXPECT_EQ(esc.poll(line.now), 0U);
+  EXPECT_EQ(esc.clock().sync(0).count, 6U);
+}
+
+TEST_F(SyncUnit, TheApplicationMayControlIt) {
+  line.put<std::uint8_t>(0, reg::cyclic_unit_control, 1);
+  EXPECT_EQ(line.write(0, reg::sync_activation, {3}).counter, 0U);
+}
+
+TEST(Latch, EdgesSingleAndContinuous) {
+  Line line(1);
+  Esc& esc = *line.escs[0];
+  line.put<std::uint16_t>(0, reg::ecat_event_mask, reg::ecat_event::latch);
+  line.put<std::uint8_t>(0, reg::latch0_control, 0x01);  // positive edge: single event
+  line.now += 1us;
+  const std::uint64_t first = esc.clock().system_time(line.now);
+  esc.latch_edge(0, true, line.now);
+  line.now += 1us;
+  esc.latch_edge(0, false, line.now);
+  line.now += 1us;
+  esc.latch_edge(0, true, line.now);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::latch0_status), 0x07);
+  EXPECT_EQ(line.send(Command::nop, 0, {}).interrupt, reg::ecat_event::latch);
+  EXPECT_EQ(line.get<std::uint64_t>(0, reg::latch_times), first);
+  EXPECT_EQ(line.get<std::uint64_t>(0, reg::latch_times + 8), first + 1000);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::latch0_status), 0x04);  // reading the times acknowledged
+  EXPECT_EQ(line.send(Command::nop, 0, {}).interrupt, 0);
+  line.now += 1us;
+  esc.latch_edge(0, true, line.now);
+  EXPECT_EQ(line.get<std::uint64_t>(0, reg::latch_times), first + 3000);
+}
+
+}  // namespace
+}  // namespace servodrome::ethercat::test

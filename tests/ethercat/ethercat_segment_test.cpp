@@ -1,0 +1,164 @@
+#include "esc_rig.hpp"
+
+// Slaves in line: loops, breaks, rings, errors on the way.
+namespace servodrome::ethercat::test {
+namespace {
+
+unsigned count(Line& line, Segment::Port port = Segment::Port::primary) {
+  const Answer answer = line.send(Command::brd, address_of(0, 0), {0}, port);
+  return answer.exit == Segment::Exit::lost ? 0 : answer.counter;
+}
+
+TEST(Segment, TheTailBehindABreakIsSilent) {
+  Line line(5);
+  EXPECT_EQ(count(line), 5U);
+  line.segment->set_cable(3, false);
+  EXPECT_EQ(count(line), 3U);
+  EXPECT_EQ(line.get<std::uint16_t>(2, reg::dl_status), 0x5613);  // loop at port 1 closed
+  EXPECT_EQ(line.get<std::uint8_t>(2, reg::lost_links + 1), 1);
+  EXPECT_EQ(line.get<std::uint16_t>(1, reg::dl_status), 0x5A33);
+  line.segment->set_cable(3, true);
+  EXPECT_EQ(count(line), 5U);
+  EXPECT_EQ(line.get<std::uint8_t>(3, reg::lost_links), 1);
+  line.put<std::uint8_t>(3, reg::lost_links, 0);
+  EXPECT_EQ(line.get<std::uint8_t>(3, reg::lost_links), 0);
+  line.segment->set_cable(0, false);
+  EXPECT_EQ(count(line), 0U);
+}
+
+TEST(Segment, DlStatusEventTellsOfABreak) {
+  Line line(2);
+  line.put<std::uint16_t>(0, reg::ecat_event_mask, reg::ecat_event::dl_status);
+  line.get<std::uint16_t>(0, reg::dl_status);
+  EXPECT_EQ(line.send(Command::nop, 0, {}).interrupt, 0);
+  line.segment->set_cable(1, false);
+  EXPECT_EQ(line.send(Command::nop, 0, {}).interrupt, reg::ecat_event::dl_status);
+  line.get<std::uint16_t>(0, reg::dl_status);
+  EXPECT_EQ(line.send(Command::nop, 0, {}).interrupt, 0);
+}
+
+TEST(Segment, PowerCycleOfOneSlave) {
+  Line line(3);
+  line.put<std::uint16_t>(1, reg::station_address, 0x1002);
+  line.put<std::uint16_t>(2, reg::station_address, 0x1003);
+  line.segment->set_powered(1, false, line.now);
+  EXPECT_EQ(count(line), 1U);
+  line.segment->set_powered(1, true, line.now);
+  EXPECT_EQ(count(line), 3U);
+  EXPECT_EQ(line.get<std::uint16_t>(1, reg::station_address), 0);
+  EXPECT_EQ(line.get<std::uint16_t>(2, reg::station_address), 0x1003);
+}
+
+TEST(Segment, LoopsByDlControl) {
+  Line line(3);
+  line.put<std::uint8_t>(1, reg::dl_control + 1, 0x0C);  // port 1 closed
+  EXPECT_EQ(count(line), 2U);
+  line.put<std::uint8_t>(1, reg::dl_control + 1, 0x08);  // open
+  EXPECT_EQ(count(line), 3U);
+  line.segment->set_cable(2, false);
+  EXPECT_EQ(count(line), 0U);  // an open port without a link loses the frame
+  line.segment->set_cable(2, true);
+  line.put<std::uint8_t>(1, reg::dl_control + 1, 0x04);  // auto close
+  line.segment->set_cable(2, false);
+  EXPECT_EQ(count(line), 2U);
+  line.segment->set_cable(2, true);
+  EXPECT_EQ(count(line), 2U);                            // stays closed
+  line.put<std::uint8_t>(1, reg::dl_control + 1, 0x04);  // until it is written again
+  EXPECT_EQ(count(line), 3U);
+}
+
+TEST(Segment, TemporarySettingOfLoops) {
+  Line line(2);
+  line.write(0, reg::dl_control, {0x01, 0x00, 0x07, 0x00});
+  line.write(0, reg::dl_control, {0x03, 0x0C, 0x07, 0x00});
+  EXPECT_EQ(count(line), 1U);
+  EXPECT_EQ(line.escs[0]->next_deadline(line.now), line.now + 1s);
+  line.now += 1s;
+  line.escs[0]->poll(line.now);
+  EXPECT_EQ(count(line), 2U);
+}
+
+TEST(Segment, RingWithoutABreak) {
+  Line line(4);
+  line.segment->set_cable(4, true);
+  Answer answer = line.send(Command::brd, 0, {0});
+  EXPECT_EQ(answer.exit, Segment::Exit::secondary);
+  EXPECT_EQ(answer.counter, 4U);
+  answer = line.send(Command::brd, 0, {0}, Segment::Port::secondary);  // goes back unprocessed
+  EXPECT_EQ(answer.exit, Segment::Exit::primary);
+  EXPECT_EQ(answer.counter, 0U);
+}
+
+TEST(Segment, RingBearsOneBreakAnywhere) {
+  for (std::size_t broken = 0; broken <= 4; ++broken) {
+    Line line(4);
+    line.segment->set_cable(4, true);
+    line.segment->set_cable(broken, false);
+    const Answer front = line.send(Command::brd, 0, {0});
+    const Answer back = line.send(Command::brd, 0, {0}, Segment::Port::secondary);
+    EXPECT_EQ(front.exit, broken == 0 ? Segment::Exit::lost : Segment::Exit::primary);
+    EXPECT_EQ(back.exit, broken == 4 ? Segment::Exit::lost : Segment::Exit::secondary);
+    EXPECT_EQ(front.counter, broken);
+    EXPECT_EQ(back.counter, 4 - broken);
+    // From the far end the slaves are passed in the same order as always.
+    if (broken == 2) {
+      line.send(Command::apwr, address_of(0, 0x1000), {0xAB}, Segment::Port::secondary);
+      EXPECT_EQ(line.escs[2]->read_byte(0x1000, line.now), 0xAB);
+      EXPECT_EQ(line.escs[3]->read_byte(0x1000, line.now), 0);
+    }
+  }
+}
+
+TEST(Segment, ACirculatingFrameIsTakenOffTheLine) {
+  Line line(2);
+  line.segment->set_cable(2, true);
+  line.segment->set_cable(0, false);
+  std::array<std::uint8_t, max_frame> memory;
+  FrameWriter writer = FrameWriter::ethernet(memory);
+  writer.add(Command::brd, 0, 0, 1);
+  EXPECT_EQ(line.segment->process(writer.bytes(), line.now, Segment::Port::secondary).exit, Segment::Exit::secondary);
+  Frame frame;
+  parse_ethernet(writer.bytes(), frame);
+  EXPECT_TRUE(frame.datagrams()[0].circulating());
+  EXPECT_EQ(line.segment->process(writer.bytes(), line.now, Segment::Port::secondary).exit, Segment::Exit::lost);
+}
+
+TEST(Segment, AWrongFcsIsCountedWhereItHappenedAndBehind) {
+  Line line(3);
+  line.slaves[1].corrupts_next = true;
+  EXPECT_EQ(count(line), 0U);
+  EXPECT_EQ(count(line), 3U);
+  EXPECT_EQ(line.read(0, reg::rx_errors, 13).data, Bytes(13, 0));
+  EXPECT_EQ(line.get<std::uint8_t>(1, reg::rx_errors), 1);
+  EXPECT_EQ(line.get<std::uint8_t>(1, reg::processing_unit_errors), 1);
+  EXPECT_EQ(line.get<std::uint8_t>(2, reg::rx_errors), 0);
+  EXPECT_EQ(line.get<std::uint8_t>(2, reg::forwarded_rx_errors), 1);
+  line.put<std::uint8_t>(1, reg::rx_errors, 0xFF);  // any value clears all of them
+  EXPECT_EQ(line.get<std::uint8_t>(1, reg::rx_errors), 0);
+}
+
+TEST(Segment, TimeOfTheWay) {
+  Line line(4, 500ns);
+  std::array<std::uint8_t, max_frame> memory;
+  FrameWriter writer = FrameWriter::ethernet(memory);
+  writer.add(Command::nop, 0, 0, 0);
+  EXPECT_EQ(line.segment->process(writer.bytes(), 10us).leaves, 10us + 8 * 500ns);
+  line.segment->set_cable(2, false);
+  EXPECT_EQ(line.segment->process(writer.bytes(), 10us).leaves, 10us + 4 * 500ns);
+}
+
+TEST(Segment, PortReceiveTimes) {
+  Line line(3, 100ns);
+  line.slaves[2].forward = line.slaves[2].backward = 350ns;
+  line.send(Command::bwr, address_of(0, reg::receive_time_port), Bytes(4));
+  const auto base = static_cast<std::uint32_t>(line.get<std::uint32_t>(0, reg::receive_time_port));
+  EXPECT_EQ(line.get<std::uint64_t>(0, reg::receive_time_processing_unit), base);
+  EXPECT_EQ(line.get<std::uint32_t>(0, reg::receive_time_port + 4) - base, 2 * (100U + 350U));
+  EXPECT_EQ(line.get<std::uint32_t>(1, reg::receive_time_port) - base, 100U);
+  EXPECT_EQ(line.get<std::uint32_t>(1, reg::receive_time_port + 4) - base, 100U + 2 * 350U);
+  EXPECT_EQ(line.get<std::uint32_t>(2, reg::receive_time_port) - base, 450U);
+  EXPECT_EQ(line.get<std::uint32_t>(2, reg::receive_time_port + 4), 0U);
+}
+
+}  // namespace
+}  // namespace servodrome::ethercat::test
