@@ -143,6 +143,7 @@ struct Axis {
   const CascadeState* loops = nullptr;
   bool limited = false;          // statusword bit 11
   bool synchronised = false;     // a SYNC came since the last cycle
+  double sync_age = 0.0;         // how long before this cycle, in cycles
   bool new_set_point = false;    // a cyclic set-point was written since the last cycle
   bool following_error = false;  // out of 6065h for longer than 6066h: statusword bit 13 in position modes
   Cause raised = Cause::none;    // the first cause raised in this cycle

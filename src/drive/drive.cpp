@@ -145,6 +145,11 @@ void Drive::restart() {
   axis_.generator.reset(axis_.position());
 }
 
+void Drive::synchronise() {
+  axis_.synchronised = true;
+  axis_.sync_age = static_cast<double>(cascade_.ticks_to_position_loop()) / policy_.position_loop_ticks;
+}
+
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   if (feedback.edge_count != 0) capture_edges(feedback);
   const bool cycle_due = cascade_.position_loop_due();

@@ -66,7 +66,7 @@ class Drive final : public dictionary::Listener {
   void set_analysis(ResonanceAnalysis* analysis) { cascade_.set_analysis(analysis); }
 
   // --- Events from the bus
-  void synchronise() { axis_.synchronised = true; }
+  void synchronise();
   void communication_lost(Cause cause = Cause::communication_lost);  // reacts by 6007h, or always by the fault
   void show_warning(bool present) { outside_warning_ = present; }    // of the device around the drive, in bit 7
 

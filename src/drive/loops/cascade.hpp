@@ -81,6 +81,8 @@ class Cascade {
 
   // Whether the next tick runs the position loop: the time to call set_demand.
   bool position_loop_due() const { return (tick_ & position_mask_) == 0; }
+  // Ticks until that is so: 0 when it is now.
+  std::uint32_t ticks_to_position_loop() const { return (0u - tick_) & position_mask_; }
 
   // Once per base tick, also while disabled (the measurements go on). Writes actuation.phase_voltage_v and nothing
   // else: zero unless enabled with a loop other than off.

@@ -126,8 +126,8 @@ std::uint16_t InterpolatedPosition::status(const Axis& axis) const {
 namespace {
 
 // The digest's reading of A 69 (ProNet manual L2015-2016): one SYNC period without a set-point is tolerated, the end of
-// the second raises it. By the clock a SYNC may be this much late.
-constexpr double sync_slack_cycles = 1.0;
+// the second raises it. A SYNC is told from a late one by a base tick.
+constexpr double sync_slack_cycles = 0.125;
 constexpr unsigned tolerated_stale_syncs = 1;
 
 }  // namespace
@@ -160,11 +160,11 @@ void SynchronousInterpolation::step(Axis& axis) {
     waiting_cycles_ += 1.0;
     const bool sync = axis.synchronised;
     if (sync && (fresh_ || !armed_)) {
-      if (fresh_) follower_.follow(axis, axis.objects.interpolation_data_record);
+      if (fresh_) follower_.follow_sync(axis, axis.objects.interpolation_data_record, axis.sync_age);
       fresh_ = false;
       armed_ = true;
       stale_syncs_ = 0;
-      waiting_cycles_ = 0.0;
+      waiting_cycles_ = axis.sync_age;
     } else if (sync) {
       ++stale_syncs_;
     }

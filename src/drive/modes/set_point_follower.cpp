@@ -20,6 +20,9 @@ bool too_late(double due) { return std::ceil(due) < -jitter; }
 // to a half), and what one target counts for it.
 constexpr double phase_slack = 0.6;
 constexpr double phase_share = 1.0 / 32.0;
+// What one SYNC counts for the time base that is locked to it.
+constexpr double lock_share = 1.0 / 8.0;
+constexpr double shortest_line = 0.25;  // cycles
 
 }  // namespace
 
@@ -61,19 +64,32 @@ void await_target(Axis& axis) {
   axis.follow_generator(Loop::position);
 }
 
-void SetPointFollower::follow(Axis& axis, std::int64_t user) {
-  const double period = period_.cycles(axis);
+// Whether the target comes when one is expected.
+bool SetPointFollower::begin(Axis& axis) {
   if (!following_) {
     line_.stand(axis.generator.position(), axis.generator.fraction());
     following_ = true;
     due_ = -2.0 * jitter;  // that is, not at all
   }
-  if (too_late(due_)) {  // the first after a pause: due one period from now
-    regular_ = false;
+  return !too_late(due_);
+}
+
+void SetPointFollower::follow_sync(Axis& axis, std::int64_t user, double age) {
+  const double period = period_.cycles(axis);
+  regular_ = begin(axis);
+  // By the SYNC the target before was due `age` cycles ago.
+  due_ = regular_ ? due_ - (due_ + age) * lock_share : -age;
+  due_ = std::max(shortest_line, due_ + period);
+  line_.go(resolve_cyclic_target(axis, user, line_.target()), due_);
+}
+
+void SetPointFollower::follow(Axis& axis, std::int64_t user) {
+  const double period = period_.cycles(axis);
+  regular_ = begin(axis);
+  if (!regular_) {  // the first after a pause: due one period from now
     due_ = period;
     phase_ = 0.0;
   } else {  // due one period after the one before
-    regular_ = true;
     due_ = std::min(due_, 2.0 * jitter);
     // The master's clock is not this one. Targets that are always early or late pull the time base along.
     phase_ += (due_ - phase_) * phase_share;

@@ -24,7 +24,8 @@ class InterpolationPeriod {
 
 // Follows targets that are due one period 60C2h apart. It interpolates between them on a time base of its own, not on
 // the moments they arrive, and lets that time base be pulled along by them: a target may come up to a cycle early or
-// late (jitter of bus and master, or a period that is no multiple of the cycle) without a trace in the velocity.
+// late (jitter of bus and master, or a period that is no multiple of the cycle) without a trace in the velocity. Where
+// the moment is known to a part of a cycle, as that of a SYNC is, the time base locks to it.
 class SetPointFollower {
  public:
   // Forgets the targets; the axis comes to rest from whatever it does.
@@ -35,12 +36,16 @@ class SetPointFollower {
 
   // A new target in user units, to be reached one period after the one before.
   void follow(Axis& axis, std::int64_t user);
+  // The same, with the SYNC that brought it `age` cycles ago, 0 to 1.
+  void follow_sync(Axis& axis, std::int64_t user, double age);
   // One position-loop cycle.
   void step(Axis& axis);
 
   double period_cycles(const Axis& axis) { return period_.cycles(axis); }
 
  private:
+  bool begin(Axis& axis);
+
   Line line_{};
   InterpolationPeriod period_{};
   double due_ = 0.0;        // cycles until the line's target is due; below 0: since
