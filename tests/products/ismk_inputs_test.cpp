@@ -263,11 +263,8 @@ void start_homing(IsmkRig& rig) {
   set(rig, 0x6060, 0, 3);
   set(rig, 0x6098, 0, 33);
   assign(rig, di1, 0x2000);
-  rig.plant.force_input(di1, true);
-  for (int i = 0; i < 32; ++i) {
-    rig.tick();
-    EXPECT_EQ(rig.get(0x6060), 3) << "not enabled";
-  }
+  wire(rig, di1, true);
+  EXPECT_EQ(rig.get(0x6060), 3) << "not enabled";
   wire(rig, di1, false);
   ASSERT_TRUE(rig.enable());
   rig.run_ms(20);

@@ -20,10 +20,27 @@ inline products::Settings ismk_settings(std::string_view rating = products::ismk
   return settings;
 }
 
-struct IsmkRig : Rig<products::Ismk> {
-  explicit IsmkRig(std::string_view rating = products::ismk::default_rating)
+// As it leaves the factory: kvp 4, which is slow, and the slower rates of the loops.
+struct FactoryIsmkRig : Rig<products::Ismk> {
+  explicit FactoryIsmkRig(std::string_view rating = products::ismk::default_rating)
       : Rig(ismk_plant(rating), ismk_settings(rating)) {}
-  IsmkRig(const plant::Parameters& parameters, const products::Settings& settings) : Rig(parameters, settings) {}
+  FactoryIsmkRig(const plant::Parameters& parameters, const products::Settings& settings) : Rig(parameters, settings) {}
+};
+
+// Commissioned: the faster rates, and gains for a stiff axis, so that motion is quick and exact. A power cycle takes it
+// back to the factory's.
+struct IsmkRig : FactoryIsmkRig {
+  explicit IsmkRig(std::string_view rating = products::ismk::default_rating) : FactoryIsmkRig(rating) { commission(); }
+  IsmkRig(const plant::Parameters& parameters, const products::Settings& settings)
+      : FactoryIsmkRig(parameters, settings) {
+    commission();
+  }
+
+ private:
+  void commission() {
+    set(0x60F9, 6, 0x80);
+    device.set_rigidity(150.0);
+  }
 };
 
 }  // namespace servodrome::test

@@ -339,6 +339,7 @@ float Cascade::velocity_controller() {
   const bool winding_up = state_.torque_limited ? (sum > torque) == (error > 0.0F)
                                                 : state_.voltage_limited && (error > 0.0F) == (torque > 0.0F);
   if (demand_.integral_off) {
+    handover_ += integral_;
     integral_ = 0.0F;
   } else if (!winding_up) {
     integral_ = rest_.integrate(integral_, velocity_ki_ * error, moved_);

@@ -61,8 +61,7 @@ drive::Configuration Ismk::configuration() {
   drive::Configuration configuration;
   configuration.motor = settings().motor;
   configuration.motor.peak_current_a = rating().motor.peak_current_a;
-  configuration.gains =
-      drive::default_gains(configuration.motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
+  tuning_.configure(own, configuration);
   configuration.monitors.over_voltage_v = own.device.over_voltage_v;
   configuration.monitors.under_voltage_v = own.device.under_voltage_v;
   configuration.monitors.chopper_on_v = configuration.monitors.chopper_off_v = 1e9F;  // there is none inside (L315)
@@ -80,7 +79,9 @@ drive::Configuration Ismk::configuration() {
 
 void Ismk::power_on(const drive::Feedback& feedback, Time now) {
   terminals_.reset();
+  tuning_.reset(static_cast<double>(rating().motor.inertia_kgm2));
   CanDevice::power_on(feedback, now);
+  tuning_.objects_loaded(objects(), drive().configuration().motor);
   open_serial_port();
   if (settings().store != nullptr && dictionary::Store(*settings().store).damaged()) {
     drive().raise(drive::Cause::memory);
@@ -89,12 +90,18 @@ void Ismk::power_on(const drive::Feedback& feedback, Time now) {
 
 void Ismk::cycle(Time now) {
   terminals_.cycle(drive(), objects());
+  if (tuning_.cycle(drive(), objects(), terminals_)) reconfigure();
   CanDevice::cycle(now);
 }
 
 void Ismk::reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) {
-  if (command == canopen::NmtCommand::reset_node) terminals_.reset();
+  if (command == canopen::NmtCommand::reset_node) {
+    terminals_.reset();
+    tuning_.reset(static_cast<double>(rating().motor.inertia_kgm2));
+    drive().set_analysis(nullptr);
+  }
   CanDevice::reset(command, restore, node_id);
+  tuning_.objects_loaded(objects(), drive().configuration().motor);
   if (command == canopen::NmtCommand::reset_node) open_serial_port();
 }
 
@@ -142,11 +149,17 @@ dictionary::AbortCode Ismk::check(const dictionary::Entry& entry, std::span<cons
       return dictionary::AbortCode::value_invalid;
     }
   }
-  return dictionary::AbortCode::none;
+  return ismk::LoopTuning::check(entry, number, drive());
+}
+
+void Ismk::set_rigidity(double bandwidth_hz) {
+  tuning_.set_rigidity(bandwidth_hz, objects(), drive().configuration().motor);
+  reconfigure();
 }
 
 void Ismk::written(const dictionary::Entry& entry) {
   ismk::Objects& own = objects();
+  tuning_.written(entry, own, drive());
   const double thousandth_per_dec = drive().axis().units.current * 1000.0;
   switch (entry.index << 8 | entry.sub) {
     case 0x2FF009:  // one target speed in two units (L2511)
@@ -179,6 +192,7 @@ void Ismk::written(const dictionary::Entry& entry) {
 
 void Ismk::refresh(const dictionary::Entry& entry) {
   ismk::Objects& own = objects();
+  tuning_.refresh(entry, own, drive().configuration().motor);
   switch (entry.index << 8 | entry.sub) {
     case 0x2FF009:
       own.motion.target_speed_rpm = rounded<std::int16_t>(ismk::rpm_from_velocity_dec(own.drive.target_velocity));

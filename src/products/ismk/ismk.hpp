@@ -7,6 +7,7 @@
 #include "products/ismk/ratings.hpp"
 #include "products/ismk/registers.hpp"
 #include "products/ismk/terminals.hpp"
+#include "products/ismk/tuning.hpp"
 
 namespace servodrome::products {
 
@@ -46,6 +47,10 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   const ismk::Terminals& terminals() const { return terminals_; }
   const ismk::AlarmLog& alarm_log() const { return alarm_log_; }  // outlives power cycles
   const PastFault* past_fault(std::size_t n) const override { return n < alarm_log_.size() ? &alarm_log_[n] : nullptr; }
+  const ismk::LoopTuning& loop_tuning() const { return tuning_; }
+  // Functions of the PC software (L943-949): see LoopTuning.
+  bool recognise_inertia(double turns) { return tuning_.recognise_inertia(drive(), turns); }
+  void set_rigidity(double bandwidth_hz);
   std::array<char, 6> display();  // the alarm, "000.0" without one
   ismk::Capture capture(std::size_t unit) { return ismk::Terminals::capture(drive(), unit); }
   void rearm_capture(std::size_t unit, bool rising) { ismk::Terminals::rearm(drive(), unit, rising); }
@@ -77,6 +82,7 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   SerialPort serial_port_{dictionary(), registers, modbus_profile};
   ismk::Terminals terminals_{};
   ismk::AlarmLog alarm_log_{};
+  ismk::LoopTuning tuning_{};
 };
 
 }  // namespace servodrome::products

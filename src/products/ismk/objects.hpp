@@ -50,11 +50,10 @@ struct Gains {
   std::uint16_t output_filter = 1;             // Output_Filter_N: 2546 / N Hz
   std::uint8_t auto_switch = 0;                // 60F9h sub 9
   std::uint8_t pointer = 0;                    // 60F9h sub 28h: the set in use
-  std::int16_t velocity_feed_forward = 100;    // %
+  std::int16_t velocity_feed_forward = 1000;   // permille; also 2FF0h sub 1Ah
   std::int16_t acceleration_feed_forward = 32767;
   std::uint16_t velocity_bandwidth_hz = 0;  // 2FF0h sub 0Ah
   std::uint16_t velocity_ki_mix = 2;        // 2FF0h sub 19h
-  std::uint16_t velocity_feed_forward_permille = 1000;
   std::uint16_t acceleration_feed_forward_permille = 0;
   std::array<std::uint16_t, 3> notch_frequency_hz{};  // 250Bh
 };

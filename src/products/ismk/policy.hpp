@@ -31,6 +31,8 @@ constexpr drive::Policy make_policy() {
   policy.homing_methods = drive::cia402_methods;
   policy.digital_inputs = digital_inputs;
   policy.units = units;
+  policy.velocity_loop_ticks = 4;  // 4 kHz and 1 kHz; 60F9h sub 6 bit 7 doubles both (L1605)
+  policy.position_loop_ticks = 16;
   return policy;
 }
 

@@ -122,11 +122,16 @@ inline constexpr auto gains = std::to_array<Entry>({
     sub(0x250B, 3, "Notch filter 3 frequency", SERVODROME_ELEMENT(Gains, notch_frequency_hz, 2), rw, none,
         {.unit = "Hz", .saved = true}),
     sub(0x2FF0, 0x0A, "Velocity_BW", SERVODROME_FIELD(Gains, velocity_bandwidth_hz), rw, none,
-        {.default_value = 100, .minimum = 1, .maximum = 700, .unit = "Hz"}),
+        {.default_value = 24, .minimum = 1, .maximum = 700, .unit = "Hz"}),
     sub(0x2FF0, 0x19, "Kvi_Mix", SERVODROME_FIELD(Gains, velocity_ki_mix), rw, none,
         {.default_value = 2, .minimum = 0, .maximum = 16384}),
-    sub(0x2FF0, 0x1A, "K_Velocity_FF permille", SERVODROME_FIELD(Gains, velocity_feed_forward_permille), rw, none,
-        {.default_value = 1000, .minimum = 0, .maximum = 4000, .unit = "permille"}),
+    [] {
+      // The same value as 60FBh sub 2, as the manual's range for it shows it.
+      Entry share = sub(0x2FF0, 0x1A, "K_Velocity_FF permille", SERVODROME_FIELD(Gains, velocity_feed_forward), rw,
+                        none, {.default_value = 1000, .minimum = 0, .maximum = 4000, .unit = "permille"});
+      share.type = Type::unsigned16;
+      return share;
+    }(),
     sub(0x2FF0, 0x1B, "K_Acc_FF permille", SERVODROME_FIELD(Gains, acceleration_feed_forward_permille), rw, none,
         {.default_value = 0, .minimum = 0, .maximum = 4000, .unit = "permille"}),
     sub(0x60F9, 0x01, "Kvp[0]", SERVODROME_ELEMENT(Gains, velocity_kp, 0), rw, none,
@@ -154,14 +159,17 @@ inline constexpr auto gains = std::to_array<Entry>({
       return kpp;
     }(),
     sub(0x60FB, 0x02, "K_Velocity_FF", SERVODROME_FIELD(Gains, velocity_feed_forward), rw, none,
-        {.default_value = 100, .unit = "%", .saved = true}),
+        {.default_value = 1000, .unit = "%", .saved = true}),
     sub(0x60FB, 0x03, "K_Acc_FF", SERVODROME_FIELD(Gains, acceleration_feed_forward), rw, none,
         {.default_value = 32767, .unit = "DEC", .saved = true}),
 });
 
+// Printed with the range 0 to 31, which leaves out the functions of its bits 5 and 7 (L1590, C26): those rule.
+inline constexpr std::int64_t auto_tuning_maximum = 255;
+
 inline constexpr auto tuning = std::to_array<Entry>({
     sub(0x2340, 0x10, "Auto_Tuning_Control", SERVODROME_FIELD(Tuning, control), rw, none,
-        {.default_value = 12, .minimum = 0, .maximum = 31, .saved = true}),
+        {.default_value = 12, .minimum = 0, .maximum = auto_tuning_maximum, .saved = true}),
     sub(0x60F9, 0x03, "Notch filter frequency", SERVODROME_FIELD(Tuning, notch_frequency_hz), rw, none,
         {.unit = "Hz", .saved = true}),
     sub(0x60F9, 0x04, "Notch filter control", SERVODROME_FIELD(Tuning, notch_control), rw, none,

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <cstdint>
+
+#include "dictionary/abort_code.hpp"
+#include "drive/drive.hpp"
+#include "drive/tuning/inertia_estimator.hpp"
+#include "drive/tuning/resonance_analysis.hpp"
+#include "products/ismk/objects.hpp"
+#include "products/ismk/terminals.hpp"
+
+namespace servodrome::products::ismk {
+
+// 2340h sub 10h, Auto_Tuning_Control (L1590).
+namespace auto_tuning {
+inline constexpr std::uint8_t enabled = 0x01;
+inline constexpr std::uint8_t adjusts_kvp = 0x02;
+inline constexpr std::uint8_t adjusts_acceleration_feed_forward = 0x04;
+inline constexpr std::uint8_t not_forward = 0x10;
+inline constexpr std::uint8_t not_reverse = 0x20;
+inline constexpr std::uint8_t by_friction = 0x80;
+}  // namespace auto_tuning
+
+// 60F9h sub 4, notch filter control (L1720).
+namespace notch_control {
+inline constexpr std::uint8_t filters = 0x03;
+inline constexpr std::uint8_t actual_current = 0x10;
+inline constexpr std::uint8_t actual_speed = 0x20;
+inline constexpr std::uint8_t run = 0x80;
+}  // namespace notch_control
+
+// Automatic tuning of the iSMK: online auto-tuning (L1583-1590), inertia recognition and rigidity, which are functions
+// of its PC software (L943-949), automatic setting of notches (L1720-1741), and the choice of the gain set
+// (L1818-1888).
+//
+// Every function that may change gains answers whether it did: then the drive has to be configured anew.
+class LoopTuning {
+ public:
+  // Power on: nothing is known of the load but the rotor.
+  void reset(double rotor_inertia_kgm2);
+  // The objects have their values: Velocity_BW is what kvp makes it, and what was running when they were stored is not.
+  void objects_loaded(Objects& objects, const drive::MotorData& motor);
+
+  // Rotor and load, as far as known.
+  double inertia_kgm2() const { return inertia_kgm2_; }
+  // Load by rotor.
+  double inertia_ratio() const { return inertia_kgm2_ / rotor_inertia_kgm2_ - 1.0; }
+  bool identified() const { return identified_; }
+  const drive::InertiaEstimate& estimate() const { return estimate_; }
+
+  // Completes a configuration: inertia, gains, rates of the loops. While resonances are looked for the loops are soft,
+  // so that an axis that rings by itself becomes quiet.
+  void configure(const Objects& objects, drive::Configuration& configuration) const;
+
+  // Whether an object of this class' groups may take a value in the present state.
+  static dictionary::AbortCode check(const dictionary::Entry& entry, std::int64_t value, const drive::Drive& drive);
+  // Objects that mean the same as others follow each other.
+  void written(const dictionary::Entry& entry, Objects& objects, drive::Drive& drive);
+  void refresh(const dictionary::Entry& entry, Objects& objects, const drive::MotorData& motor) const;
+
+  // Once per position-loop cycle, after the drive's own and the terminals'.
+  bool cycle(drive::Drive& drive, Objects& objects, const Terminals& terminals);
+
+  // Inertia recognition of the PC software: moves of the drive's own, over up to `turns` revolutions to either side.
+  // False unless the axis stands and is enabled. The outcome is the drive's identification().
+  bool recognise_inertia(drive::Drive& drive, double turns);
+
+  // Rigidity of the PC software, by the velocity loop's bandwidth instead of its table, which is not printed: kvp by
+  // the formula, Kpp at a quarter of it (L1759), integral and feedback filter to match (L1674-1682), for the inertia
+  // known.
+  void set_rigidity(double bandwidth_hz, Objects& objects, const drive::MotorData& motor);
+
+  const drive::ResonanceAnalysis& analysis() const { return analysis_; }
+
+ private:
+  static bool select_gains(Objects& objects, const Terminals& terminals);
+  bool tune_online(drive::Drive& drive, Objects& objects);
+  bool take_recognition(drive::Drive& drive, Objects& objects);
+  bool set_notches(drive::Drive& drive, Objects& objects);
+  void adopt(const drive::InertiaEstimate& estimate, Objects& objects, const drive::MotorData& motor,
+             std::uint8_t adjust);
+  void set_kvp(Objects& objects, const drive::MotorData& motor) const;
+
+  double rotor_inertia_kgm2_ = 1e-5;
+  double inertia_kgm2_ = 1e-5;
+  double bandwidth_hz_ = 24.0;  // Velocity_BW, before rounding: what kvp is kept to when the inertia changes
+  bool identified_ = false;
+  drive::InertiaEstimate estimate_{};
+
+  std::uint8_t learning_ = 0;  // Auto_Tuning_Control as the estimator was begun with
+  std::uint32_t windows_ = 0;
+  drive::InertiaEstimator estimator_{};
+  bool recognising_ = false;
+  bool analysing_ = false;
+  drive::ResonanceAnalysis analysis_{};
+};
+
+}  // namespace servodrome::products::ismk
