@@ -4,7 +4,7 @@
 //   drive_frames COUNT [SEED]
 //
 // Frames are mostly near-valid: NMT, SYNC, SDO requests for objects that exist, PDOs, LSS, with bits flipped; the
-// drives run a few ticks in between. Every 10,000 frames both drives must still answer an SDO request after a reset.
+// drives run a few ticks in between. Every 10,000 frames all of them must still answer an SDO request after a reset.
 // Exit status 1 if one does not.
 #include <cstdio>
 #include <cstdlib>
@@ -13,6 +13,7 @@
 #include "../tests/products/rig.hpp"
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
+#include "products/pronet/pronet.hpp"
 
 namespace {
 
@@ -121,7 +122,8 @@ int main(int argc, char** argv) {
   }
   const std::uint64_t count = std::strtoull(argv[1], nullptr, 10);
   const std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
-  const bool ok =
-      fuzz<products::Ismc>("ismc", count / 2, seed) && fuzz<products::Generic402>("generic402", count / 2, seed + 1);
+  const bool ok = fuzz<products::Ismc>("ismc", count / 3, seed) &&
+                  fuzz<products::Generic402>("generic402", count / 3, seed + 1) &&
+                  fuzz<products::Pronet>("pronet", count / 3, seed + 2);
   return ok ? 0 : 1;
 }

@@ -367,7 +367,7 @@ void Drive::limit_switches(Counts before) {
     blocked |= (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * axis_.cycle_s;
   }
   if (!blocked) return;
-  axis_.limited = true;
+  if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
   if (std::abs(axis_.velocity()) > 4.0 * quick * axis_.cycle_s) {
     begin_stop(Stop::quick_stop_ramp);
     limit_stop_ = true;
