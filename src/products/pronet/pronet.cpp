@@ -115,9 +115,9 @@ std::uint32_t Pronet::chosen_bit_rate() const {
 }
 
 void Pronet::apply_transmit_masks() {
-  for (std::uint16_t i = 0; i < objects().manufacturer.transmit_mask.size(); ++i) {
-    const auto& mask = objects().manufacturer.transmit_mask[i];
-    node().set_tpdo_change_mask(i, std::uint64_t{mask.high} << 32 | mask.low);
+  std::uint16_t tpdo = 0;
+  for (const auto& mask : objects().manufacturer.transmit_mask) {
+    node().set_tpdo_change_mask(tpdo++, std::uint64_t{mask.high} << 32 | mask.low);
   }
 }
 
