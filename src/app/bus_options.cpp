@@ -32,10 +32,40 @@ void add_bus_options(CLI::App& command, BusOptions& options, const std::string& 
 
 void add_node_option(CLI::App& command, BusOptions& options) {
   command.add_option("--node", options.node_id, "Node-ID, 1..127; the only node found if not given")
-      ->check(CLI::Range(1, 127).description(""));
+      ->check(CLI::Range(1, 247).description(""));
+}
+
+void add_serial_options(CLI::App& command, BusOptions& options) {
+  command.get_option("--bus")->description(
+      "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; or modbus:LINK or serial10:LINK with "
+      "pty:PATH, serial:DEVICE or (modbus) tcp:HOST:PORT");
+  if (CLI::Option* node = command.get_option_no_throw("--node")) {
+    node->description(
+        "Node-ID, 1..127, or Modbus station, 1..247; if not given, the only node found on CAN, the unit alone behind a "
+        "TCP address, any drive (id 127) with serial10");
+  }
+  command.add_option("--bit-rate", options.bit_rate, "Of a serial line, bit/s")
+      ->check(CLI::Range(1200, 2'000'000).description(""))
+      ->capture_default_str();
+  command.add_option("--format", options.format, "Of a serial line: data bits, parity, stop bits")
+      ->capture_default_str();
+  command.add_option("--product", options.product,
+                     "Product whose Modbus registers and peculiarities the drive has, if it does not say so itself");
+}
+
+BusKindAndLink bus_kind(const BusOptions& options) {
+  constexpr std::string_view modbus = "modbus:";
+  constexpr std::string_view serial10 = "serial10:";
+  if (options.link.starts_with(modbus)) return {BusKind::modbus, options.link.substr(modbus.size())};
+  if (options.link.starts_with(serial10)) return {BusKind::serial10, options.link.substr(serial10.size())};
+  return {BusKind::can, options.link};
 }
 
 std::unique_ptr<host::Bus> open_bus(const BusOptions& options) {
+  if (bus_kind(options).kind != BusKind::can) {
+    throw Failure::wrong_use(fmt::format("--bus {}: this needs a CAN bus", options.link));
+  }
+  if (options.node_id > 127) throw Failure::wrong_use(fmt::format("--node {}: node-IDs are 1..127", options.node_id));
   try {
     links::parse_can_link(options.link);
   } catch (const links::LinkError& error) {
@@ -93,9 +123,9 @@ host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet) {
     if (InterruptGuard::interrupted()) {
       axis.stop();
       throw Failure::did_not_work(
-          fmt::format("interrupted: node {} was stopped at position {}", axis.node_id(), axis.position()));
+          fmt::format("interrupted: {} was stopped at position {}", axis.objects().where(), axis.position()));
     }
-    const host::Time now = axis.sdo().bus().now();
+    const host::Time now = axis.objects().now();
     if (!shown || now < next) return;
     next = now + progress_period;
     fmt::print("\r  position {:>12}  velocity {:>10}\x1B[K", status.position, status.velocity);

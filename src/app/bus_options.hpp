@@ -17,18 +17,35 @@ struct BusOptions {
   std::string link = default_bus;
   unsigned node_id = 0;  // 0: the only one found
   double timeout_s = 1.0;
+  bool timeout_is_for_motion = false;  // and not for each answer
   bool json = false;
+  // Of drives that are not on a CAN bus
+  unsigned bit_rate = 115200;
+  std::string format = "8N1";
+  std::string product{};
 
   host::Time timeout() const {
     return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(timeout_s));
   }
+  host::Time answer_timeout() const { return timeout_is_for_motion ? host::Time(std::chrono::seconds(1)) : timeout(); }
 };
+
+enum class BusKind : std::uint8_t { can, modbus, serial10 };
+
+struct BusKindAndLink {
+  BusKind kind;
+  std::string link;  // without the kind
+};
+// `modbus:LINK` and `serial10:LINK` are told by their beginning; everything else is a CAN link.
+BusKindAndLink bus_kind(const BusOptions& options);
 
 // --bus, --json, and --timeout with its meaning for this command; `options` holds the defaults.
 void add_bus_options(CLI::App& command, BusOptions& options, const std::string& timeout_help);
 void add_node_option(CLI::App& command, BusOptions& options);
+// For commands that work on other buses as well: --bit-rate, --format and --product, and what --bus takes.
+void add_serial_options(CLI::App& command, BusOptions& options);
 
-// Opens --bus. Throws Failure if it is no link name, HostError if the link cannot be opened.
+// Opens --bus, which must be a CAN link. Throws Failure if it is none, HostError if the link cannot be opened.
 std::unique_ptr<host::Bus> open_bus(const BusOptions& options);
 
 // The node of --node, or the only node of the bus that answers (`drives`: the only CiA 402 drive). Throws Failure if

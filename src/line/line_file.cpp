@@ -17,6 +17,7 @@
 #include "line/travel.hpp"
 #include "links/can/link_name.hpp"
 #include "links/link_error.hpp"
+#include "links/serial/format_text.hpp"
 #include "links/serial/link_name.hpp"
 
 namespace servodrome::line {
@@ -130,14 +131,12 @@ class LineFileReader {
     reader.read("bit_rate", bus.format.bit_rate, 1'200, 1'000'000);
     std::string format = "8N1";
     reader.read("format", format);
-    const std::string_view parities = "NEO";  // in the order of modbus::Parity
-    const std::size_t parity = format.size() == 3 ? parities.find(format[1]) : std::string_view::npos;
-    if (parity == std::string_view::npos || format[0] != '8' || (format[2] != '1' && format[2] != '2')) {
+    const auto parsed = links::parse_character_format(format, bus.format.bit_rate);
+    if (parsed && parsed->data_bits == 8) {
+      bus.format = *parsed;
+    } else {
       reader.complain("format", fmt::format("\"{}\" is no format", format),
                       "write \"8N1\", \"8E1\", \"8O1\", or the same with 2 stop bits");
-    } else {
-      bus.format.parity = static_cast<modbus::Parity>(parity);
-      bus.format.stop_bits = static_cast<std::uint8_t>(format[2] - '0');
     }
     std::int64_t silence_ms = 0;
     reader.read("silence_ms", silence_ms, 0, 1'000);

@@ -5,6 +5,7 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 #include "host/canopen/decode.hpp"
 
@@ -18,24 +19,27 @@ struct Options {
   double interval_s = 0.1;
 };
 
-double seconds_since(const host::Bus& bus, host::Time start) {
-  return std::chrono::duration<double>(bus.now() - start).count();
-}
+double seconds_between(host::Time start, host::Time end) { return std::chrono::duration<double>(end - start).count(); }
 
 // Calls `step`, which lets the bus run for a while, until the time is up or Ctrl-C.
-template <typename Step>
-void repeat(const host::Bus& bus, const Options& options, const Step& step) {
+template <typename Clock, typename Step>
+void repeat(const Clock& clock, const Options& options, const Step& step) {
   const InterruptGuard guard;
-  const host::Time start = bus.now();
-  while (!InterruptGuard::interrupted() && (options.seconds <= 0 || seconds_since(bus, start) < options.seconds))
+  const host::Time start = clock.now();
+  while (!InterruptGuard::interrupted() &&
+         (options.seconds <= 0 || seconds_between(start, clock.now()) < options.seconds)) {
     step();
+  }
 }
 
 void monitor_bus(const Options& options) {
+  if (bus_kind(options.bus).kind != BusKind::can) {
+    throw Failure::wrong_use("monitor: a serial line has one master, which nobody else can listen to; write --axis");
+  }
   const auto bus = open_bus(options.bus);
   const host::Time start = bus->now();
   const auto listening = bus->listen([&](const host::Frame& frame) {
-    const double at = seconds_since(*bus, start);
+    const double at = seconds_between(start, bus->now());
     const unsigned function = frame.id >> 7;
     const auto frame_node = static_cast<unsigned>(frame.id & 0x7F);
     const bool of_node = function != 0 && frame_node == options.bus.node_id;
@@ -92,23 +96,25 @@ void print_axis(const Options& options, double at, const host::AxisStatus& statu
 }
 
 void monitor_axis(const Options& options) {
-  const auto bus = open_bus(options.bus);
-  host::Axis402 axis(*bus, choose_node(*bus, options.bus, true), {.sdo = {.timeout = options.bus.timeout()}});
-  const host::Time start = bus->now();
+  DriveLink link(options.bus, true);
+  const auto opened = link.open_axis({.sdo = {.timeout = options.bus.timeout()}});
+  host::Axis402& axis = *opened;
+  host::ObjectClient& objects = link.objects();
+  const host::Time start = objects.now();
   const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));
   const double moved_units = axis.units_per_revolution().value_or(default_units_per_revolution) * moved_revolutions;
   std::optional<host::AxisStatus> last;
   std::string last_emergency;
-  repeat(*bus, options, [&] {
+  repeat(objects, options, [&] {
     const host::AxisStatus now = axis.status();
     const std::string emergency = axis.latest_emergency() ? host::text_of(*axis.latest_emergency()) : "";
     const bool live = on_terminal() && !options.bus.json;
     if (live || !last || is_news(*last, now, moved_units) || emergency != last_emergency) {
-      print_axis(options, seconds_since(*bus, start), now, emergency);
+      print_axis(options, seconds_between(start, objects.now()), now, emergency);
       last = now;
       last_emergency = emergency;
     }
-    bus->run_for(interval);
+    objects.wait(interval);
   });
 }
 
@@ -116,9 +122,11 @@ void monitor_axis(const Options& options) {
 
 void add_monitor(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("monitor", "Show decoded bus traffic, or what an axis does, until Ctrl-C");
+  CLI::App* command = app.add_subcommand(
+      "monitor", "Show decoded CAN traffic, or with --axis what an axis does on any bus, until Ctrl-C");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer of the axis");
   add_node_option(*command, options->bus);
+  add_serial_options(*command, options->bus);
   command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
   command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
   command->add_option("--interval", options->interval_s, "Seconds between two looks at the axis")

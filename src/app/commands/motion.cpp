@@ -4,13 +4,14 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 
 namespace servodrome::app {
 namespace {
 
 struct MotionOptions {
-  BusOptions bus{.timeout_s = 60.0};
+  BusOptions bus{.timeout_s = 60.0, .timeout_is_for_motion = true};
   bool reset_fault = false;
   bool disable = false;
   bool revolutions = false;
@@ -35,6 +36,7 @@ struct MoveOptions : MotionOptions {
 void add_motion_options(CLI::App& command, MotionOptions& options) {
   add_bus_options(command, options.bus, "Seconds the motion may take");
   add_node_option(command, options.bus);
+  add_serial_options(command, options.bus);
   command.add_flag("--revolutions", options.revolutions,
                    "Numbers are motor revolutions, /s and /s2, instead of the drive's units");
   command.add_flag("--reset-fault", options.reset_fault, "Reset a fault first");
@@ -48,10 +50,10 @@ class Units {
     if (!revolutions) return;
     const auto units = axis.units_per_revolution();
     if (!units) {
-      throw Failure::did_not_work(fmt::format(
-          "node {}: the drive does not say how many units a revolution has (6092h, 608Fh); give the numbers "
-          "in the drive's units, without --revolutions",
-          axis.node_id()));
+      throw Failure::did_not_work(
+          fmt::format("{}: the drive does not say how many units a revolution has (6092h, 608Fh); give the numbers "
+                      "in the drive's units, without --revolutions",
+                      axis.objects().where()));
     }
     scale_ = *units;
   }
@@ -70,27 +72,28 @@ class Units {
 // that cannot be followed leave the drive as it was.
 template <typename Plan>
 void run(const MotionOptions& options, const char* done, const Plan& plan) {
-  const auto bus = open_bus(options.bus);
-  host::Axis402 axis(*bus, choose_node(*bus, options.bus, true));
+  DriveLink link(options.bus, true);
+  const auto opened = link.open_axis({});
+  host::Axis402& axis = *opened;
   const auto motion = plan(Units(axis, options.revolutions));
   const InterruptGuard guard;
   if (options.reset_fault) axis.reset_fault();
   axis.enable();
-  const host::Time start = bus->now();
+  const host::Time start = link.objects().now();
   motion(axis, motion_progress(axis, options.bus.json));
-  const double seconds = std::chrono::duration<double>(bus->now() - start).count();
+  const double seconds = std::chrono::duration<double>(link.objects().now() - start).count();
   end_progress(options.bus.json);
   const std::int32_t position = axis.position();
   if (options.disable) axis.disable();
   if (options.bus.json) {
-    fmt::print("{}\n", nlohmann::ordered_json{{"node", axis.node_id()},
+    fmt::print("{}\n", nlohmann::ordered_json{{"node", axis.address()},
                                               {"result", done},
                                               {"position", position},
                                               {"seconds", seconds},
                                               {"state", drive::name(axis.state())}}
                            .dump(2));
   } else {
-    fmt::print("node {}: {} in {:.2f} s, position {}\n", axis.node_id(), done, seconds, position);
+    fmt::print("{} {}: {} in {:.2f} s, position {}\n", link.noun(), axis.address(), done, seconds, position);
   }
 }
 

@@ -1,10 +1,11 @@
-// `get` and `set`: objects of a node by SDO.
+// `get` and `set`: objects of a drive by SDO, Modbus or the 10-byte protocol.
 #include <fmt/format.h>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/drive_link.hpp"
 #include "describe/words.hpp"
 #include "dictionary/dictionary.hpp"
 #include "host/object_catalogue.hpp"
@@ -48,6 +49,16 @@ std::optional<Type> type_of(const Options& options, const host::ObjectCatalogue&
   return known == nullptr ? std::nullopt : known->type;
 }
 
+// For what CANopen alone has.
+host::SdoClient& sdo_of(DriveLink& link) {
+  if (link.sdo() == nullptr) throw Failure::wrong_use("--block: the SDO block protocol is CANopen's");
+  return *link.sdo();
+}
+
+std::vector<std::byte> upload(DriveLink& link, host::ObjectAddress object, const Options& options) {
+  return options.block ? sdo_of(link).upload(object, host::SdoProtocol::block) : link.objects().upload(object);
+}
+
 host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::string& text) {
   try {
     return catalogue.resolve(text);
@@ -87,14 +98,12 @@ void get(const Options& options) {
   std::vector<host::ObjectAddress> objects;
   for (const std::string& text : options.objects) objects.push_back(resolve(catalogue, text));
   given_type(options);
-  const auto bus = open_bus(options.bus);
-  host::SdoClient sdo(*bus, choose_node(*bus, options.bus, false), {.timeout = options.bus.timeout()});
+  DriveLink link(options.bus, false);
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const host::ObjectAddress object : objects) {
-    const auto protocol = options.block ? host::SdoProtocol::block : host::SdoProtocol::ordinary;
-    const std::vector<std::byte> bytes = sdo.upload(object, protocol);
+    const std::vector<std::byte> bytes = upload(link, object, options);
     const auto type = type_of(options, catalogue, object);
-    list.push_back(json_of(catalogue, sdo.node_id(), object, bytes, type));
+    list.push_back(json_of(catalogue, link.objects().address(), object, bytes, type));
     if (!options.bus.json) fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
   }
   if (options.bus.json) fmt::print("{}\n", (list.size() == 1 ? list[0] : list).dump(2));
@@ -102,10 +111,10 @@ void get(const Options& options) {
 
 // An object of unknown type is taken for an integer of the size it has now.
 Type type_to_write(const Options& options, const host::ObjectCatalogue& catalogue, host::ObjectAddress object,
-                   host::SdoClient& sdo) {
+                   host::ObjectClient& objects) {
   if (const auto type = type_of(options, catalogue, object)) return *type;
   const bool negative = !options.value.empty() && options.value.front() == '-';
-  switch (sdo.upload(object).size()) {
+  switch (objects.upload(object).size()) {
     case 1: return negative ? Type::integer8 : Type::unsigned8;
     case 2: return negative ? Type::integer16 : Type::unsigned16;
     case 4: return negative ? Type::integer32 : Type::unsigned32;
@@ -126,13 +135,16 @@ void set(const Options& options) {
     }
   };
   if (const auto type = type_of(options, catalogue, object)) value_of(*type);  // wrong use needs no bus to be found
-  const auto bus = open_bus(options.bus);
-  host::SdoClient sdo(*bus, choose_node(*bus, options.bus, false), {.timeout = options.bus.timeout()});
-  const Type type = type_to_write(options, catalogue, object, sdo);
+  DriveLink link(options.bus, false);
+  const Type type = type_to_write(options, catalogue, object, link.objects());
   const std::vector<std::byte> bytes = value_of(type);
-  sdo.download(object, bytes, options.block ? host::SdoProtocol::block : host::SdoProtocol::ordinary);
+  if (options.block) {
+    sdo_of(link).download(object, bytes, host::SdoProtocol::block);
+  } else {
+    link.objects().download(object, bytes);
+  }
   if (options.bus.json) {
-    fmt::print("{}\n", json_of(catalogue, sdo.node_id(), object, bytes, type).dump(2));
+    fmt::print("{}\n", json_of(catalogue, link.objects().address(), object, bytes, type).dump(2));
   } else {
     fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
   }
@@ -141,6 +153,7 @@ void set(const Options& options) {
 void add_common(CLI::App& command, Options& options) {
   add_bus_options(command, options.bus, "Seconds to wait for each answer");
   add_node_option(command, options.bus);
+  add_serial_options(command, options.bus);
   command.add_option("--eds", options.eds, "Electronic data sheet with the drive's own objects, names and types");
   command.add_option("--type", options.type, "Type of the value: i8 .. i64, u8 .. u64, bool, f32, string, bytes");
   command.add_flag("--block", options.block, "Use the SDO block protocol");
@@ -150,7 +163,7 @@ void add_common(CLI::App& command, Options& options) {
 
 void add_get(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("get", "Read objects of a node");
+  CLI::App* command = app.add_subcommand("get", "Read objects of a drive");
   command->add_option("OBJECT", options->objects, "INDEX[:SUB] in hexadecimal, or a name, e.g. 6041 or statusword")
       ->required();
   add_common(*command, *options);
@@ -159,7 +172,7 @@ void add_get(CLI::App& app) {
 
 void add_set(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("set", "Write an object of a node");
+  CLI::App* command = app.add_subcommand("set", "Write an object of a drive");
   command->add_option("OBJECT", options->object, "INDEX[:SUB] in hexadecimal, or a name")->required();
   command->add_option("VALUE", options->value, "Decimal, 0x or h for hexadecimal, text, or bytes in hexadecimal")
       ->required();

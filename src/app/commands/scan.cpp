@@ -5,15 +5,23 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "host/modbus/scan.hpp"
 
 namespace servodrome::app {
 namespace {
 
 struct Options {
-  BusOptions bus{.timeout_s = 0.25};
+  BusOptions bus{.timeout_s = 0.0};  // 0: by the kind of bus
   double listen_s = 0.0;
+  unsigned first = 1;
+  unsigned last = 0;  // 0: the highest there can be
 };
+
+constexpr double can_timeout_s = 0.25;
+// What answers on a serial line does so at once, and most addresses are empty.
+constexpr double serial_timeout_s = 0.05;
 
 nlohmann::ordered_json json_of(const host::FoundNode& node) {
   nlohmann::ordered_json json{{"node", node.node_id}, {"name", node.name}, {"kind", host::kind_of(node)}};
@@ -37,7 +45,73 @@ void print(const host::FoundNode& node, int width) {
              node.state ? host::name(*node.state) : "");
 }
 
-void run(const Options& options) {
+struct Station {
+  unsigned address;
+  std::string name;
+  std::string kind;
+};
+
+std::vector<Station> scan_modbus(const Options& options, const std::string& link) {
+  host::ModbusClient client = open_modbus_client(options.bus, link, {.timeout = options.bus.timeout(), .retries = 0});
+  const auto last = static_cast<std::uint8_t>(options.last != 0 ? options.last : modbus::highest_station);
+  std::vector<Station> stations;
+  for (const host::FoundStation& found : host::scan_stations(client, static_cast<std::uint8_t>(options.first), last)) {
+    constexpr std::uint8_t vendor_name = 0;
+    constexpr std::uint8_t product_code = 1;
+    const std::string name = found.text(product_code);
+    stations.push_back({found.unit, name,
+                        name.empty() ? "Modbus station without identification"
+                                     : fmt::format("Modbus station of {}", found.text(vendor_name))});
+  }
+  return stations;
+}
+
+std::vector<Station> scan_serial10(const Options& options, const std::string& link) {
+  host::Serial10Client client =
+      open_serial10_client(options.bus, link, {.timeout = options.bus.timeout(), .retries = 0});
+  const unsigned last = options.last != 0 ? options.last : serial10::universal_id - 1U;
+  std::vector<Station> stations;
+  for (unsigned id = options.first; id <= last; ++id) {
+    try {
+      client.upload(static_cast<std::uint8_t>(id), {0x6041, 0});
+    } catch (const host::Serial10Error& error) {
+      if (!error.from_drive()) continue;
+    }
+    stations.push_back({id, "", "drive with the 10-byte protocol"});
+  }
+  return stations;
+}
+
+void scan_serial(Options options, BusKind kind, const std::string& link) {
+  if (options.bus.timeout_s <= 0) options.bus.timeout_s = serial_timeout_s;
+  const std::vector<Station> stations =
+      kind == BusKind::modbus ? scan_modbus(options, link) : scan_serial10(options, link);
+  if (options.bus.json) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const Station& station : stations) {
+      list.push_back({{"node", station.address}, {"name", station.name}, {"kind", station.kind}});
+    }
+    fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"nodes", std::move(list)}}.dump(2));
+  } else {
+    if (!stations.empty()) fmt::print("{:<9}{:<18}{}\n", "station", "product", "kind");
+    for (const Station& station : stations) {
+      fmt::print("{:<9}{:<18}{}\n", station.address, station.name.empty() ? "-" : station.name, station.kind);
+    }
+  }
+  if (stations.empty()) {
+    throw Failure::did_not_work(fmt::format(
+        "{}: no station answers; check bit rate, format, protocol, wiring and power, or give a longer --timeout",
+        options.bus.link));
+  }
+}
+
+void run(const Options& given) {
+  Options options = given;
+  if (const auto [kind, link] = bus_kind(options.bus); kind != BusKind::can) {
+    scan_serial(options, kind, link);
+    return;
+  }
+  if (options.bus.timeout_s <= 0) options.bus.timeout_s = can_timeout_s;
   const auto bus = open_bus(options.bus);
   const auto listen = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.listen_s));
   const auto nodes = host::scan(*bus, {.timeout = options.bus.timeout(), .listen = listen});
@@ -61,8 +135,16 @@ void run(const Options& options) {
 
 void add_scan(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("scan", "List the nodes of a CANopen bus");
-  add_bus_options(*command, options->bus, "Seconds to wait for an answer to each question");
+  CLI::App* command = app.add_subcommand("scan", "List the nodes of a CANopen bus, or the stations of a serial line");
+  add_bus_options(*command, options->bus,
+                  "Seconds to wait for an answer to each question; 0.25 on CAN, 0.05 on a serial line if not given");
+  command->get_option("--timeout")->default_str("");
+  add_serial_options(*command, options->bus);
+  command->add_option("--first", options->first, "Lowest station of a serial line to ask")
+      ->check(CLI::Range(1, 247).description(""))
+      ->capture_default_str();
+  command->add_option("--last", options->last, "Highest station of a serial line to ask; 247, or 126 with serial10")
+      ->check(CLI::Range(1, 247).description(""));
   command->add_option("--listen", options->listen_s, "Seconds to listen for heartbeats of nodes that answer no SDO")
       ->check(number_within(0.0, 1e6))
       ->capture_default_str();

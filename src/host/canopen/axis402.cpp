@@ -82,23 +82,42 @@ const char* name(OperationMode mode) {
 }
 
 Axis402::Axis402(Bus& bus, std::uint8_t node_id, const AxisOptions& options)
-    : bus_(bus), options_(options), sdo_(bus, node_id, options.sdo), listening_(bus.listen([this](const Frame& frame) {
+    : options_(options),
+      own_(std::make_unique<SdoClient>(bus, node_id, options.sdo)),
+      objects_(*own_),
+      listening_(bus.listen([this](const Frame& frame) {
         const auto emergency = parse_emergency(frame);
-        if (emergency && emergency->node_id == sdo_.node_id()) emergency_ = *emergency;
+        if (emergency && emergency->node_id == objects_.address()) emergency_ = *emergency;
       })) {}
+
+std::int32_t Axis402::position() {
+  if (has_position_) {
+    if (const auto value = objects_.read_if_present<std::int32_t>(0x6064)) return *value;
+    has_position_ = false;
+  }
+  return objects_.read<std::int32_t>(0x6063);
+}
+
+std::int8_t Axis402::mode() {
+  if (has_mode_display_) {
+    if (const auto value = objects_.read_if_present<std::int8_t>(0x6061)) return *value;
+    has_mode_display_ = false;
+  }
+  return objects_.read<std::int8_t>(0x6060);
+}
 
 AxisStatus Axis402::status() {
   AxisStatus status;
   status.statusword = statusword();
-  status.mode = sdo_.read<std::int8_t>(0x6061);
+  status.mode = mode();
   status.position = position();
   if (has_velocity_) {
-    const auto value = sdo_.read_if_present<std::int32_t>(0x606C);
+    const auto value = objects_.read_if_present<std::int32_t>(0x606C);
     has_velocity_ = value.has_value();
     status.velocity = value.value_or(0);
   }
   if (has_torque_) {
-    const auto value = sdo_.read_if_present<std::int16_t>(0x6077);
+    const auto value = objects_.read_if_present<std::int16_t>(0x6077);
     has_torque_ = value.has_value();
     status.torque = value.value_or(0);
   }
@@ -108,40 +127,40 @@ AxisStatus Axis402::status() {
 void Axis402::fail(const std::string& happened, const std::string& remedy) {
   const std::uint16_t word = statusword();
   std::string shown = fmt::format("state {}, statusword {}", drive::name(state_of(word)), text_of_statusword(word));
-  if (const auto code = sdo_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
+  if (const auto code = objects_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
     shown += fmt::format(", error code 603Fh {:04X}h {}", *code, text_of_error_code(*code));
   }
   if (emergency_) shown += ", latest " + text_of(*emergency_);
-  throw HostError(fmt::format("{} [{}]", happened, shown), fmt::format("{}, node {}", bus_.name(), node_id()), remedy);
+  throw HostError(fmt::format("{} [{}]", happened, shown), objects_.where(), remedy);
 }
 
 void Axis402::write_controlword(std::uint16_t word) {
-  sdo_.write<std::uint16_t>(0x6040, 0, word);
+  objects_.write<std::uint16_t>(0x6040, 0, word);
   controlword_ = word;
 }
 
 bool Axis402::wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeout) {
-  const Time deadline = bus_.now() + timeout;
+  const Time deadline = objects_.now() + timeout;
   while ((statusword() & mask) != value) {
-    if (bus_.now() >= deadline) return false;
-    bus_.run_for(options_.poll_interval);
+    if (objects_.now() >= deadline) return false;
+    objects_.wait(options_.poll_interval);
   }
   return true;
 }
 
 void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const char* doing) {
-  const Time deadline = bus_.now() + options_.state_timeout;
+  const Time deadline = objects_.now() + options_.state_timeout;
   for (;;) {
     const PowerState present = state();
     if (std::find(wanted.begin(), wanted.end(), present) != wanted.end()) return;
     if (present == PowerState::fault)
       fail(fmt::format("the drive has a fault while to {}", doing), "remove its cause and reset it (`--reset-fault`)");
-    if (bus_.now() >= deadline) {
+    if (objects_.now() >= deadline) {
       fail(fmt::format("the drive did not {} within {} ms", doing,
                        options_.state_timeout / std::chrono::milliseconds(1)),
            "check its supply, enable input and safety input, and whether another master commands it");
     }
-    bus_.run_for(options_.poll_interval);
+    objects_.wait(options_.poll_interval);
   }
 }
 
@@ -151,21 +170,21 @@ void Axis402::step(std::uint16_t word, PowerState to, const char* doing) {
 }
 
 void Axis402::reset_fault() {
-  const Time deadline = bus_.now() + options_.state_timeout;
+  const Time deadline = objects_.now() + options_.state_timeout;
   PowerState present = state();
-  while (present == PowerState::fault_reaction_active && bus_.now() < deadline) {
-    bus_.run_for(options_.poll_interval);
+  while (present == PowerState::fault_reaction_active && objects_.now() < deadline) {
+    objects_.wait(options_.poll_interval);
     present = state();
   }
   if (present != PowerState::fault) return;
   write_controlword(disable_voltage);  // the reset is the rising edge of bit 7
   write_controlword(controlword::fault_reset);
   while (state() == PowerState::fault) {
-    if (bus_.now() >= deadline) {
+    if (objects_.now() >= deadline) {
       write_controlword(disable_voltage);
       fail("the fault cannot be reset", "remove its cause; some faults need power off and on");
     }
-    bus_.run_for(options_.poll_interval);
+    objects_.wait(options_.poll_interval);
   }
   write_controlword(disable_voltage);
 }
@@ -210,38 +229,37 @@ void Axis402::quick_stop() {
   if (state() != PowerState::operation_enabled) return;
   write_controlword(quick_stop_command);
   wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop");
-  const Time deadline = bus_.now() + options_.state_timeout;
-  while (state() == PowerState::quick_stop_active && velocity() != 0 && bus_.now() < deadline) {
-    bus_.run_for(options_.poll_interval);
+  const Time deadline = objects_.now() + options_.state_timeout;
+  while (state() == PowerState::quick_stop_active && velocity() != 0 && objects_.now() < deadline) {
+    objects_.wait(options_.poll_interval);
   }
 }
 
 void Axis402::set_mode(OperationMode mode) {
   const auto number = static_cast<std::int8_t>(mode);
-  if (sdo_.read<std::int8_t>(0x6061) == number) return;
+  if (this->mode() == number) return;
   if (number > 0) {
-    const auto supported = sdo_.read_if_present<std::uint32_t>(0x6502);
+    const auto supported = objects_.read_if_present<std::uint32_t>(0x6502);
     if (supported && (*supported >> (number - 1) & 1U) == 0) {
       fail(fmt::format("the drive does not have mode {} ({}); 6502h is {:08X}h", number, name(mode), *supported),
            "choose another mode");
     }
   }
-  sdo_.write<std::int8_t>(0x6060, 0, number);
-  const Time deadline = bus_.now() + options_.state_timeout;
-  while (sdo_.read<std::int8_t>(0x6061) != number) {
-    if (bus_.now() >= deadline) {
-      fail(fmt::format("the drive did not take mode {} ({}); 6061h is {}", number, name(mode),
-                       sdo_.read<std::int8_t>(0x6061)),
+  objects_.write<std::int8_t>(0x6060, 0, number);
+  const Time deadline = objects_.now() + options_.state_timeout;
+  while (this->mode() != number) {
+    if (objects_.now() >= deadline) {
+      fail(fmt::format("the drive did not take mode {} ({}); 6061h is {}", number, name(mode), this->mode()),
            "stop or disable the drive first, and check that no other master writes 6060h");
     }
-    bus_.run_for(options_.poll_interval);
+    objects_.wait(options_.poll_interval);
   }
 }
 
 std::optional<double> Axis402::units_per_revolution() {
   const auto ratio = [this](std::uint16_t index) -> std::optional<double> {
-    const auto dividend = sdo_.read_if_present<std::uint32_t>(index, 1);
-    const auto divisor = sdo_.read_if_present<std::uint32_t>(index, 2);
+    const auto dividend = objects_.read_if_present<std::uint32_t>(index, 1);
+    const auto divisor = objects_.read_if_present<std::uint32_t>(index, 2);
     if (!dividend || !divisor || *dividend == 0 || *divisor == 0) return std::nullopt;
     return static_cast<double>(*dividend) / static_cast<double>(*divisor);
   };

@@ -34,7 +34,10 @@ const char* name(OperationMode mode);
 struct HomingSignals {
   std::uint16_t attained = 1U << 12;
   std::uint16_t error = 1U << 13;
+  bool target_reached = true;  // it is attained when bit 10 is set as well
 };
+// The Kinco iSMK: bit 15 and bit 12, bit 10 stays 0 (iSMK manual L1148, L2406).
+inline constexpr HomingSignals ismk_homing_signals{.attained = 1U << 15, .error = 1U << 12, .target_reached = false};
 
 struct AxisOptions {
   SdoOptions sdo{};
@@ -68,20 +71,23 @@ struct AxisStatus {
   PowerState state() const { return state_of(statusword); }
 };
 
-// Drives one CiA 402 axis by SDO, as a commissioning tool does. Every call waits until the drive has done it, letting
-// the bus run; it throws HostError, which names state, statusword, 603Fh and the latest EMCY, when the drive does not.
-// An SDO that fails throws SdoError.
+// Drives one CiA 402 axis by its objects, as a commissioning tool does, over any bus. Every call waits until the drive
+// has done it, letting the bus run; it throws HostError, which names state, statusword, 603Fh and the latest EMCY, when
+// the drive does not. An access that fails throws ObjectError.
 class Axis402 {
  public:
   // Called at each poll of a motion; may throw to leave it, and may call stop() before.
   using Progress = std::function<void(const AxisStatus&)>;
 
+  // `objects` outlives this. No EMCY is heard.
+  explicit Axis402(ObjectClient& objects, const AxisOptions& options = {}) : options_(options), objects_(objects) {}
+  // A CANopen node, by SDO.
   Axis402(Bus& bus, std::uint8_t node_id, const AxisOptions& options = {});
 
-  std::uint16_t statusword() { return sdo_.read<std::uint16_t>(0x6041); }
+  std::uint16_t statusword() { return objects_.read<std::uint16_t>(0x6041); }
   PowerState state() { return state_of(statusword()); }
-  std::int32_t position() { return sdo_.read<std::int32_t>(0x6064); }
-  std::int32_t velocity() { return sdo_.read<std::int32_t>(0x606C); }
+  std::int32_t position();  // 6064h, or 6063h of a drive that does not have it
+  std::int32_t velocity() { return objects_.read<std::int32_t>(0x606C); }
   AxisStatus status();
 
   // Power state. All do nothing when the drive is there already.
@@ -109,15 +115,16 @@ class Axis402 {
   // Position units per motor revolution, by 6092h and 6091h, or 608Fh. Nothing if the drive says neither.
   std::optional<double> units_per_revolution();
 
-  SdoClient& sdo() { return sdo_; }
-  std::uint8_t node_id() const { return sdo_.node_id(); }
+  ObjectClient& objects() { return objects_; }
+  std::uint8_t address() const { return objects_.address(); }  // node-ID, station
   const std::optional<Emergency>& latest_emergency() const { return emergency_; }
 
  private:
   void write_controlword(std::uint16_t word);
+  std::int8_t mode();  // 6061h, or 6060h of a drive that does not have it
   template <typename T>
   void write_if_given(std::uint16_t index, std::uint8_t sub, const std::optional<T>& value) {
-    if (value) sdo_.write<T>(index, sub, *value);
+    if (value) objects_.write<T>(index, sub, *value);
   }
   void write_profile(const MotionProfile& profile);
   // Polls until the drive is in one of `wanted`; a fault on the way is an error.
@@ -131,10 +138,12 @@ class Axis402 {
               const std::function<bool(std::uint16_t statusword)>& done);
   [[noreturn]] void fail(const std::string& happened, const std::string& remedy);
 
-  Bus& bus_;
   AxisOptions options_;
-  SdoClient sdo_;
+  std::unique_ptr<ObjectClient> own_;  // of a CANopen node
+  ObjectClient& objects_;
   std::uint16_t controlword_ = 0;
+  bool has_position_ = true;
+  bool has_mode_display_ = true;
   bool has_velocity_ = true;
   bool has_torque_ = true;
   std::optional<Emergency> emergency_;

@@ -24,7 +24,7 @@ void Axis402::require_enabled(const char* doing) {
     fail(fmt::format("the drive is not enabled and cannot {}", doing), "enable it first");
   }
   // Another master may have left a halt behind, which holds back a move that is not to go on.
-  if (controlword_ == 0) controlword_ = sdo_.read<std::uint16_t>(0x6040);
+  if (controlword_ == 0) controlword_ = objects_.read<std::uint16_t>(0x6040);
 }
 
 void Axis402::write_profile(const MotionProfile& profile) {
@@ -35,9 +35,9 @@ void Axis402::write_profile(const MotionProfile& profile) {
 
 void Axis402::follow(Time timeout, const Progress& progress, const std::string& doing,
                      const std::function<bool(std::uint16_t)>& done) {
-  const Time start = bus_.now();
+  const Time start = objects_.now();
   for (;;) {
-    const bool settled = bus_.now() - start >= settling;
+    const bool settled = objects_.now() - start >= settling;
     std::uint16_t word = 0;
     if (progress) {
       const AxisStatus present = status();
@@ -51,14 +51,14 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
            "look at the error code; then reset the fault (`--reset-fault`) and enable again");
     }
     if (settled && done(word)) return;
-    if (bus_.now() - start >= timeout) {
+    if (objects_.now() - start >= timeout) {
       const std::int32_t at = position();
       stop();
       fail(fmt::format("{} took longer than {:g} s and was stopped; position was {}", doing,
                        std::chrono::duration<double>(timeout).count(), at),
            "check speeds, limits and load, or give a longer --timeout");
     }
-    bus_.run_for(options_.poll_interval);
+    objects_.wait(options_.poll_interval);
   }
 }
 
@@ -73,7 +73,7 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
   write_if_given(0x607C, 0, request.offset);
   write_controlword(enabled | controlword::mode_bit_4);
   const HomingSignals& signals = options_.homing_signals;
-  const std::string doing = fmt::format("homing by method {}", sdo_.read<std::int8_t>(0x6098));
+  const std::string doing = fmt::format("homing by method {}", objects_.read<std::int8_t>(0x6098));
   follow(timeout, progress, doing, [&](std::uint16_t word) {
     if ((word & signals.error) != 0) {
       write_controlword(enabled);
@@ -81,7 +81,9 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
            "check that the switches of the method are there and wired, and that homing speeds and acceleration are not "
            "0");
     }
-    return (word & signals.attained) != 0 && (word & statusword_bit::target_reached) != 0;
+    const std::uint16_t done =
+        static_cast<std::uint16_t>(signals.attained | (signals.target_reached ? statusword_bit::target_reached : 0U));
+    return (word & done) == done;
   });
   write_controlword(enabled);
 }
@@ -99,14 +101,14 @@ void Axis402::move(std::int32_t target, bool relative, const MotionProfile& prof
   if (!wait_for_bits(set_point_acknowledge, 0, options_.state_timeout)) {
     fail("the drive has no room for a set-point (statusword bit 12 stays set)", "stop the motion under way first");
   }
-  sdo_.write<std::int32_t>(0x607A, 0, target);
+  objects_.write<std::int32_t>(0x607A, 0, target);
   write_controlword(order | new_set_point);
   // Some drives take the acknowledgement back by themselves: that they took target reached back proves as much.
-  const Time deadline = bus_.now() + options_.state_timeout;
+  const Time deadline = objects_.now() + options_.state_timeout;
   for (;;) {
     const std::uint16_t word = statusword();
     if ((word & set_point_acknowledge) != 0 || (word & statusword_bit::target_reached) == 0) break;
-    if (bus_.now() >= deadline) {
+    if (objects_.now() >= deadline) {
       write_controlword(order);
       fail(fmt::format("the drive did not take over target position {}", target),
            "check that target, profile velocity and accelerations are within the drive's limits and not 0");
@@ -136,7 +138,7 @@ void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time t
   require_enabled("run");
   set_mode(OperationMode::profile_velocity);
   write_profile(profile);
-  sdo_.write<std::int32_t>(0x60FF, 0, velocity);
+  objects_.write<std::int32_t>(0x60FF, 0, velocity);
   write_controlword(enabled);
   follow(timeout, progress, fmt::format("running up to velocity {}", velocity),
          [](std::uint16_t word) { return (word & statusword_bit::target_reached) != 0; });
@@ -144,16 +146,16 @@ void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time t
 
 void Axis402::stop() {
   if (state() != PowerState::operation_enabled) return;
-  const auto mode = static_cast<OperationMode>(sdo_.read<std::int8_t>(0x6061));
+  const auto mode = static_cast<OperationMode>(this->mode());
   const std::uint16_t halted = enabled | controlword::halt;
   write_controlword(halted);
   // With halt, target reached means standstill (CiA 402-2 table 29).
-  bus_.run_for(settling);
+  objects_.wait(settling);
   if (!wait_for_bits(statusword_bit::target_reached, statusword_bit::target_reached, options_.state_timeout)) {
     fail("the axis does not come to rest on halt", "use quick stop, and check halt option code and decelerations");
   }
   if (mode == OperationMode::profile_velocity) {
-    sdo_.write<std::int32_t>(0x60FF, 0, 0);
+    objects_.write<std::int32_t>(0x60FF, 0, 0);
     write_controlword(enabled);
   } else if (mode == OperationMode::homing) {
     write_controlword(enabled);  // bit 4 is 0: broken off

@@ -38,14 +38,15 @@ std::string what_to_do(AbortCode code, bool from_node) {
   }
 }
 
+bool is_absent(AbortCode code) {
+  return code == AbortCode::object_does_not_exist || code == AbortCode::sub_index_does_not_exist;
+}
 }  // namespace
-
-std::string text_of(ObjectAddress object) { return fmt::format("{:04X}:{:02X}", object.index, object.sub); }
 
 SdoError::SdoError(const std::string& bus, std::uint8_t node_id, ObjectAddress object, bool upload, AbortCode code,
                    bool from_node)
-    : HostError(what_happened(upload, code, from_node), fmt::format("{}, node {}, {}", bus, node_id, text_of(object)),
-                what_to_do(code, from_node)),
+    : ObjectError(what_happened(upload, code, from_node), fmt::format("{}, node {}, {}", bus, node_id, text_of(object)),
+                  what_to_do(code, from_node), is_absent(code)),
       node_id_(node_id),
       object_(object),
       code_(code),
@@ -118,18 +119,6 @@ void SdoClient::download(ObjectAddress object, std::span<const std::byte> data, 
   }
 }
 
-std::string SdoClient::read_text(std::uint16_t index, std::uint8_t sub) {
-  const std::vector<std::byte> bytes = upload({index, sub});
-  std::string text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  text.erase(text.find_last_not_of('\0') + 1);
-  return text;
-}
-
-void SdoClient::check_size(const std::vector<std::byte>& bytes, std::size_t at_most, ObjectAddress object) const {
-  if (bytes.size() <= at_most) return;
-  throw HostError(fmt::format("{} bytes came where at most {} fit", bytes.size(), at_most),
-                  fmt::format("{}, node {}, {}", bus_.name(), node_id_, text_of(object)),
-                  "read it as text or as raw bytes, or with a wider type");
-}
+std::string SdoClient::where() const { return fmt::format("{}, node {}", bus_.name(), node_id_); }
 
 }  // namespace servodrome::host

@@ -7,19 +7,11 @@
 
 #include "canopen/frame.hpp"
 #include "dictionary/abort_code.hpp"
+#include "host/object_address.hpp"
 
 namespace servodrome::host {
 
 using dictionary::AbortCode;
-
-struct ObjectAddress {
-  std::uint16_t index = 0;
-  std::uint8_t sub = 0;
-  friend bool operator==(const ObjectAddress&, const ObjectAddress&) = default;
-  friend bool operator<(const ObjectAddress& a, const ObjectAddress& b) {
-    return a.index != b.index ? a.index < b.index : a.sub < b.sub;
-  }
-};
 
 // Which SDO protocol carries the data (CiA 301 7.2.4.2). `ordinary` is expedited for up to 4 bytes, else in segments.
 enum class SdoProtocol : std::uint8_t { ordinary, block };

@@ -60,6 +60,9 @@ class ModbusClient {
   }
 
   const std::string& name() const { return name_; }
+  // The clock of the link.
+  Time now() const { return client_->now(); }
+  void wait(Time span) { client_->wait(span); }
 
  private:
   using Bytes = std::vector<std::uint8_t>;

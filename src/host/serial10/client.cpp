@@ -28,12 +28,14 @@ bool is_answer_to(Command answer, Command request) {
 
 Serial10Error::Serial10Error(const std::string& link, std::uint8_t id, std::uint16_t index, std::uint8_t sub,
                              dictionary::AbortCode code, bool from_drive)
-    : HostError(from_drive ? fmt::format("object {:04X}:{:02X} was refused: {:08X}h, {}", index, sub,
-                                         static_cast<std::uint32_t>(code), dictionary::text(code))
-                           : fmt::format("no answer for object {:04X}:{:02X}", index, sub),
-                fmt::format("{}, drive {}", link, id),
-                from_drive ? "check object, value and the state of the drive"
-                           : "check id and bit rate, and that the drive speaks this protocol on this port"),
+    : ObjectError(from_drive ? fmt::format("object {:04X}:{:02X} was refused: {:08X}h, {}", index, sub,
+                                           static_cast<std::uint32_t>(code), dictionary::text(code))
+                             : fmt::format("no answer for object {:04X}:{:02X}", index, sub),
+                  fmt::format("{}, drive {}", link, id),
+                  from_drive ? "check object, value and the state of the drive"
+                             : "check id and bit rate, and that the drive speaks this protocol on this port",
+                  code == dictionary::AbortCode::object_does_not_exist ||
+                      code == dictionary::AbortCode::sub_index_does_not_exist),
       code_(code),
       from_drive_(from_drive) {}
 
@@ -79,6 +81,26 @@ std::optional<Frame> Serial10Client::exchange(const Frame& request) {
   std::copy_n(received.begin(), serial10::frame_bytes, answer.bytes.begin());
   if (!answers(answer, request) || !is_answer_to(answer.command(), request.command())) return std::nullopt;
   return answer;
+}
+
+std::string Serial10Client::where(std::uint8_t id) const { return fmt::format("{}, drive {}", name_, id); }
+
+std::vector<std::byte> Serial10Client::upload(std::uint8_t id, ObjectAddress object) {
+  const Frame answer = request(id, Command::read, object.index, object.sub, 0, options_.retries);
+  const std::uint32_t data = answer.data();
+  const auto bytes = std::as_bytes(std::span(&data, 1)).first(serial10::data_bytes(answer.command()));
+  return {bytes.begin(), bytes.end()};
+}
+
+void Serial10Client::download(std::uint8_t id, ObjectAddress object, std::span<const std::byte> data) {
+  const Command command = data.size() == 1 ? Command::write_1 : data.size() == 2 ? Command::write_2 : Command::write_4;
+  if (data.size() != serial10::data_bytes(command)) {
+    throw ObjectError(fmt::format("{} bytes cannot be sent", data.size()),
+                      fmt::format("{}, {}", where(id), text_of(object)), "the protocol carries 1, 2 or 4", false);
+  }
+  std::uint32_t value = 0;
+  std::memcpy(&value, data.data(), data.size());
+  request(id, command, object.index, object.sub, value, 0);
 }
 
 }  // namespace servodrome::host

@@ -7,16 +7,14 @@
 #include <type_traits>
 
 #include "dictionary/abort_code.hpp"
-#include "host/error.hpp"
+#include "host/object_client.hpp"
 #include "links/serial/client.hpp"
 #include "serial10/frame.hpp"
 
 namespace servodrome::host {
 
-using links::Time;
-
 // A request of the 10-byte protocol failed: refused by the drive, or no answer (code() is protocol_timed_out).
-class Serial10Error : public HostError {
+class Serial10Error : public ObjectError {
  public:
   Serial10Error(const std::string& link, std::uint8_t id, std::uint16_t index, std::uint8_t sub,
                 dictionary::AbortCode code, bool from_drive);
@@ -50,6 +48,16 @@ class Serial10Client {
   requires(std::is_integral_v<T> && sizeof(T) <= 4) T read(std::uint8_t id, std::uint16_t index, std::uint8_t sub = 0) {
     return static_cast<T>(request(id, serial10::Command::read, index, sub, 0, options_.retries).data());
   }
+  // Any object of 1, 2 or 4 bytes as the drive has it.
+  std::vector<std::byte> upload(std::uint8_t id, ObjectAddress object);
+  void download(std::uint8_t id, ObjectAddress object, std::span<const std::byte> data);
+
+  // The clock of the link.
+  Time now() const { return client_->now(); }
+  void wait(Time span) { client_->wait(span); }
+  // Link and id, for messages.
+  std::string where(std::uint8_t id) const;
+
   // T is the object's type.
   template <typename T>
   requires(std::is_integral_v<T> && sizeof(T) <= 4) void write(std::uint8_t id, std::uint16_t index, std::uint8_t sub,

@@ -1,14 +1,9 @@
 #include "line/bench/serial_bus.hpp"
 
-#include <fmt/format.h>
-
 #include "line/bench/body_reader.hpp"
+#include "links/serial/format_text.hpp"
 
 namespace servodrome::line::bench {
-
-std::string text_of(const modbus::CharacterFormat& format) {
-  return fmt::format("{}{}{}", format.data_bits, "NEO"[static_cast<std::size_t>(format.parity)], format.stop_bits);
-}
 
 Json view_of_link(const std::string& name, const links::LinkCounters& traffic) {
   return Json{{"name", name},
@@ -27,7 +22,7 @@ Json view_of_serial_bus(const Line& line, const NamedSerialBus& named) {
   Json view{{"name", named.settings.name},
             {"type", "rs485"},
             {"bit_rate", serial.format().bit_rate},
-            {"format", text_of(serial.format())},
+            {"format", links::to_string(serial.format())},
             {"cut", disturbance.cut},
             {"characters", counters.characters},
             {"collisions", counters.collisions},
@@ -44,7 +39,7 @@ Json view_of_serial_bus(const Line& line, const NamedSerialBus& named) {
     view["axes"][axis->settings().name] = Json{{"station", port.station()},
                                                {"protocol", name_of(port.protocol())},
                                                {"bit_rate", port.format().bit_rate},
-                                               {"format", text_of(port.format())}};
+                                               {"format", links::to_string(port.format())}};
   }
   view["links"] = Json::array();
   for (const auto& link : named.links) view["links"].push_back(view_of_link(link->name(), link->counters()));

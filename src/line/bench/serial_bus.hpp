@@ -13,7 +13,4 @@ Json calm_serial_bus(Call& call, NamedSerialBus& named);
 // A link of any bus.
 Json view_of_link(const std::string& name, const links::LinkCounters& traffic);
 
-// "8N1"
-std::string text_of(const modbus::CharacterFormat& format);
-
 }  // namespace servodrome::line::bench

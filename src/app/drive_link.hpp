@@ -1,0 +1,51 @@
+#pragma once
+
+#include <memory>
+
+#include "app/bus_options.hpp"
+#include "host/modbus/objects.hpp"
+#include "host/serial10/objects.hpp"
+#include "line/registry.hpp"
+
+namespace servodrome::app {
+
+// One drive behind --bus, whatever bus that is.
+class DriveLink {
+ public:
+  // The drive of --node, or the only one there is (`drives`: the only CiA 402 drive of a CAN bus). Throws Failure if
+  // that cannot be told, HostError if the link cannot be opened.
+  DriveLink(const BusOptions& options, bool drives);
+
+  host::ObjectClient& objects() { return *objects_; }
+  // The same for a CANopen node; nullptr on other buses.
+  host::SdoClient* sdo() { return sdo_; }
+  // What --product names or the drive says it is; nullptr: not known.
+  const line::Product* product();
+  // "node", "station" or "drive", as its bus calls it.
+  const char* noun() const { return bus_ ? "node" : modbus_ ? "station" : "drive"; }
+
+  // As an axis; on CAN its EMCYs are heard.
+  std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options);
+
+ private:
+  void open_can(const BusOptions& options, bool drives);
+  void open_modbus(const BusOptions& options, const std::string& link);
+  void open_serial10(const BusOptions& options, const std::string& link);
+  const line::Product& modbus_product(std::uint8_t unit) const;
+
+  std::unique_ptr<host::Bus> bus_;
+  std::unique_ptr<host::ModbusClient> modbus_;
+  std::unique_ptr<host::Serial10Client> serial10_;
+  std::unique_ptr<host::ObjectClient> objects_;
+  host::SdoClient* sdo_ = nullptr;
+  const line::Product* product_ = nullptr;
+  bool asked_product_ = false;
+};
+
+// A Modbus master for --bus modbus:LINK, without a drive.
+host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
+                                      const host::ModbusOptions& modbus_options);
+host::Serial10Client open_serial10_client(const BusOptions& options, const std::string& link,
+                                          const host::Serial10Options& serial10_options);
+
+}  // namespace servodrome::app

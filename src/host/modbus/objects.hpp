@@ -1,0 +1,46 @@
+#pragma once
+
+#include "dictionary/entry.hpp"
+#include "host/modbus/client.hpp"
+#include "host/object_client.hpp"
+#include "modbus/register_map.hpp"
+
+namespace servodrome::host {
+
+// Where a product's Modbus server has which objects: what its server is made of as well.
+struct RegisterList {
+  std::span<const modbus::Register> registers;
+  std::span<const dictionary::Entry> table;  // types and limits of the objects
+  modbus::WordOrder word_order = modbus::WordOrder::high_word_first;
+};
+
+// The objects of a drive that has them at Modbus registers. Objects without a register are absent.
+class ModbusObjects final : public ObjectClient {
+ public:
+  // `client` and what the list refers to outlive this.
+  ModbusObjects(ModbusClient& client, std::uint8_t unit, const RegisterList& list)
+      : client_(client), unit_(unit), list_(list) {}
+
+  std::vector<std::byte> upload(ObjectAddress object) override;
+  void download(ObjectAddress object, std::span<const std::byte> data) override;
+  Time now() const override { return client_.now(); }
+  void wait(Time span) override { client_.wait(span); }
+  std::uint8_t address() const override { return unit_; }
+  std::string where() const override;
+
+ private:
+  struct Place {
+    const modbus::Register* row;
+    const dictionary::Entry* entry;
+  };
+
+  Place find(ObjectAddress object) const;
+  // Which 16 bits of a number the register `word` of `words` holds.
+  std::size_t significance(std::size_t word, std::size_t words) const;
+
+  ModbusClient& client_;
+  std::uint8_t unit_;
+  RegisterList list_;
+};
+
+}  // namespace servodrome::host

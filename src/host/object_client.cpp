@@ -1,0 +1,23 @@
+#include "host/object_client.hpp"
+
+#include <fmt/format.h>
+
+namespace servodrome::host {
+
+std::string text_of(ObjectAddress object) { return fmt::format("{:04X}:{:02X}", object.index, object.sub); }
+
+std::string ObjectClient::read_text(std::uint16_t index, std::uint8_t sub) {
+  const std::vector<std::byte> bytes = upload({index, sub});
+  std::string text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  text.erase(text.find_last_not_of('\0') + 1);
+  return text;
+}
+
+void ObjectClient::check_size(const std::vector<std::byte>& bytes, std::size_t at_most, ObjectAddress object) const {
+  if (bytes.size() <= at_most) return;
+  throw HostError(fmt::format("{} bytes came where at most {} fit", bytes.size(), at_most),
+                  fmt::format("{}, {}", where(), text_of(object)),
+                  "read it as text or as raw bytes, or with a wider type");
+}
+
+}  // namespace servodrome::host

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstring>
+#include <optional>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "host/error.hpp"
+#include "host/object_address.hpp"
+#include "links/time.hpp"
+
+namespace servodrome::host {
+
+using links::Time;
+
+// An access to an object failed: refused by the drive, or no answer.
+class ObjectError : public HostError {
+ public:
+  ObjectError(std::string happened, std::string where, std::string remedy, bool object_is_absent)
+      : HostError(std::move(happened), std::move(where), std::move(remedy)), object_is_absent_(object_is_absent) {}
+
+  // The drive does not have the object, or not on this bus.
+  bool object_is_absent() const { return object_is_absent_; }
+
+ private:
+  bool object_is_absent_;
+};
+
+// The objects of one drive, whatever bus leads to it. One access at a time. All calls throw ObjectError, or HostError
+// if the link is lost.
+class ObjectClient {
+ public:
+  virtual ~ObjectClient() = default;
+
+  // The value as the drive has it, little endian.
+  virtual std::vector<std::byte> upload(ObjectAddress object) = 0;
+  virtual void download(ObjectAddress object, std::span<const std::byte> data) = 0;
+
+  // The clock of the bus.
+  virtual Time now() const = 0;
+  // Lets time pass, and the bus run.
+  virtual void wait(Time span) = 0;
+
+  // Node-ID, station or unit.
+  virtual std::uint8_t address() const = 0;
+  // Link and address, for messages.
+  virtual std::string where() const = 0;
+
+  // Numbers. A drive may send fewer bytes than T has: the value is extended; more is an error.
+  template <typename T>
+  requires std::is_arithmetic_v<T> T read(std::uint16_t index, std::uint8_t sub = 0) {
+    const std::vector<std::byte> bytes = upload({index, sub});
+    check_size(bytes, sizeof(T), {index, sub});
+    const bool negative = std::is_signed_v<T> && !bytes.empty() && std::to_integer<unsigned>(bytes.back()) >= 0x80;
+    T value{};
+    std::memset(&value, negative ? 0xFF : 0, sizeof value);
+    if (!bytes.empty()) std::memcpy(&value, bytes.data(), bytes.size());
+    return value;
+  }
+  template <typename T>
+  requires std::is_arithmetic_v<T>
+  void write(std::uint16_t index, std::uint8_t sub, std::type_identity_t<T> value) {
+    download({index, sub}, std::as_bytes(std::span(&value, 1)));
+  }
+  // A VISIBLE_STRING, without trailing zeros.
+  std::string read_text(std::uint16_t index, std::uint8_t sub = 0);
+
+  // The number, or nothing if the drive does not have the object.
+  template <typename T>
+  std::optional<T> read_if_present(std::uint16_t index, std::uint8_t sub = 0) {
+    try {
+      return read<T>(index, sub);
+    } catch (const ObjectError& error) {
+      if (error.object_is_absent()) return std::nullopt;
+      throw;
+    }
+  }
+
+ private:
+  void check_size(const std::vector<std::byte>& bytes, std::size_t at_most, ObjectAddress object) const;
+};
+
+}  // namespace servodrome::host
