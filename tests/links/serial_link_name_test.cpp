@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "links/link_error.hpp"
+#include "links/serial/format_text.hpp"
 #include "links/serial/link_name.hpp"
 
 namespace servodrome::links {
@@ -62,6 +63,20 @@ TEST(SerialLinkName, ErrorsSayWhatWhereAndWhatToDo) {
     EXPECT_THAT(message, HasSubstr("serial link \""));
     EXPECT_THAT(message, HasSubstr(item.reason));
     EXPECT_THAT(message, HasSubstr(item.advice)) << message;
+  }
+}
+
+TEST(CharacterFormatText, IsReadAndWritten) {
+  for (const char* text : {"8N1", "8E1", "8O1", "8N2", "8E2", "7E1"}) {
+    const auto format = parse_character_format(text, 9600);
+    ASSERT_TRUE(format) << text;
+    EXPECT_EQ(format->bit_rate, 9600U);
+    EXPECT_EQ(to_string(*format), text);
+  }
+  EXPECT_EQ(parse_character_format("8O2", 1)->bits(), 12U);
+  EXPECT_EQ(parse_character_format("8E1", 1)->parity, modbus::Parity::even);
+  for (const char* text : {"", "8N", "8N11", "9N1", "8n1", "8X1", "8N0", "8N3"}) {
+    EXPECT_EQ(parse_character_format(text, 9600), std::nullopt) << text;
   }
 }
 
