@@ -12,6 +12,13 @@ bool Axis::software_limits_active() const {
   return homed || !policy.software_limits_need_homing;
 }
 
+bool Axis::at_position_limit() const {
+  if (active(Signal::negative_limit) || active(Signal::positive_limit)) return true;
+  if (!software_limits_active()) return false;
+  const std::int64_t user = to_user_position(position());
+  return user <= objects.min_position_limit || user >= objects.max_position_limit;
+}
+
 Axis::Room Axis::room() const {
   constexpr double endless = std::numeric_limits<double>::infinity();
   if (policy.out_of_limits == OutOfLimits::fault || !software_limits_active() || position_range() != 0) {

@@ -6,6 +6,7 @@
 
 #include "drive/cause_set.hpp"
 #include "drive/generator.hpp"
+#include "drive/homing/homing.hpp"
 #include "drive/loops/cascade.hpp"
 #include "drive/loops/gains.hpp"
 #include "drive/policy.hpp"
@@ -72,6 +73,14 @@ struct Monitors {
   std::uint32_t brake_resistor_ms = 0;  // it may conduct so long without a break; 0: for ever
 };
 
+// When a velocity counts as reached and as zero, for devices that have windows of their own for it.
+struct SpeedWindows {
+  bool used = false;
+  double reached_counts_per_s = 0.0;  // closer than this to the target
+  double zero_counts_per_s = 0.0;     // at most this fast ...
+  std::uint32_t zero_ms = 0;          // ... for so long
+};
+
 // What a product, its nameplate and its own parameters decide, and may change while the drive runs.
 struct Configuration {
   MotorData motor{};
@@ -95,6 +104,11 @@ struct Configuration {
   std::int16_t velocity_stop_shape = 0;            // ramp type of stopping in the velocity modes, as 6086h counts them
   double torque_mode_velocity_positive = 0.0;      // counts/s, 0: the motor's greatest speed
   double torque_mode_velocity_negative = 0.0;
+  SpeedWindows speed_windows{};
+  std::uint32_t smoothing_ms = 0;    // moving average of the demand in the profile modes; 0: none
+  float homing_torque_limit = 0.0F;  // fraction of rated torque; 0: the drive's
+  Counts homing_blind_window = 0;    // an index so close behind the switch is not taken for home
+  HomingEnd homing_end = HomingEnd::as_method;
   float homing_stall_torque = 0.5F;  // fraction of rated torque
   std::uint32_t homing_stall_ms = 50;
   Counts homing_retraction = 0;
@@ -116,7 +130,8 @@ constexpr Stop stop_of_option_code(std::int16_t code) {
     case 3:
     case 7: return Stop::current_limit;
     case 4:
-    case 8: return Stop::voltage_limit;
+    case 8:
+    case 18: return Stop::voltage_limit;
     default: return Stop::power_off;
   }
 }
@@ -173,7 +188,11 @@ struct Axis {
   RampShape shape_of(std::int16_t type) const {
     return has_shape(type) ? policy.shape_of_type[static_cast<std::size_t>(type)] : RampShape::linear;
   }
-  RampShape shape() const { return shape_of(objects.motion_profile_type); }
+  RampShape shape() const {
+    const std::uint32_t mode = mode_bit(static_cast<Mode>(objects.modes_of_operation));
+    if (mode != 0 && (policy.shaped_modes & mode) == 0) return RampShape::linear;
+    return shape_of(objects.motion_profile_type);
+  }
   RampShape velocity_stop_shape() const { return shape_of(configuration.velocity_stop_shape); }
   bool has_shape(std::int16_t type) const { return type >= 0 && type <= 3 && (policy.ramp_shapes >> type & 1) != 0; }
   double rpm_to_counts_per_s(double rpm) const { return rpm / 60.0 * units.counts_per_revolution; }
@@ -232,6 +251,8 @@ struct Axis {
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
   bool software_limits_active() const;
+  // A limit switch is active, or the axis is at a software limit or beyond it.
+  bool at_position_limit() const;
   // The ways in counts to the software limits, where a mode without a target position has to keep to them: negative
   // beyond a limit. Infinite while they are off, or a fault where they are crossed.
   struct Room {

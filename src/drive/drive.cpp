@@ -115,7 +115,7 @@ void Drive::restart() {
   state_ = PowerState::not_ready_to_switch_on;
   mode_ = Mode::none;
   pending_ = {};
-  stopping_ = halted_ = limit_stop_ = short_circuit_ = releasing_torque_ = false;
+  stopping_ = halted_ = limit_stop_ = short_circuit_ = zero_speed_ = releasing_torque_ = false;
   stage_ = Stage::off;
   const bool erroneous = active_.any() || warned_.any();
   active_.clear();
@@ -130,6 +130,7 @@ void Drive::restart() {
   profile_position_ = {};
   velocity_mode_ = {};
   profile_velocity_ = {};
+  immediate_velocity_ = {};
   profile_torque_ = {};
   homing_mode_ = {};
   interpolated_position_ = {};
@@ -254,6 +255,9 @@ void Drive::cycle(const Feedback& feedback) {
   step_power();
   if (stage_ == Stage::on) {
     run_mode();
+  } else if (zero_speed_) {
+    axis_.generator.start_from(axis_.position(), 0.0);
+    axis_.follow_generator(Loop::velocity);
   } else if (energised()) {
     axis_.follow_generator(Loop::position);
     axis_.demand.velocity = 0.0F;
@@ -265,6 +269,7 @@ void Drive::cycle(const Feedback& feedback) {
     raise(axis_.raised);
     axis_.raised = Cause::none;
   }
+  smooth_demand();
   set_limits();
   write_actuation();
   // A motor in short circuit is out of the loops' reach; they must not wind up against it.
@@ -303,7 +308,7 @@ void Drive::run_mode() {
     return;
   }
   if (state_ == PowerState::operation_enabled && !pending_.active && !limit_stop_) {
-    const bool halt = (controlword_ & controlword::halt) != 0;
+    const bool halt = (controlword_ & controlword::halt) != 0 && (policy_.modes_without_halt & mode_bit(mode_)) == 0;
     if (halt && !halted_) {
       halted_ = true;
       with_mode(*this, [&](auto& mode) { mode.halt(axis_); });
@@ -378,6 +383,43 @@ void Drive::limit_switches(Counts before) {
   with_mode(*this, [&](auto& mode) { mode.interrupt(axis_); });
 }
 
+// The moving average of the demand in the modes that have a profile.
+void Drive::smooth_demand() {
+  const std::uint32_t cycles = axis_.cycles(axis_.configuration.smoothing_ms);
+  const bool profiled = (mode_bit(mode_) & (mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity))) != 0;
+  LoopDemand& demand = axis_.demand;
+  const bool smoothed = cycles > 1 && profiled && stage_ == Stage::on && !short_circuit_ &&
+                        (demand.loop == Loop::position || demand.loop == Loop::velocity);
+  if (!smoothed) {
+    smoothed_loop_ = Loop::off;
+    return;
+  }
+  const bool position = demand.loop == Loop::position;
+  constexpr double unit = 65536.0;  // of a count, or of a count per second
+  const std::int64_t value =
+      position ? demand.position * 65536 + std::llround(static_cast<double>(demand.position_fraction) * unit)
+               : std::llround(static_cast<double>(demand.velocity) * unit);
+  const std::size_t length = std::min<std::size_t>(cycles, MovingAverage::longest);
+  if (smoothed_loop_ != demand.loop || smoothing_.length() != length) {
+    smoothing_.begin(value, length);
+    smoothed_value_ = value;
+    smoothed_velocity_ = demand.velocity;
+    smoothed_loop_ = demand.loop;
+  }
+  const std::int64_t mean = smoothing_.update(value);
+  const float before = smoothed_velocity_;
+  if (position) {
+    demand.position = mean >> 16;
+    demand.position_fraction = static_cast<float>(static_cast<double>(mean & 0xFFFF) / unit);
+    smoothed_velocity_ = static_cast<float>(static_cast<double>(mean - smoothed_value_) / unit / axis_.cycle_s);
+  } else {
+    smoothed_velocity_ = static_cast<float>(static_cast<double>(mean) / unit);
+  }
+  smoothed_value_ = mean;
+  demand.velocity = smoothed_velocity_;
+  demand.acceleration = (smoothed_velocity_ - before) / static_cast<float>(axis_.cycle_s);
+}
+
 void Drive::set_limits() {
   const Objects& objects = axis_.objects;
   const MotorData& motor = axis_.configuration.motor;
@@ -395,6 +437,10 @@ void Drive::set_limits() {
     demand.torque_limit_negative = std::min(demand.torque_limit_negative, pressing);
   }
   demand.integral_off = axis_.active(Signal::integral_off);
+  if (mode_ == Mode::homing && homing_mode_.active() && axis_.configuration.homing_torque_limit > 0.0F) {
+    demand.torque_limit_positive = std::min(demand.torque_limit_positive, axis_.configuration.homing_torque_limit);
+    demand.torque_limit_negative = std::min(demand.torque_limit_negative, axis_.configuration.homing_torque_limit);
+  }
   const auto most = static_cast<float>(axis_.max_velocity(false));
   demand.velocity_limit_positive = demand.velocity_limit_negative = most;
   if (demand.loop == Loop::torque) {
@@ -435,36 +481,49 @@ void Drive::write_actuation() {
 }
 
 std::uint16_t Drive::statusword() const {
-  std::uint16_t word = state_bits(state_);
+  std::uint16_t word = policy_.state_bits[static_cast<std::size_t>(state_)];
   const bool powered = outputs_.dc_link_connected && dc_link_v_ > axis_.configuration.monitors.under_voltage_v;
   if (policy_.dc_link == DcLink::always ? powered : outputs_.dc_link_connected) word |= statusword::voltage_enabled;
   if (warnings_ || outside_warning_ || (policy_.faults_show_as_warning && active_.any())) word |= statusword::warning;
-  if (policy_.remote_bit && axis_.configuration.remote) word |= statusword::remote;
-  const CascadeState& loops = cascade_.state();
-  if (energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited)) {
-    word |= statusword::internal_limit_active;
-  }
-  if (policy_.limit_switches_show_as_limit &&
-      (axis_.active(Signal::negative_limit) || axis_.active(Signal::positive_limit))) {
-    word |= statusword::internal_limit_active;
-  }
-  const auto mode_bits = [this] { return with_mode(*this, [&](const auto& mode) { return mode.status(axis_); }); };
-  if (state_ == PowerState::operation_enabled || state_ == PowerState::quick_stop_active) {
-    std::uint16_t bits = mode_bits();
-    if (stopping_) {
-      if (is_cyclic_synchronous(mode_)) {
-        bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);  // the target is ignored
-      } else {
-        bits &= static_cast<std::uint16_t>(~statusword::target_reached);
-        if (stop_finished() && !limit_stop_) bits |= statusword::target_reached;
-      }
-    }
-    word |= bits;
-  } else if (state_ == PowerState::fault_reaction_active || state_ == PowerState::fault) {
-    // What went wrong in the mode can be seen until the fault is reset: homing error, following error.
-    word |= static_cast<std::uint16_t>(mode_bits() & statusword::mode_bit_13);
+  const std::uint32_t shown = status_sources();
+  for (const StatusBit& row : policy_.status_bits) {
+    if ((shown & bit(row.source)) == 0) continue;
+    const std::uint32_t mode = mode_bit(mode_);
+    if (mode == 0 || (row.modes & mode) != 0) word = static_cast<std::uint16_t>(word | 1u << row.bit);
   }
   return word;
+}
+
+// What there is to show in the upper bits of the statusword, as bit(StatusSource).
+std::uint32_t Drive::status_sources() const {
+  std::uint32_t shown = 0;
+  const auto show = [&shown](StatusSource source, bool present) { shown |= present ? bit(source) : 0; };
+  show(StatusSource::remote, policy_.remote_bit && axis_.configuration.remote);
+  const CascadeState& loops = cascade_.state();
+  show(StatusSource::internal_limit, energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited));
+  show(StatusSource::internal_limit, policy_.limit_switches_show_as_limit && (axis_.active(Signal::negative_limit) ||
+                                                                              axis_.active(Signal::positive_limit)));
+  show(StatusSource::position_limit, axis_.at_position_limit());
+  show(StatusSource::following_error, axis_.following_error);
+  show(StatusSource::commutation_found,
+       state_ != PowerState::not_ready_to_switch_on && !active_.test(Cause::encoder_connection));
+  show(StatusSource::home_found, axis_.homed);
+  const bool working = state_ == PowerState::operation_enabled || state_ == PowerState::quick_stop_active;
+  const bool failed = state_ == PowerState::fault_reaction_active || state_ == PowerState::fault;
+  if (!working && !failed) return shown;
+  std::uint16_t bits = with_mode(*this, [&](const auto& mode) { return mode.status(axis_); });
+  if (failed) {
+    bits &= statusword::mode_bit_13;  // what went wrong can be seen until the fault is reset
+  } else if (stopping_ && is_cyclic_synchronous(mode_)) {
+    bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);  // the target is ignored
+  } else if (stopping_) {
+    bits &= static_cast<std::uint16_t>(~statusword::target_reached);
+    if (stop_finished() && !limit_stop_) bits |= statusword::target_reached;
+  }
+  show(StatusSource::target_reached, (bits & statusword::target_reached) != 0);
+  show(StatusSource::mode_bit_12, (bits & statusword::mode_bit_12) != 0);
+  show(StatusSource::mode_bit_13, (bits & statusword::mode_bit_13) != 0);
+  return shown;
 }
 
 }  // namespace servodrome::drive

@@ -15,6 +15,7 @@
 #include "drive/power/power_state.hpp"
 #include "drive/supervision.hpp"
 #include "drive/touch_probe.hpp"
+#include "drive/trajectory/moving_average.hpp"
 #include "drive/tuning/inertia_identification.hpp"
 
 namespace servodrome::drive {
@@ -100,6 +101,8 @@ class Drive final : public dictionary::Listener {
   bool brake_released() const { return stage_ == Stage::releasing_brake || stage_ == Stage::on; }
   bool homed() const { return axis_.homed; }
   bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }
+  // Of the last homing, in counts: see Homing::index_distance.
+  Counts homing_index_distance() const { return homing_mode_.index_distance(); }
   float dc_link_v() const { return dc_link_v_; }
   float winding_temperature_c() const { return winding_temperature_c_; }
   Counts position_offset() const { return axis_.offset; }
@@ -130,6 +133,8 @@ class Drive final : public dictionary::Listener {
   void handle_controlword(std::uint16_t before, std::uint16_t now);
   void handle_command(Command command);
   void leave_operation(Stop stop, PowerState to);
+  bool hold_for_brake();
+  void engage_brake();
   void enter_state(PowerState to);
   void begin_stop(Stop stop);
   void begin_ramp();
@@ -155,8 +160,10 @@ class Drive final : public dictionary::Listener {
   void run_mode();
   void limit_switches(Counts before);
   void finish_identification();
+  void smooth_demand();
   void set_limits();
   void write_actuation();
+  std::uint32_t status_sources() const;
   bool set_units();
   void load_touch_probe();
   Rates wanted_rates() const;
@@ -177,6 +184,7 @@ class Drive final : public dictionary::Listener {
   ProfilePosition profile_position_{};
   VelocityMode velocity_mode_{};
   ProfileVelocity profile_velocity_{};
+  ImmediateVelocity immediate_velocity_{};
   ProfileTorque profile_torque_{};
   HomingMode homing_mode_{};
   InterpolatedPosition interpolated_position_{};
@@ -200,6 +208,7 @@ class Drive final : public dictionary::Listener {
   std::uint32_t stage_cycles_ = 0;
   std::uint32_t brake_closed_cycles_ = 0;
   bool short_circuit_ = false;
+  bool zero_speed_ = false;  // held without a ramp until the brake has closed
 
   CauseSet active_{};  // latched faults
   CauseSet injected_{};
@@ -208,6 +217,11 @@ class Drive final : public dictionary::Listener {
   bool units_valid_ = true;
   const FaultRow* newest_fault_ = nullptr;
   bool multi_turn_cleared_ = false;
+
+  MovingAverage smoothing_{};
+  Loop smoothed_loop_ = Loop::off;   // of the demand that is averaged
+  std::int64_t smoothed_value_ = 0;  // the mean, 2^-16 counts or counts/s
+  float smoothed_velocity_ = 0.0F;   // counts/s
 
   Actuation outputs_{};  // everything but the phase voltages, set once per cycle
   std::uint32_t last_inputs_ = 0;

@@ -9,6 +9,7 @@
 #include "drive/io/signals.hpp"
 #include "drive/loops/motor_data.hpp"
 #include "drive/objects.hpp"
+#include "drive/power/power_state.hpp"
 #include "drive/trajectory/trajectory.hpp"
 #include "drive/units.hpp"
 
@@ -41,9 +42,11 @@ constexpr std::uint32_t mode_bit(Mode mode) {
   return 1u << static_cast<unsigned>(number > 0 ? number - 1 : 15 - number);
 }
 
-// Values an option code object accepts: bit n for value n.
+// Values an option code object accepts: bit n for value n. CiA 402-2 has 0 to 8; 18 brakes through the windings.
 struct OptionCodes {
   std::uint32_t quick_stop = 0b1'1111'1111;
+  std::uint32_t quick_stop_stays = 0b1'1110'0000;      // ... with these the axis is held in Quick stop active
+  std::uint32_t quick_stop_continues = 0b1'1110'0000;  // ... and transition 16 leads back, where there is one
   std::uint32_t shutdown = 0b11;
   std::uint32_t disable_operation = 0b11;
   std::uint32_t halt = 0b1'1110;
@@ -73,11 +76,44 @@ struct DigitalInputBit {
   std::uint8_t number;  // of the wire, or the Signal
 };
 
+// What a bit of the statusword shows. `mode_bit_12` and `mode_bit_13` are what CiA 402-2 shows there in the present
+// mode.
+enum class StatusSource : std::uint8_t {
+  remote,
+  target_reached,
+  internal_limit,  // anything that keeps the axis from doing as it is told
+  position_limit,  // a limit switch is active, or the axis is at or beyond a software limit
+  mode_bit_12,
+  mode_bit_13,
+  following_error,
+  commutation_found,
+  home_found,
+};
+constexpr std::uint32_t bit(StatusSource source) { return 1u << static_cast<unsigned>(source); }
+
+struct StatusBit {
+  std::uint8_t bit;
+  StatusSource source;
+  std::uint32_t modes = 0xFFFFFFFF;  // mode_bit() of the modes it is shown in; modes without a bit count as all
+};
+
+inline constexpr std::array cia402_status_bits{
+    StatusBit{9, StatusSource::remote},          StatusBit{10, StatusSource::target_reached},
+    StatusBit{11, StatusSource::internal_limit}, StatusBit{12, StatusSource::mode_bit_12},
+    StatusBit{13, StatusSource::mode_bit_13},
+};
+
 struct Policy {
   // Device control
   std::uint32_t supported_modes = 0;
   bool mode_none = true;  // 6060h takes 0
   OptionCodes option_codes{};
+  std::span<const Transition> transitions = drive::transitions;
+  StateBits state_bits = cia402_state_bits;
+  std::span<const StatusBit> status_bits = cia402_status_bits;
+  std::uint32_t modes_without_halt = 0;  // mode_bit() of modes in which controlword bit 8 does nothing
+  // An axis with a brake is not let go before the brake holds it, even where the option code says "no ramp".
+  bool brake_engages_before_power_off = false;
   bool transition_16 = true;  // Quick stop active -> Operation enabled
   bool direct_enable = true;  // 0Fh in Ready to switch on runs through transitions 3 and 4
   bool energised_in_switched_on = false;
@@ -92,6 +128,7 @@ struct Policy {
 
   // Profile position
   std::uint8_t set_point_queue = 1;       // set-points that wait behind the running one
+  std::uint16_t target_tracking = 0;      // controlword bits with which every write of 607Ah is a new set-point
   bool halt_discards_set_points = false;  // the job must be triggered again after halt
   bool jerk_limited_only_from_standstill = false;
   std::uint8_t ramp_shapes = 0b1111;  // 6086h: bit n for type n
@@ -99,8 +136,9 @@ struct Policy {
                                          RampShape::jerk_limited};  // what the types mean
   // A jerk-limited profile brakes as it accelerates, ends at rest, and is over before another set-point is taken.
   bool jerk_limited_single_symmetric = false;
-  bool acknowledge_blocks_change = false;  // with statusword bit 12 set not even bit 5 of the controlword is heard
-  bool zero_values_are_faults = false;     // zero profile values raise the planning causes
+  bool acknowledge_blocks_change = false;   // with statusword bit 12 set not even bit 5 of the controlword is heard
+  bool zero_values_are_faults = false;      // zero profile values raise the planning causes
+  std::uint32_t shaped_modes = 0xFFFFFFFF;  // mode_bit() of modes to which 6086h applies; the others ramp linearly
   OutOfLimits out_of_limits = OutOfLimits::clip;
   bool limit_switches_stop = true;  // outside homing, a limit switch ends motion towards it
   bool software_limits_need_homing = false;
@@ -114,6 +152,8 @@ struct Policy {
   std::int8_t home_offset_sign = -1;  // position at home = sign * 607Ch
   bool homing_errors_are_faults = false;
   bool homing_reached_means_home = false;  // statusword bit 10 at rest only with home found, else at every rest
+  bool home_counts_at_rest = false;      // home is found at the end of homing, not at the latch; a new start forgets it
+  bool homing_needs_its_inputs = false;  // without an input for a switch it looks for, homing is an error at once
 
   // Terminals
   std::span<const DigitalInputBit> digital_inputs;

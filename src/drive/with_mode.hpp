@@ -19,8 +19,8 @@ auto Drive::with_mode(Self& self, Function&& function) {
     case Mode::cyclic_sync_position: return function(self.cyclic_sync_position_);
     case Mode::cyclic_sync_velocity: return function(self.cyclic_sync_velocity_);
     case Mode::cyclic_sync_torque: return function(self.cyclic_sync_torque_);
+    case Mode::immediate_velocity: return function(self.immediate_velocity_);
     case Mode::pulse:
-    case Mode::immediate_velocity:
     case Mode::none: break;
   }
   return function(self.no_mode_);

@@ -49,9 +49,10 @@ HomingCommand Homing::step(const HomingInputs& inputs) {
     case Phase::run: return run_leg(inputs);
     case Phase::settle:
       if (!inputs.standing) break;
-      if (method_.returns_to_latch) {
+      if (config_.end == HomingEnd::as_method ? method_.returns_to_latch : true) {
         phase_ = Phase::return_to;
-        return {.kind = Kind::position, .velocity = config_.slow, .position = latch_};
+        const Counts end = config_.end == HomingEnd::offset ? latch_ + config_.end_offset : latch_;
+        return {.kind = Kind::position, .velocity = config_.slow, .position = end};
       }
       [[fallthrough]];
     case Phase::return_to:
@@ -92,6 +93,15 @@ bool Homing::lies_ahead(Counts position) const {
   return travel() == Direction::positive ? position >= leg_start_ : position <= leg_start_;
 }
 
+Counts Homing::distance_from_switch(const SignalEdge& edge) const {
+  const Counts distance = edge.position - switch_edge_;
+  return distance < 0 ? -distance : distance;
+}
+
+bool Homing::is_blind_to(const SignalEdge& edge) const {
+  return edge.signal == Signal::index && switch_seen_ && distance_from_switch(edge) < config_.blind_window;
+}
+
 Counts Homing::boundary(const SignalEdge& edge) const {
   if (travel() == Direction::positive) return edge.position;
   return edge.signal == Signal::index ? edge.position + 1 - config_.index_width : edge.position + 1;
@@ -122,7 +132,13 @@ HomingCommand Homing::run_leg(const HomingInputs& inputs) {
   bool next_leg = false;
   for (const SignalEdge& edge : inputs.edges) {
     if (edge.signal == limit_ahead() && edge.rising) return meet_limit();
-    if (!meets(edge) || !lies_ahead(edge.position)) continue;
+    if (!meets(edge) || !lies_ahead(edge.position) || is_blind_to(edge)) continue;
+    if (edge.signal == Signal::index) {
+      if (switch_seen_) index_distance_ = distance_from_switch(edge);
+    } else {
+      switch_edge_ = edge.position;
+      switch_seen_ = true;
+    }
     if (leg().then == Then::latch) return take_latch(boundary(edge));
     if (leg().then == Then::stop) return stop_before(leg().next);
     leg_ = leg().next;  // the edges that follow in this cycle are already the next leg's

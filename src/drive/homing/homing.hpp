@@ -26,6 +26,13 @@ enum class HomingError : std::uint8_t {
   internal,  // the method is not well formed
 };
 
+// Where the axis ends after the latch.
+enum class HomingEnd : std::uint8_t {
+  as_method,  // back at home if the method says so, else where the ramp to rest ends
+  home,       // back at home, where it was latched
+  offset,     // at HomingConfig::end_offset from home
+};
+
 struct HomingConfig {
   double fast = 0.0;                 // counts/s, > 0 (6099h sub 1)
   double slow = 0.0;                 // counts/s, > 0 (6099h sub 2)
@@ -34,8 +41,11 @@ struct HomingConfig {
   std::uint32_t stall_cycles = 1;    // ... when it lasts so many cycles
   Counts retraction = 0;             // >= 0, distance from a hard stop to home
   std::uint32_t timeout_cycles = 0;  // until the latch; 0: none
-  Counts index_width = 1;            // from the rising to the falling edge of the index in positive direction
-  bool reversed = false;             // 607Eh bit 7: a method's positive direction is that of falling counts
+  HomingEnd end = HomingEnd::as_method;
+  Counts end_offset = 0;
+  Counts blind_window = 0;  // an index so close behind the edge of a switch is passed by
+  Counts index_width = 1;   // from the rising to the falling edge of the index in positive direction
+  bool reversed = false;    // 607Eh bit 7: a method's positive direction is that of falling counts
 };
 
 struct HomingInputs {
@@ -79,7 +89,9 @@ class Homing {
   bool latched() const { return latched_; }              // home is known (statusword bit 12); the axis may still move
   Counts latch() const { return latch_; }                // where home is, if latched()
   bool finished() const { return finished_; }            // latched and at rest (bit 10)
-  HomingError error() const { return error_; }           // after `stop` was commanded
+  // From the edge of the switch to the index that was latched, >= 0; -1: the method has no switch before its index.
+  Counts index_distance() const { return index_distance_; }
+  HomingError error() const { return error_; }  // after `stop` was commanded
 
   // The present leg looks for a hard stop: the following error is no fault, and the caller limits the torque.
   bool pressing() const;
@@ -101,6 +113,8 @@ class Homing {
   bool meets(const SignalEdge& edge) const;
   bool lies_ahead(Counts position) const;
   Counts boundary(const SignalEdge& edge) const;
+  Counts distance_from_switch(const SignalEdge& edge) const;
+  bool is_blind_to(const SignalEdge& edge) const;
   bool stalls(float torque);
   HomingCommand begin_leg(const HomingInputs& inputs);
   HomingCommand run_leg(const HomingInputs& inputs);
@@ -121,6 +135,9 @@ class Homing {
   std::uint32_t stall_count_ = 0;
   Counts leg_start_ = 0;
   Counts latch_ = 0;
+  Counts switch_edge_ = 0;
+  bool switch_seen_ = false;
+  Counts index_distance_ = -1;
 };
 
 }  // namespace servodrome::drive

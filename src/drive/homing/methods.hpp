@@ -102,6 +102,22 @@ constexpr bool uses_index(const Method& method) {
   return false;
 }
 
+constexpr bool needs_limit_switch(const Method& method, Direction end) {
+  for (std::size_t i = 0; i < method.leg_count; ++i) {
+    const Leg& leg = method.legs[i];
+    if (leg.until == Until::limit_reached && leg.direction == end) return true;
+    if (leg.until == Until::limit_released && leg.direction == opposite(end)) return true;
+  }
+  return false;
+}
+
+constexpr bool needs_home_switch(const Method& method) {
+  for (std::size_t i = 0; i < method.leg_count; ++i) {
+    if (method.legs[i].until == Until::home_rising || method.legs[i].until == Until::home_falling) return true;
+  }
+  return false;
+}
+
 // --- How tables are written
 
 // A leg that leads to the following one; `make_method` fills in which that is.

@@ -16,6 +16,22 @@ Cause cause_of(HomingError error) {
   }
 }
 
+// Whether the switches that the method looks for have an input.
+bool has_inputs_for(const Axis& axis, const Method& method) {
+  const auto has = [&axis](Signal signal) {
+    const InputMap& inputs = axis.configuration.inputs;
+    return std::any_of(inputs.begin(), inputs.end(), [signal](const InputFunction& in) { return in.signal == signal; });
+  };
+  const bool reversed = axis.units.position_inverted;
+  const auto limit = [reversed](Direction end) {
+    return (end == Direction::negative) != reversed ? Signal::negative_limit : Signal::positive_limit;
+  };
+  for (const Direction end : {Direction::negative, Direction::positive}) {
+    if (needs_limit_switch(method, end) && !has(limit(end))) return false;
+  }
+  return !needs_home_switch(method) || has(Signal::home);
+}
+
 }  // namespace
 
 void HomingMode::enter(Axis& axis) {
@@ -69,20 +85,26 @@ void HomingMode::start(Axis& axis) {
   if (method == nullptr || (uses_index(*method) && !axis.configuration.index_available)) {
     return fail(axis, Cause::homing_method);
   }
-  HomingConfig config{.fast = std::min(objects.homing_speed_switch * axis.units.velocity, axis.max_velocity(false)),
-                      .slow = std::min(objects.homing_speed_zero * axis.units.velocity, axis.max_velocity(false)),
-                      .acceleration = objects.homing_acceleration * axis.units.acceleration,
-                      .stall_torque = axis.configuration.homing_stall_torque,
-                      .stall_cycles = std::max<std::uint32_t>(1, axis.cycles(axis.configuration.homing_stall_ms)),
-                      .retraction = axis.configuration.homing_retraction,
-                      .timeout_cycles = axis.cycles(axis.configuration.homing_timeout_ms),
-                      .index_width = axis.configuration.motor.index_width_counts,
-                      .reversed = axis.units.position_inverted};
+  if (axis.policy.homing_needs_its_inputs && !has_inputs_for(axis, *method)) return fail(axis, Cause::homing_method);
+  HomingConfig config{
+      .fast = std::min(objects.homing_speed_switch * axis.units.velocity, axis.max_velocity(false)),
+      .slow = std::min(objects.homing_speed_zero * axis.units.velocity, axis.max_velocity(false)),
+      .acceleration = objects.homing_acceleration * axis.units.acceleration,
+      .stall_torque = axis.configuration.homing_stall_torque,
+      .stall_cycles = std::max<std::uint32_t>(1, axis.cycles(axis.configuration.homing_stall_ms)),
+      .retraction = axis.configuration.homing_retraction,
+      .timeout_cycles = axis.cycles(axis.configuration.homing_timeout_ms),
+      .end = axis.configuration.homing_end,
+      .end_offset = -axis.units.to_counts(std::int64_t{axis.policy.home_offset_sign} * objects.home_offset),
+      .blind_window = axis.configuration.homing_blind_window,
+      .index_width = axis.configuration.motor.index_width_counts,
+      .reversed = axis.units.position_inverted};
   if (method->leg_count > 0 && (config.fast <= 0.0 || config.slow <= 0.0 || config.acceleration <= 0.0)) {
     return fail(axis, Cause::profile_value_zero);
   }
   acceleration_ = config.acceleration;
   active_ = true;
+  if (axis.policy.home_counts_at_rest) axis.homed = false;
   last_ = {};
   homing_.start(*method, config, inputs(axis));
 }
@@ -128,9 +150,9 @@ void HomingMode::step(Axis& axis) {
       const Counts offset = home - homing_.latch();
       axis.generator.shift(offset - axis.offset);
       axis.offset = offset;
-      axis.homed = true;
-      attained_ = true;
+      if (!axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
     }
+    if (homing_.finished() && axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
     if (homing_.error() != HomingError::none) fail(axis, cause_of(homing_.error()));
     if (homing_.finished()) active_ = false;
   }

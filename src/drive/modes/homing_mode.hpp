@@ -21,6 +21,8 @@ class HomingMode {
   std::uint16_t status(const Axis& axis) const;
   bool running() const { return start_requested_ || active_ || !standing_; }  // until it stands, found or not
   bool pressing() const { return homing_.pressing(); }
+  bool active() const { return active_; }
+  Counts index_distance() const { return homing_.index_distance(); }
 
  private:
   void start(Axis& axis);

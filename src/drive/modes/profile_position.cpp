@@ -181,7 +181,21 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   window_.reset();
 }
 
+// A manufacturer's bit of the controlword: with it an absolute target is followed whenever it is written.
+void ProfilePosition::track(Axis& axis) {
+  const std::uint16_t word = axis.objects.controlword;
+  const std::uint16_t needed = axis.policy.target_tracking | controlword::mode_bit_4;
+  if (axis.policy.target_tracking != 0 && axis.new_set_point && (word & needed) == needed &&
+      (word & controlword::mode_bit_6) == 0) {
+    count_ = 0;
+    immediate_ = capture(axis, word);
+    immediate_pending_ = true;
+  }
+  axis.new_set_point = false;
+}
+
 void ProfilePosition::step(Axis& axis) {
+  track(axis);
   if (immediate_pending_) {
     immediate_pending_ = false;
     start(axis, immediate_, false);

@@ -42,6 +42,7 @@ class ProfilePosition {
     return axis.policy.jerk_limited_single_symmetric && running_ && running_set_point_.shape == RampShape::jerk_limited;
   }
   SetPoint pop();
+  void track(Axis& axis);
   Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
   bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);
   void start(Axis& axis, const SetPoint& set_point, bool chained);

@@ -8,9 +8,8 @@ namespace servodrome::drive {
 
 void ProfileVelocity::enter(Axis& axis) {
   planned_ = false;
-  target_reached_ = false;
   slipping_ = false;
-  window_.reset();
+  windows_.restart();
   axis.limited = false;
 }
 
@@ -58,7 +57,7 @@ void ProfileVelocity::step(Axis& axis) {
     MotionLimits limits = axis.profile_limits();
     limits.velocity = allowed;
     axis.generator.run_at(target, limits, shape);
-    window_.reset();
+    windows_.changed();
   }
   axis.generator.step(axis.cycle_s);
   axis.follow_generator(loop);
@@ -66,28 +65,64 @@ void ProfileVelocity::step(Axis& axis) {
 }
 
 void ProfileVelocity::observe(Axis& axis) {
-  const Objects& objects = axis.objects;
-  const double user_velocity = axis.shown_velocity() / axis.units.velocity;
-  const double goal = axis.generator.velocity() / axis.units.velocity;
-  const bool windowed = objects.velocity_window != 0xFFFF;
-  const bool inside =
-      axis.generator.finished() && (!windowed || std::abs(user_velocity - goal) <= objects.velocity_window);
-  target_reached_ = window_.update(inside, windowed ? axis.cycles(objects.velocity_window_time_ms) : 0);
-  if (std::abs(user_velocity) < objects.velocity_threshold) {
-    moving_.reset();
-    speed_zero_ = true;
-  } else if (moving_.update(true, axis.cycles(objects.velocity_threshold_time_ms))) {
-    speed_zero_ = false;
-  }
-  slipping_ = axis.policy.slippage_supported && std::abs(user_velocity - goal) > objects.max_slippage;
+  const double goal = axis.generator.velocity();
+  windows_.update(axis, goal, axis.generator.finished());
+  slipping_ = axis.policy.slippage_supported &&
+              std::abs(axis.shown_velocity() - goal) > axis.objects.max_slippage * axis.units.velocity;
 }
 
 std::uint16_t ProfileVelocity::status(const Axis&) const {
+  return windows_.status() | (slipping_ ? statusword::mode_bit_13 : std::uint16_t{0});
+}
+
+void VelocityWindows::update(const Axis& axis, double goal, bool arrived) {
+  const Objects& objects = axis.objects;
+  const double velocity = axis.shown_velocity();
+  const double error = std::abs(velocity - goal);
+  const SpeedWindows& own = axis.configuration.speed_windows;
+  if (own.used) {
+    target_reached_ = arrived && error < own.reached_counts_per_s;
+    speed_zero_ = zero_.update(std::abs(velocity) <= own.zero_counts_per_s, axis.cycles(own.zero_ms));
+    return;
+  }
+  const bool windowed = objects.velocity_window != 0xFFFF;
+  const bool inside = arrived && (!windowed || error <= objects.velocity_window * axis.units.velocity);
+  target_reached_ = window_.update(inside, windowed ? axis.cycles(objects.velocity_window_time_ms) : 0);
+  if (std::abs(velocity) < objects.velocity_threshold * axis.units.velocity) {
+    zero_.reset();
+    speed_zero_ = true;
+  } else if (zero_.update(true, axis.cycles(objects.velocity_threshold_time_ms))) {
+    speed_zero_ = false;
+  }
+}
+
+std::uint16_t VelocityWindows::status() const {
   std::uint16_t bits = 0;
   if (target_reached_) bits |= statusword::target_reached;
   if (speed_zero_) bits |= statusword::mode_bit_12;
-  if (slipping_) bits |= statusword::mode_bit_13;
   return bits;
+}
+
+// --- Immediate velocity
+
+double ImmediateVelocity::target(const Axis& axis) {
+  const double wanted = axis.units.velocity_to_counts(axis.objects.target_velocity);
+  return axis.active(Signal::invert_direction) ? -wanted : wanted;
+}
+
+void ImmediateVelocity::enter(Axis& axis) {
+  windows_.restart();
+  axis.limited = false;
+}
+
+void ImmediateVelocity::step(Axis& axis) {
+  const double wanted = target(axis);
+  const double allowed = axis.max_velocity(true);
+  const double velocity = std::clamp(wanted, -allowed, allowed);
+  axis.limited = velocity != wanted;
+  axis.generator.place(axis.position(), 0.0, velocity);
+  axis.follow_generator(loop);
+  observe(axis);
 }
 
 // --- Velocity mode (vl)

@@ -5,6 +5,27 @@
 
 namespace servodrome::drive {
 
+// What the statusword shows of a velocity: target reached (bit 10) and speed zero (bit 12), by the windows 606Dh to
+// 6070h or by those of the device (Configuration::speed_windows).
+class VelocityWindows {
+ public:
+  void restart() {
+    target_reached_ = false;
+    window_.reset();
+  }
+  // The demand has changed: what was reached counts no more.
+  void changed() { window_.reset(); }
+  // `goal` in counts/s; `arrived`: it is no longer on its way there.
+  void update(const Axis& axis, double goal, bool arrived);
+  std::uint16_t status() const;
+
+ private:
+  bool target_reached_ = false;
+  bool speed_zero_ = true;
+  Dwell window_{};
+  Dwell zero_{};  // how long the axis has been moving or, by the device's windows, standing
+};
+
 // Profile velocity mode (CiA 402-2).
 class ProfileVelocity {
  public:
@@ -35,11 +56,29 @@ class ProfileVelocity {
 
   Request request_{};
   bool planned_ = false;
-  bool target_reached_ = false;
-  bool speed_zero_ = true;
   bool slipping_ = false;
-  Dwell window_{};
-  Dwell moving_{};
+  VelocityWindows windows_{};
+};
+
+// A manufacturer's mode: the target velocity at once, without ramps.
+class ImmediateVelocity {
+ public:
+  static constexpr Loop loop = Loop::velocity;
+
+  void enter(Axis& axis);
+  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
+  void step(Axis& axis);
+  void observe(Axis& axis) { windows_.update(axis, target(axis), true); }
+  void halt(Axis&) {}
+  void resume(Axis&) {}
+  void interrupt(Axis&) {}
+  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  std::uint16_t status(const Axis&) const { return windows_.status(); }
+
+ private:
+  static double target(const Axis& axis);
+
+  VelocityWindows windows_{};
 };
 
 // Velocity mode (CiA 402-2, "vl"): the ramp function generator of a frequency converter.

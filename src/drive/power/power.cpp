@@ -7,8 +7,11 @@ namespace {
 
 // "Standing" for stops that have no ramp to tell when they are over.
 constexpr double standing_rpm = 1.0;
-// Option codes of 605Ah that stay in Quick stop active.
-constexpr std::int16_t first_staying_quick_stop_code = 5;
+
+// Whether an option code is in a set of them (OptionCodes).
+bool has(std::uint32_t codes, std::int16_t code) {
+  return code >= 0 && code < 32 && (codes >> static_cast<unsigned>(code) & 1u) != 0;
+}
 
 }  // namespace
 
@@ -30,7 +33,7 @@ void Drive::handle_command(Command command) {
     enter_state(PowerState::operation_enabled);
     return;
   }
-  const Transition* transition = find_transition(state_, command);
+  const Transition* transition = find_transition(policy_.transitions, state_, command);
   if (transition == nullptr) return;
   // On the way already; but disable voltage does not wait for a ramp to end.
   if (pending_.active && pending_.to == transition->to && command != Command::disable_voltage) return;
@@ -48,27 +51,49 @@ void Drive::handle_command(Command command) {
       const std::int16_t code = axis_.objects.quick_stop_option_code;
       state_ = PowerState::quick_stop_active;
       leave_operation(stop_of_option_code(code), PowerState::switch_on_disabled);
-      if (code >= first_staying_quick_stop_code) {
+      if (has(policy_.option_codes.quick_stop_stays, code)) {
         pending_.active = false;
         if (stage_ == Stage::engaging_brake) switch_power(true);  // it was on its way to another state
       }
       break;
     }
     case 16:  // not while the stop leads to Switch on disabled by itself
-      if (policy_.transition_16 && !pending_.active) enter_state(PowerState::operation_enabled);
+      if (policy_.transition_16 && !pending_.active &&
+          has(policy_.option_codes.quick_stop_continues, axis_.objects.quick_stop_option_code)) {
+        enter_state(PowerState::operation_enabled);
+      }
+      break;
+    case release_quick_stop:
+      if (!pending_.active) leave_operation(Stop::power_off, transition->to);
       break;
     default: enter_state(transition->to);
   }
 }
 
 void Drive::leave_operation(Stop stop, PowerState to) {
-  if (stop == Stop::power_off || !energised()) {
+  if (stop == Stop::power_off && hold_for_brake()) {
+    pending_ = {true, to};
+  } else if (stop == Stop::power_off || !energised()) {
     switch_power(false);
     enter_state(to);
-    return;
+  } else {
+    begin_stop(stop);
+    pending_ = {true, to};
   }
-  begin_stop(stop);
-  pending_ = {true, to};
+}
+
+// Zero speed at once, and the brake closes meanwhile. False: the product does not, or there is nothing to hold.
+bool Drive::hold_for_brake() {
+  if (!policy_.brake_engages_before_power_off || !axis_.configuration.has_brake() || !energised()) return false;
+  stopping_ = short_circuit_ = releasing_torque_ = false;
+  zero_speed_ = true;
+  engage_brake();
+  return true;
+}
+
+void Drive::engage_brake() {
+  stage_ = Stage::engaging_brake;
+  stage_cycles_ = axis_.cycles(axis_.configuration.brake_engage_ms);
 }
 
 void Drive::enter_state(PowerState to) {
@@ -80,6 +105,7 @@ void Drive::enter_state(PowerState to) {
   short_circuit_ = false;
   releasing_torque_ = false;
   axis_.limited = false;
+  zero_speed_ = false;
   homing_mode_.abort();
   identification_.abort();
   const bool power =
@@ -101,6 +127,7 @@ void Drive::enter_state(PowerState to) {
 }
 
 void Drive::switch_power(bool on) {
+  zero_speed_ = false;
   if (on) {
     stage_ = Stage::releasing_brake;
     stage_cycles_ = axis_.cycles(axis_.configuration.brake_release_ms);
@@ -194,10 +221,9 @@ void Drive::step_power() {
   }
   if (!pending_.active) return;
   if (stage_ == Stage::on && stop_finished()) {
-    stage_ = Stage::engaging_brake;
     // Held in the position loop where it is; the demand of a velocity loop need not be there.
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
-    stage_cycles_ = axis_.cycles(axis_.configuration.brake_engage_ms);
+    engage_brake();
   }
   if (stage_ == Stage::engaging_brake && stage_cycles_-- == 0) switch_power(false);
   if (stage_ == Stage::releasing_brake) switch_power(false);
@@ -236,7 +262,10 @@ void Drive::react_to_fault(const FaultRow& fault) {
   state_ = PowerState::fault_reaction_active;
   homing_mode_.abort();
   identification_.abort();
-  if (stop == Stop::power_off || !energised()) {
+  const bool controlled = fault.reaction == Reaction::option_code;
+  if (stop == Stop::power_off && controlled && hold_for_brake()) {
+    // the brake takes the axis over
+  } else if (stop == Stop::power_off || !energised()) {
     switch_power(false);
   } else if (!reacting) {
     begin_stop(stop);

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 // The power drive system's finite state automaton (CiA 402-2): states, commands, transitions. Pure data and
 // functions; what a transition does to the motor is the drive's business.
@@ -54,11 +55,10 @@ inline constexpr std::uint16_t mode_bit_12 = 1u << 12;
 inline constexpr std::uint16_t mode_bit_13 = 1u << 13;
 }  // namespace statusword
 
-// Bits 0 to 3, 5 and 6 of the statusword for a state.
-constexpr std::uint16_t state_bits(PowerState state) {
-  constexpr std::array<std::uint16_t, 8> bits{0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08};
-  return bits[static_cast<std::size_t>(state)];
-}
+// Bits 0 to 3, 5 and 6 of the statusword by state.
+using StateBits = std::array<std::uint16_t, 8>;
+inline constexpr StateBits cia402_state_bits{0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08};
+constexpr std::uint16_t state_bits(PowerState state) { return cia402_state_bits[static_cast<std::size_t>(state)]; }
 
 // The command in a controlword's bits 0 to 3 (CiA 402-2). `switch_on` stands for "disable operation" as well.
 constexpr Command command_of(std::uint16_t word) {
@@ -74,6 +74,8 @@ struct Transition {
   PowerState to;
   std::uint8_t number;  // as the standard counts them
 };
+// A transition of some manufacturers: shutdown releases an axis that is held in Quick stop active.
+inline constexpr std::uint8_t release_quick_stop = 17;
 
 inline constexpr auto transitions = std::to_array<Transition>({
     {PowerState::switch_on_disabled, Command::shutdown, PowerState::ready_to_switch_on, 2},
@@ -94,8 +96,8 @@ inline constexpr auto transitions = std::to_array<Transition>({
 });
 
 // The transition that `command` triggers in `state`, or nullptr.
-constexpr const Transition* find_transition(PowerState state, Command command) {
-  for (const Transition& transition : transitions) {
+constexpr const Transition* find_transition(std::span<const Transition> among, PowerState state, Command command) {
+  for (const Transition& transition : among) {
     if (transition.from == state && transition.command == command) return &transition;
   }
   return nullptr;
