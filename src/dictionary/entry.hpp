@@ -37,13 +37,15 @@ enum class Pdo : std::uint8_t { none = 0, rpdo = 1, tpdo = 2, both = 3 };
 enum class Owner : std::uint8_t { none, communication, drive, product };
 inline constexpr std::size_t owner_count = 4;
 
-// The three areas that are saved, restored and reset apart (CiA 301 1010h, 1011h, NMT reset).
-enum class Area : std::uint8_t { none = 0, communication = 1, manufacturer = 2, profile = 4, all = 7 };
+// The areas that are saved, restored and reset apart (CiA 301 1010h, 1011h, NMT reset), and the motor data 6410h of CiA
+// 402-2, which some devices keep apart from the rest of the profile.
+enum class Area : std::uint8_t { none = 0, communication = 1, manufacturer = 2, profile = 4, motor = 8, all = 15 };
 constexpr Area operator|(Area a, Area b) {
   return static_cast<Area>(static_cast<std::uint8_t>(a) | static_cast<std::uint8_t>(b));
 }
 constexpr bool contains(Area set, Area one) { return (static_cast<unsigned>(set) & static_cast<unsigned>(one)) != 0; }
 constexpr Area area_of(std::uint16_t index) {
+  if (index == 0x6410) return Area::motor;
   return index < 0x2000 ? Area::communication : index < 0x6000 ? Area::manufacturer : Area::profile;
 }
 

@@ -213,11 +213,10 @@ void put_area(RecordWriter& writer, const Dictionary& dictionary, Area area) {
   }
 }
 
-// All records of the new image: the areas follow each other as their indices do, so the order of the keys comes by
-// itself.
+// All records of the new image, area by area.
 void put_records(RecordWriter& writer, Medium& medium, const Dictionary* source, Area areas,
                  const std::optional<Image>& old) {
-  for (const Area area : {Area::communication, Area::manufacturer, Area::profile}) {
+  for (const Area area : {Area::communication, Area::manufacturer, Area::profile, Area::motor}) {
     if (!contains(areas, area)) {
       if (old) copy_area(writer, medium, *old, area);
     } else if (source != nullptr) {

@@ -7,8 +7,8 @@ namespace servodrome::dictionary {
 
 // The non-volatile values of a dictionary: the entries with `saved`, as 1010h and 1011h of CiA 301 treat them.
 //
-// The medium is two banks of half its size. A bank is a header (StoreHeader) and the records that it counts, in the
-// order of their keys:
+// The medium is two banks of half its size. A bank is a header (StoreHeader) and the records that it counts, area by
+// area in the order of their keys:
 //     index u16 | sub-index u8 | size u16 | `size` bytes of value        (all little endian)
 // The valid bank with the newest sequence number holds the values. A new image goes to the other bank: its old header
 // is wiped, then the records are written, then the header, whose last word makes it valid, with a flush after each. So

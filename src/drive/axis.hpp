@@ -77,7 +77,7 @@ struct Monitors {
 struct SpeedWindows {
   bool used = false;
   double reached_counts_per_s = 0.0;  // closer than this to the target
-  double zero_counts_per_s = 0.0;     // at most this fast ...
+  Counts zero_counts_per_ms = 0;      // at most this fast ...
   std::uint32_t zero_ms = 0;          // ... for so long
 };
 

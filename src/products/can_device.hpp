@@ -153,7 +153,7 @@ class CanDevice : public Device,
   // 6007h also tells what to do when the node is stopped or its communication is reset; a product without that object
   // goes on.
   void abort_connection() {
-    if (dictionary_.find(0x6007, 0) != nullptr) drive_.communication_lost();
+    if (Product::policy.nmt_aborts_connection && dictionary_.find(0x6007, 0) != nullptr) drive_.communication_lost();
   }
 
   void load_objects(dictionary::Area areas, std::uint8_t node_id) {

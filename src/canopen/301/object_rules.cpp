@@ -27,7 +27,7 @@ constexpr dictionary::Area area_of_sub(std::uint8_t sub) {
   switch (sub) {
     case 1: return dictionary::Area::all;
     case 2: return dictionary::Area::communication;
-    case 3: return dictionary::Area::profile;
+    case 3: return dictionary::Area::profile | dictionary::Area::motor;
     default: return dictionary::Area::manufacturer;
   }
 }

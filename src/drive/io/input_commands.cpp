@@ -11,7 +11,6 @@ constexpr std::uint16_t without(std::uint16_t word, std::uint16_t bits) {
 }
 constexpr std::uint16_t with(std::uint16_t word, std::uint16_t bits) { return static_cast<std::uint16_t>(word | bits); }
 
-constexpr auto homing_mode = static_cast<std::int8_t>(Mode::homing);
 constexpr auto position_mode = static_cast<std::int8_t>(Mode::profile_position);
 
 constexpr std::uint32_t position_index_bits =
@@ -21,7 +20,7 @@ constexpr unsigned index_bits = 3;
 }  // namespace
 
 void InputCommands::step(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects) {
-  if (inputs.assigned() == 0 && assigned_ == 0 && !homing_ && !start_bit_is_ours_) return;
+  if (inputs.assigned() == 0 && assigned_ == 0 && !homing_.running() && !start_bit_is_ours_) return;
   changed_ = (inputs.actions() ^ active_) | (inputs.assigned() & ~assigned_);
   rising_ = inputs.actions() & ~active_;
   active_ = inputs.actions();
@@ -62,7 +61,7 @@ void InputCommands::position_table(const InputFunctions& inputs, const Settings&
                                    Objects& objects) {
   const bool indexed = inputs.has_index(InputAction::position_index_0, index_bits);
   const std::uint8_t index = inputs.index(InputAction::position_index_0, index_bits);
-  const bool enabled = drive.state() == PowerState::operation_enabled && !homing_;
+  const bool enabled = drive.state() == PowerState::operation_enabled && !homing_.running();
   if (start_bit_is_ours_) {
     start_bit_is_ours_ = false;
     if (!inputs.active(InputAction::activate)) drive.command(without(objects.controlword, controlword::mode_bit_4));
@@ -107,21 +106,12 @@ void InputCommands::position_table(const InputFunctions& inputs, const Settings&
 }
 
 void InputCommands::homing(Drive& drive, Objects& objects) {
-  const bool enabled = drive.state() == PowerState::operation_enabled;
-  if (!homing_) {
-    if ((rising_ & bit(InputAction::start_homing)) == 0 || !enabled) return;
-    homing_ = true;
-    mode_before_ = objects.modes_of_operation;
-    objects.modes_of_operation = homing_mode;
-    drive.command(without(objects.controlword, controlword::mode_bit_4));
-    drive.command(with(objects.controlword, controlword::mode_bit_4));
-    return;
+  const bool asked = (rising_ & bit(InputAction::start_homing)) != 0;
+  if (homing_.running()) {
+    homing_.step(drive, objects);
+  } else if (asked && drive.state() == PowerState::operation_enabled) {
+    homing_.start(drive, objects);
   }
-  if (enabled && drive.homing_running()) return;
-  homing_ = false;
-  drive.command(without(objects.controlword, controlword::mode_bit_4));
-  // Unless the bus has chosen another mode meanwhile.
-  if (objects.modes_of_operation == homing_mode) objects.modes_of_operation = mode_before_;
 }
 
 }  // namespace servodrome::drive

@@ -3,6 +3,7 @@
 #include <optional>
 #include <span>
 
+#include "drive/homing/device_homing.hpp"
 #include "drive/io/input_functions.hpp"
 #include "drive/objects.hpp"
 #include "drive/policy.hpp"
@@ -46,8 +47,7 @@ class InputCommands {
   std::uint32_t changed_ = 0;       // switched, or assigned only now
   bool start_bit_is_ours_ = false;  // controlword bit 4 was set by a change of an index
   bool start_bit_was_ = false;
-  bool homing_ = false;          // begun by an input
-  std::int8_t mode_before_ = 0;  // ... from this mode
+  DeviceHoming homing_{};  // begun by an input
   std::optional<std::uint8_t> going_to_;
   std::optional<std::uint8_t> reached_;
 };

@@ -82,7 +82,7 @@ void VelocityWindows::update(const Axis& axis, double goal, bool arrived) {
   const SpeedWindows& own = axis.configuration.speed_windows;
   if (own.used) {
     target_reached_ = arrived && error < own.reached_counts_per_s;
-    speed_zero_ = zero_.update(std::abs(velocity) <= own.zero_counts_per_s, axis.cycles(own.zero_ms));
+    speed_zero_ = zero_.update(std::abs(axis.counts_per_ms) <= own.zero_counts_per_ms, axis.cycles(own.zero_ms));
     return;
   }
   const bool windowed = objects.velocity_window != 0xFFFF;

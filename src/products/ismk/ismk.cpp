@@ -1,7 +1,6 @@
 #include "products/ismk/ismk.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace servodrome::products {
 
@@ -16,13 +15,6 @@ constexpr auto bit_rate_codes =
     std::to_array<BitRateCode>({{100, 1000000}, {50, 500000}, {25, 250000}, {12, 125000}, {5, 50000}, {1, 10000}});
 
 constexpr std::uint16_t encoder_turns_valid = 10;  // of 2690h (L3350)
-
-template <typename Integer>
-Integer rounded(double value) {
-  constexpr auto low = static_cast<double>(std::numeric_limits<Integer>::min());
-  constexpr auto high = static_cast<double>(std::numeric_limits<Integer>::max());
-  return static_cast<Integer>(std::llround(std::clamp(value, low, high)));
-}
 
 }  // namespace
 
@@ -49,8 +41,10 @@ void Ismk::prepare(dictionary::Area areas) {
       if (row.bit_rate == settings().bit_rate) own.buses.can_bit_rate = row.code;
     }
   }
-  if (contains(areas, dictionary::Area::profile)) {
+  if (contains(areas, dictionary::Area::motor)) {
     own.device.encoder_resolution = settings().motor.counts_per_revolution;
+  }
+  if (contains(areas, dictionary::Area::profile)) {
     own.device.peak_current_a = static_cast<std::uint16_t>(rating().motor.peak_current_a);
   }
   prepare_rs485(areas);
@@ -74,11 +68,14 @@ drive::Configuration Ismk::configuration() {
   configuration.monitors.stage_peak_current_a = rating().motor.peak_current_a;
   configuration.ignored = ismk::AlarmLog::ignored(own.alarms);
   terminals_.configure(own, configuration);
+  ismk::MotionControl::configure(own, configuration);
   return configuration;
 }
 
 void Ismk::power_on(const drive::Feedback& feedback, Time now) {
   terminals_.reset();
+  motion_control_.power_on();
+  restart_requested_ = false;
   tuning_.reset(static_cast<double>(rating().motor.inertia_kgm2));
   CanDevice::power_on(feedback, now);
   tuning_.objects_loaded(objects(), drive().configuration().motor);
@@ -89,8 +86,10 @@ void Ismk::power_on(const drive::Feedback& feedback, Time now) {
 }
 
 void Ismk::cycle(Time now) {
+  if (restart_requested_) return restart(now);
   terminals_.cycle(drive(), objects());
   if (tuning_.cycle(drive(), objects(), terminals_)) reconfigure();
+  if (motion_control_.cycle(drive(), objects())) reconfigure();
   CanDevice::cycle(now);
 }
 
@@ -105,8 +104,8 @@ void Ismk::reset(canopen::NmtCommand command, dictionary::Area restore, std::uin
   if (command == canopen::NmtCommand::reset_node) open_serial_port();
 }
 
-// 6007h alone says what a lost master means: nothing, or an alarm of the drive, which sends its own emergency (L3079,
-// L3306). Nothing is printed of a change of the NMT state.
+// With 6007h = 1 the loss of the master is an alarm of the drive, which sends its own emergency; otherwise nothing at
+// all (L3079, L3215, L3306).
 canopen::LossReaction Ismk::communication_lost(canopen::LossCause, canopen::LossReaction) {
   if (objects().drive.abort_connection_option_code == 1) drive().raise(drive::Cause::communication_lost);
   return {.emergency_code = 0, .behaviour = canopen::ErrorBehaviour::no_change};
@@ -149,7 +148,16 @@ dictionary::AbortCode Ismk::check(const dictionary::Entry& entry, std::span<cons
       return dictionary::AbortCode::value_invalid;
     }
   }
-  return ismk::LoopTuning::check(entry, number, drive());
+  switch (entry.index << 8 | entry.sub) {
+    case 0x100E00:  // the node answers on the pre-defined COB-ID only
+      return number == 0x700 + node_id() ? dictionary::AbortCode::none : dictionary::AbortCode::value_invalid;
+    case 0x2FF001: return store_parameters(number);
+    case 0x2FF003: return store_motor_data(number);
+    case 0x2FFF00: return request_restart(number);
+    default: break;
+  }
+  const dictionary::AbortCode motion = ismk::MotionControl::check(entry, number, drive());
+  return motion != dictionary::AbortCode::none ? motion : ismk::LoopTuning::check(entry, number, drive());
 }
 
 void Ismk::set_rigidity(double bandwidth_hz) {
@@ -158,58 +166,39 @@ void Ismk::set_rigidity(double bandwidth_hz) {
 }
 
 void Ismk::written(const dictionary::Entry& entry) {
-  ismk::Objects& own = objects();
-  tuning_.written(entry, own, drive());
-  const double thousandth_per_dec = drive().axis().units.current * 1000.0;
+  tuning_.written(entry, objects(), drive());
   switch (entry.index << 8 | entry.sub) {
-    case 0x2FF009:  // one target speed in two units (L2511)
-      own.drive.target_velocity = rounded<std::int32_t>(ismk::velocity_dec_from_rpm(own.motion.target_speed_rpm));
+    case 0x2FF001:
+      if (objects().device.store_data == ismk::initialise_command) initialise_parameters();
+      objects().device.store_data = 0;
       break;
-    case 0x2FF00E: own.drive.following_error_window = own.motion.following_error_limit * 100U; break;  // L1752
-    case 0x607100:  // one target of torque mode in two units (L1261)
-      own.motion.target_current = rounded<std::int16_t>(own.drive.target_torque / thousandth_per_dec);
-      break;
-    case 0x60F608:
-      own.drive.target_torque = rounded<std::int16_t>(own.motion.target_current * thousandth_per_dec);
-      break;
-    case 0x607F00:  // one limit in two units (L1251)
-      own.drive.max_motor_speed_rpm =
-          rounded<std::uint16_t>(ismk::rpm_from_velocity_dec(own.drive.max_profile_velocity));
-      break;
-    case 0x608000:
-      own.drive.max_profile_velocity =
-          rounded<std::uint32_t>(ismk::velocity_dec_from_rpm(own.drive.max_motor_speed_rpm));
-      break;
+    case 0x2FF003: objects().device.store_motor_data = 0; break;
+    case 0x2FFF00: objects().device.restart = 0; break;
     case 0x65100C: select_protocol(); break;
     case 0x269000:
-      if (own.device.encoder_reset == encoder_turns_valid) drive().clear_multi_turn();
+      if (objects().device.encoder_reset == encoder_turns_valid) drive().clear_multi_turn();
       break;
     case 0x2FF102:
-    case 0x2FF103: ismk::enter_position(own.tables); break;
-    default: reconfigure();
+    case 0x2FF103: ismk::enter_position(objects().tables); break;
+    default:
+      if (!ismk::MotionControl::written(entry, objects(), drive())) reconfigure();
   }
 }
 
 void Ismk::refresh(const dictionary::Entry& entry) {
-  ismk::Objects& own = objects();
-  tuning_.refresh(entry, own, drive().configuration().motor);
+  tuning_.refresh(entry, objects(), drive().configuration().motor);
+  ismk::Device& device = objects().device;
   switch (entry.index << 8 | entry.sub) {
-    case 0x2FF009:
-      own.motion.target_speed_rpm = rounded<std::int16_t>(ismk::rpm_from_velocity_dec(own.drive.target_velocity));
-      break;
-    case 0x2FF00E:
-      own.motion.following_error_limit = rounded<std::uint16_t>(own.drive.following_error_window / 100.0);
-      break;
     case 0x641019:
-      own.device.motor_temperature_c = rounded<std::int16_t>(static_cast<double>(drive().winding_temperature_c()));
+      device.motor_temperature_c = ismk::rounded<std::int16_t>(static_cast<double>(drive().winding_temperature_c()));
       break;
     case 0x2FF010:
-      own.device.motor_utilisation_percent = rounded<std::uint8_t>(drive().i2t_utilisation_percent());
+      device.motor_utilisation_percent = ismk::rounded<std::uint8_t>(drive().i2t_utilisation_percent());
       break;
     case 0x2FF011:
-      own.device.drive_utilisation_percent = rounded<std::uint8_t>(drive().stage_utilisation_percent());
+      device.drive_utilisation_percent = ismk::rounded<std::uint8_t>(drive().stage_utilisation_percent());
       break;
-    default: break;
+    default: ismk::MotionControl::refresh(entry, objects(), drive());
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include "products/can_device.hpp"
 #include "products/ismk/alarms.hpp"
+#include "products/ismk/motion.hpp"
 #include "products/ismk/object_table.hpp"
 #include "products/ismk/policy.hpp"
 #include "products/ismk/ratings.hpp"
@@ -59,6 +60,7 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   friend CanDevice;
 
   void prepare(dictionary::Area areas);
+  void loaded(dictionary::Area) { ismk::MotionControl::loaded(objects()); }
   drive::Configuration configuration();
   std::uint8_t chosen_node_id() const { return static_cast<std::uint8_t>(objects().buses.station); }
   std::uint32_t chosen_bit_rate() const;
@@ -66,6 +68,13 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
   void written(const dictionary::Entry& entry) override;
   void refresh(const dictionary::Entry& entry) override;
+
+  // storage.cpp
+  dictionary::AbortCode store_parameters(std::int64_t command);
+  dictionary::AbortCode store_motor_data(std::int64_t command);
+  dictionary::AbortCode request_restart(std::int64_t command);
+  void initialise_parameters();
+  void restart(Time now);
 
   void prepare_rs485(dictionary::Area areas);
   void open_serial_port();
@@ -79,6 +88,8 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
   void fault_raised(const drive::FaultRow& fault) override;
   void errors_gone(std::uint8_t remaining) override;
 
+  ismk::MotionControl motion_control_{};
+  bool restart_requested_ = false;
   SerialPort serial_port_{dictionary(), registers, modbus_profile};
   ismk::Terminals terminals_{};
   ismk::AlarmLog alarm_log_{};

@@ -110,7 +110,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
     builder.at(index, 0).saved = false;
 
   // The device has its say in these as well: they are tied to other objects, see Ismk::written.
-  for (const std::uint16_t index : std::to_array<std::uint16_t>({0x6071, 0x607F, 0x6080})) {
+  for (const std::uint16_t index : std::to_array<std::uint16_t>({0x6063, 0x6071, 0x607F, 0x6080, 0x60FC})) {
     builder.at(index, 0).owner = Owner::product;
   }
   for (std::size_t i = 0; i < builder.count; ++i) {

@@ -2,12 +2,20 @@
 
 #include <array>
 
-#include "drive/homing/cia402_methods.hpp"
 #include "drive/policy.hpp"
 #include "products/ismk/faults.hpp"
+#include "products/ismk/homing_methods.hpp"
 #include "products/ismk/units.hpp"
 
 namespace servodrome::products::ismk {
+
+using drive::Mode;
+using drive::mode_bit;
+
+// Readings of the manual that could be the other way round (see README.md of this folder).
+inline constexpr std::int16_t winding_brake_code =
+    18;                                   // C4: held after it, as 5.6.3 says, not switched off as Table 5-2
+inline constexpr bool remote_bit = true;  // C7: set while no input enables the drive
 
 inline constexpr auto digital_inputs = [] {
   constexpr auto signal = [](std::uint8_t to, drive::Signal from) {
@@ -18,18 +26,85 @@ inline constexpr auto digital_inputs = [] {
                     signal(2, drive::Signal::home), signal(4, drive::Signal::enable_refused)};
 }();
 
+// Table 5-2 (L1041-1057): the low bytes of the statusword without bit 4, which is the main circuit.
+inline constexpr drive::StateBits state_bits = [] {
+  using drive::PowerState;
+  drive::StateBits bits = drive::cia402_state_bits;
+  const auto set = [&bits](PowerState state, std::uint16_t value) { bits[static_cast<std::size_t>(state)] = value; };
+  set(PowerState::switch_on_disabled, 0x60);     // 0070h
+  set(PowerState::quick_stop_active, 0x40);      // 0050h
+  set(PowerState::fault_reaction_active, 0x28);  // 0038h
+  set(PowerState::fault, 0x28);
+  return bits;
+}();
+
+// Table 5-5 (L1117-1156).
+inline constexpr auto status_bits = [] {
+  using drive::StatusBit;
+  using drive::StatusSource;
+  constexpr std::uint32_t homing = mode_bit(Mode::homing);
+  return std::array{
+      StatusBit{9, StatusSource::remote},
+      StatusBit{10, StatusSource::target_reached, ~homing},  // C037h after homing (L2406)
+      StatusBit{11, StatusSource::position_limit},
+      StatusBit{12, StatusSource::mode_bit_12, ~homing},
+      StatusBit{12, StatusSource::mode_bit_13, homing},  // "origin return to zero error" (L1148, C35)
+      StatusBit{13, StatusSource::following_error},
+      StatusBit{14, StatusSource::commutation_found},
+      StatusBit{15, StatusSource::home_found},
+  };
+}();
+
+// CiA 402 and the way out of a held quick stop: 06h, then 0Fh (L1530-1532).
+inline constexpr auto transitions = [] {
+  using drive::Command;
+  using drive::PowerState;
+  std::array<drive::Transition, drive::transitions.size() + 1> table{};
+  std::copy(drive::transitions.begin(), drive::transitions.end(), table.begin());
+  table.back() = {PowerState::quick_stop_active, Command::shutdown, PowerState::ready_to_switch_on,
+                  drive::release_quick_stop};
+  return table;
+}();
+
 constexpr drive::Policy make_policy() {
-  using drive::Mode;
+  constexpr auto codes = [](std::initializer_list<unsigned> values) {
+    std::uint32_t set = 0;
+    for (const unsigned value : values) set |= 1u << value;
+    return set;
+  };
   drive::Policy policy;
   policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
                            mode_bit(Mode::profile_torque) | mode_bit(Mode::homing) |
                            mode_bit(Mode::interpolated_position) | mode_bit(Mode::immediate_velocity) |
                            mode_bit(Mode::pulse);  // L1997
   policy.mode_none = false;
+  policy.option_codes = {.quick_stop = codes({0, 1, 2, 5, 6, winding_brake_code}),  // L1537
+                         .quick_stop_stays = codes({5, 6, winding_brake_code}),
+                         .quick_stop_continues = codes({5, 6}),                      // L1057
+                         .shutdown = codes({0, 1, 2, winding_brake_code}),           // L1538
+                         .disable_operation = codes({0, 1, 2, winding_brake_code}),  // L1539
+                         .halt = codes({1, 2}),                                      // L1540
+                         .fault_reaction = codes({0, 1, 2, winding_brake_code})};    // L1546
+  policy.nmt_aborts_connection = false;  // what 6007h watches is the node protection (L3215)
+  policy.transitions = transitions;
+  policy.state_bits = state_bits;
+  policy.status_bits = status_bits;
+  policy.remote_bit = remote_bit;
+  policy.modes_without_halt = mode_bit(Mode::profile_torque);  // L1098
+  policy.brake_engages_before_power_off = true;                // L1500-1513
   policy.faults = faults;
-  policy.software_limits_need_homing = true;  // L1472
-  policy.homing_methods = drive::cia402_methods;
+  policy.set_point_queue = 1;
+  policy.target_tracking = 1u << 12;                       // 103Fh (L1113)
+  policy.shaped_modes = mode_bit(Mode::profile_position);  // L1811
+  policy.software_limits_need_homing = true;               // L1472
+  policy.homing_methods = homing_methods;
+  policy.home_offset_sign = -1;       // L1406
+  policy.home_counts_at_rest = true;  // bit 15: "not performed or completed" (L1155)
+  policy.homing_needs_its_inputs = true;
   policy.digital_inputs = digital_inputs;
+  policy.output_count = 5;
+  policy.velocity_loop_ticks = 4;   // 4 kHz ...
+  policy.position_loop_ticks = 16;  // ... and 1 kHz (L1605)
   policy.units = units;
   policy.velocity_loop_ticks = 4;  // 4 kHz and 1 kHz; 60F9h sub 6 bit 7 doubles both (L1605)
   policy.position_loop_ticks = 16;

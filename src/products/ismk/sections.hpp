@@ -242,9 +242,8 @@ inline constexpr auto alarms = std::to_array<Entry>({
 inline constexpr auto buses = std::to_array<Entry>({
     object(0x100B, "Equipment station number", SERVODROME_FIELD(Buses, station), rw, none,
            {.default_value = 1, .minimum = 1, .maximum = 127, .saved = true}),
-    // Owned by nobody: the node reads it when it is configured.
-    var(0x100E, "Node protection ID", SERVODROME_FIELD(Buses, cob_id_guarding), rw, none,
-        {.default_value = 0x700, .adds_node_id = true}),
+    object(0x100E, "Node protection ID", SERVODROME_FIELD(Buses, cob_id_guarding), rw, none,
+           {.default_value = 0x700, .adds_node_id = true}),
     object(0x2F81, "CAN baud rate", SERVODROME_FIELD(Buses, can_bit_rate), rw, none,
            {.default_value = 50, .minimum = 1, .maximum = 100, .unit = "code", .saved = true}),
     object(0x2FE2, "RS485 baud rate", SERVODROME_FIELD(Buses, rs485_bit_rate), rw, none,

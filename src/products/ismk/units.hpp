@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "drive/loops/motor_data.hpp"
 #include "drive/objects.hpp"
@@ -21,6 +23,14 @@ inline constexpr double encoder_resolution = 65536.0;
 constexpr double velocity_dec_from_rpm(double rpm) { return rpm * 512.0 * encoder_resolution / 1875.0; }
 constexpr double rpm_from_velocity_dec(double dec) { return dec * 1875.0 / (512.0 * encoder_resolution); }
 constexpr double acceleration_dec_from_rps_s(double rps_s) { return rps_s * 65536.0 * encoder_resolution / 4000000.0; }
+
+// To the nearest value of the type.
+template <typename Integer>
+Integer rounded(double value) {
+  constexpr auto low = static_cast<double>(std::numeric_limits<Integer>::min());
+  constexpr auto high = static_cast<double>(std::numeric_limits<Integer>::max());
+  return static_cast<Integer>(std::llround(std::clamp(value, low, high)));
+}
 
 // The motor must carry the drive's peak current in `peak_current_a`.
 inline bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units) {

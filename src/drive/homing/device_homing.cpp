@@ -1,0 +1,34 @@
+#include "drive/homing/device_homing.hpp"
+
+#include "drive/drive.hpp"
+
+namespace servodrome::drive {
+
+namespace {
+
+constexpr auto homing_mode = static_cast<std::int8_t>(Mode::homing);
+
+std::uint16_t start_bit(std::uint16_t word, bool on) {
+  const unsigned bits = on ? word | controlword::mode_bit_4 : word & ~unsigned{controlword::mode_bit_4};
+  return static_cast<std::uint16_t>(bits);
+}
+
+}  // namespace
+
+void DeviceHoming::start(Drive& drive, Objects& objects) {
+  running_ = true;
+  mode_before_ = objects.modes_of_operation;
+  objects.modes_of_operation = homing_mode;
+  drive.command(start_bit(objects.controlword, false));
+  drive.command(start_bit(objects.controlword, true));
+}
+
+void DeviceHoming::step(Drive& drive, Objects& objects) {
+  if (!running_ || (drive.state() == PowerState::operation_enabled && drive.homing_running())) return;
+  running_ = false;
+  drive.command(start_bit(objects.controlword, false));
+  // Unless the bus has chosen another mode meanwhile.
+  if (objects.modes_of_operation == homing_mode) objects.modes_of_operation = mode_before_;
+}
+
+}  // namespace servodrome::drive

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <algorithm>
+
+#include "drive/homing/cia402_methods.hpp"
+
+// The homing methods of the iSMK: those of Table 5-15 (1 to 4, 9 to 12, 19 to 22, L1426-1442), 33 of every homing
+// example, and the others of CiA 402-2, whose rows the text has lost at page breaks. The geometry is the standard's
+// throughout, because the drawings are lost as well. Hard-stop methods are not printed, so there are none: 0609 0030h.
+namespace servodrome::products::ismk {
+
+inline constexpr auto homing_methods = [] {
+  constexpr auto is_standard = [](const drive::Method& method) { return method.number > 0; };
+  constexpr std::size_t count =
+      static_cast<std::size_t>(std::count_if(drive::cia402_methods.begin(), drive::cia402_methods.end(), is_standard));
+  std::array<drive::Method, count> methods{};
+  std::copy_if(drive::cia402_methods.begin(), drive::cia402_methods.end(), methods.begin(), is_standard);
+  return methods;
+}();
+static_assert(drive::are_well_formed(homing_methods));
+
+}  // namespace servodrome::products::ismk

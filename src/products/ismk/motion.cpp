@@ -1,0 +1,156 @@
+#include "products/ismk/motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "drive/drive.hpp"
+#include "products/ismk/units.hpp"
+
+namespace servodrome::products::ismk {
+
+namespace {
+
+using dictionary::AbortCode;
+using dictionary::Entry;
+using drive::Mode;
+
+constexpr std::uint32_t key(const Entry& entry) { return entry.key(); }
+
+// 60FBh sub 4 (L1753).
+constexpr std::int64_t trapezoid = 1;
+constexpr std::int64_t s_curve = 3;
+// 6086h of the S-curve: no jerk is printed, so it is the shape that needs none (README.md).
+constexpr std::int16_t s_curve_shape = static_cast<std::int16_t>(drive::RampShape::sin2);
+
+// 6099h sub 6 (L1421): a quarter of a turn while it looks for the right window itself, half a turn with 2.
+constexpr std::uint8_t blind_automatic = 1;
+constexpr std::uint8_t blind_half_turn = 2;
+constexpr double automatic_blind_turns = 0.25;
+constexpr double fixed_blind_turns = 0.5;
+
+double revolution(const drive::Drive& drive) { return drive.axis().units.counts_per_revolution; }
+
+// The window that keeps the index of this mechanics: none if the index is well away from the edge of the switch, half a
+// turn if an edge that moves a little could exchange it for its neighbour.
+std::uint8_t blind_window_for(double turns_from_edge) {
+  const double place = turns_from_edge - std::floor(turns_from_edge);
+  return place < automatic_blind_turns || place > 1.0 - automatic_blind_turns ? blind_half_turn : 0;
+}
+
+double velocity_dec(double counts_per_s) { return counts_per_s * velocity_dec_per_inc_s; }
+
+// 60F9h sub 1Ch: what the velocity is short of, in the speed modes of 60FFh.
+double speed_error(const drive::Drive& drive, const drive::Objects& objects) {
+  const drive::Axis& axis = drive.axis();
+  const bool speed_mode = drive.mode() == Mode::profile_velocity || drive.mode() == Mode::immediate_velocity;
+  const double wanted = speed_mode ? axis.units.velocity_to_counts(objects.target_velocity)
+                                   : static_cast<double>(drive.loops().velocity_reference_counts_per_s);
+  const double error = wanted - axis.velocity();
+  return axis.units.velocity_inverted ? -error : error;
+}
+
+}  // namespace
+
+void MotionControl::configure(const Objects& objects, drive::Configuration& configuration) {
+  const Motion& own = objects.motion;
+  const drive::MotorData& motor = configuration.motor;
+  configuration.speed_windows = {.used = true,
+                                 .reached_counts_per_s = own.target_speed_window / velocity_dec_per_inc_s,
+                                 .zero_counts_per_ms = objects.io.zero_speed_window_inc_per_ms,
+                                 .zero_ms = own.zero_speed_time_ms};
+  configuration.smoothing_ms = own.smoothing_ms;
+  const double top_speed = objects.drive.max_profile_velocity / velocity_dec_per_inc_s;
+  configuration.torque_mode_velocity_positive = configuration.torque_mode_velocity_negative = top_speed;
+  configuration.homing_end = own.home_offset_mode == 0 ? drive::HomingEnd::offset : drive::HomingEnd::home;
+  const double blind_turns = own.index_blind_window == blind_automatic   ? automatic_blind_turns
+                             : own.index_blind_window == blind_half_turn ? fixed_blind_turns
+                                                                         : 0.0;
+  configuration.homing_blind_window =
+      static_cast<drive::Counts>(blind_turns * static_cast<double>(motor.counts_per_revolution));
+  const auto current_a = static_cast<float>(own.homing_current / peak_current_dec) * motor.peak_current_a;
+  configuration.homing_torque_limit = current_a * motor.torque_constant_nm_per_a / motor.rated_torque_nm;
+}
+
+void MotionControl::loaded(Objects& objects) {
+  const bool curved = objects.motion.profile_order == s_curve;
+  objects.drive.motion_profile_type = curved ? s_curve_shape : std::int16_t{0};
+}
+
+AbortCode MotionControl::check(const Entry& entry, std::int64_t number, const drive::Drive& drive) {
+  switch (key(entry)) {
+    case 0x60FB04: return number == trapezoid || number == s_curve ? AbortCode::none : AbortCode::value_invalid;
+    case 0x60FB05: return drive.energised() ? AbortCode::device_state : AbortCode::none;  // L2099
+    default: return AbortCode::none;
+  }
+}
+
+bool MotionControl::written(const Entry& entry, Objects& objects, const drive::Drive& drive) {
+  const double thousandth_per_dec = drive.axis().units.current * 1000.0;
+  drive::Objects& common = objects.drive;
+  Motion& own = objects.motion;
+  switch (key(entry)) {
+    case 0x2FF009:  // one target speed in two units (L2511)
+      common.target_velocity = rounded<std::int32_t>(velocity_dec_from_rpm(own.target_speed_rpm));
+      return true;
+    case 0x2FF00E: common.following_error_window = own.following_error_limit * 100U; return true;  // L1752
+    case 0x607100:  // one target of torque mode in two units (L1261)
+      own.target_current = rounded<std::int16_t>(common.target_torque / thousandth_per_dec);
+      return true;
+    case 0x60F608: common.target_torque = rounded<std::int16_t>(own.target_current * thousandth_per_dec); return true;
+    case 0x607F00:  // one limit in two units (L1251)
+      common.max_motor_speed_rpm = rounded<std::uint16_t>(rpm_from_velocity_dec(common.max_profile_velocity));
+      return false;
+    case 0x608000:
+      common.max_profile_velocity = rounded<std::uint32_t>(velocity_dec_from_rpm(common.max_motor_speed_rpm));
+      return false;
+    case 0x60FB04: loaded(objects); return true;
+    default: return false;
+  }
+}
+
+void MotionControl::refresh(const Entry& entry, Objects& objects, const drive::Drive& drive) {
+  const drive::Axis& axis = drive.axis();
+  const double sign = axis.units.velocity_inverted ? -1.0 : 1.0;
+  drive::Objects& common = objects.drive;
+  Motion& own = objects.motion;
+  switch (key(entry)) {
+    case 0x2FF009: own.target_speed_rpm = rounded<std::int16_t>(rpm_from_velocity_dec(common.target_velocity)); break;
+    case 0x2FF00E: own.following_error_limit = rounded<std::uint16_t>(common.following_error_window / 100.0); break;
+    case 0x606300:  // the actual position of the user, whatever 607Eh is (L2003)
+      common.position_actual_internal_value = drive::wrap_to_32_bits(axis.to_user_position(axis.position()));
+      break;
+    case 0x60FC00:
+      common.position_demand_internal_value =
+          drive::wrap_to_32_bits(axis.to_user_position(axis.generator.nearest_position()));
+      break;
+    case 0x60F508:
+      own.torque_reached_current = rounded<std::int16_t>(
+          sign * static_cast<double>(drive.loops().current_q_a / axis.configuration.motor.peak_current_a) *
+          peak_current_dec);
+      break;
+    case 0x60F91A:
+      own.actual_velocity_per_ms = rounded<std::int32_t>(sign * static_cast<double>(axis.counts_per_ms));
+      break;
+    case 0x60F91C: own.speed_error = rounded<std::int32_t>(velocity_dec(speed_error(drive, common))); break;
+    default: break;
+  }
+}
+
+bool MotionControl::cycle(drive::Drive& drive, Objects& objects) {
+  const bool enabled = drive.state() == drive::PowerState::operation_enabled;
+  if (homing_.running()) {
+    homing_.step(drive, objects.drive);
+  } else if (enabled && !enabled_once_ && objects.motion.homing_at_power_on != 0) {
+    homing_.start(drive, objects.drive);  // L1402, L1415
+  }
+  enabled_once_ = enabled_once_ || enabled;
+
+  std::uint8_t& blind_window = objects.motion.index_blind_window;
+  const bool found = drive.homed() && !was_homed_;
+  was_homed_ = drive.homed();
+  if (!found || blind_window != blind_automatic || drive.homing_index_distance() < 0) return false;
+  blind_window = blind_window_for(static_cast<double>(drive.homing_index_distance()) / revolution(drive));
+  return true;
+}
+
+}  // namespace servodrome::products::ismk

@@ -1,0 +1,382 @@
+#include <cmath>
+#include <gtest/gtest.h>
+
+#include "ismk_rig.hpp"
+
+// Units, modes and windows of the iSMK, against the manual's figures and closed-form results.
+namespace servodrome {
+namespace {
+
+using drive::Counts;
+using products::ismk::acceleration_dec_from_rps_s;
+using products::ismk::rpm_from_velocity_dec;
+using products::ismk::velocity_dec_from_rpm;
+using test::IsmkRig;
+
+constexpr double rest = 40.0;  // counts: friction holds the shaft a fifth of a degree off
+constexpr std::uint16_t target_reached = 0x0400;
+constexpr std::uint16_t position_limit = 0x0800;
+constexpr std::uint16_t bit_12 = 0x1000;
+
+double rpm(IsmkRig& rig) { return rig.device.drive().axis().velocity() * 60.0 / 65536.0; }
+Counts position(IsmkRig& rig) { return rig.device.drive().axis().position(); }
+
+struct Enabled : IsmkRig {
+  explicit Enabled(int mode, const plant::Parameters& parameters = test::ismk_plant())
+      : IsmkRig(parameters, test::ismk_settings()) {
+    run_ms(5);
+    set(0x6060, 0, mode);
+    control(0x2F);
+    run_ms(2);
+    EXPECT_EQ(status() & 0xFF, 0x37);
+  }
+  void profile(double speed_rpm, double ramp_rps_s) {
+    set(0x6081, 0, std::llround(velocity_dec_from_rpm(speed_rpm)));
+    set(0x6083, 0, std::llround(acceleration_dec_from_rps_s(ramp_rps_s)));
+    set(0x6084, 0, std::llround(acceleration_dec_from_rps_s(ramp_rps_s)));
+  }
+  // Starts a move and answers how long the demand moved.
+  double move_ms(std::int64_t target, std::uint16_t start = 0x3F) {
+    set(0x607A, 0, target);
+    control(static_cast<std::uint16_t>(start & ~0x10));
+    control(start);
+    run_ms(1.5);
+    const std::int64_t ticks = run_until([this] { return !device.drive().in_motion(); }, 60000.0);
+    EXPECT_GE(ticks, 0);
+    return static_cast<double>(ticks) / 16.0 + 1.5;
+  }
+};
+
+// --- Units (L2012, L2393-2402, L2598, L2608, L3458-3467)
+
+TEST(IsmkUnits, PrintedExamplesAreExactWithRoundToNearest) {
+  struct {
+    double rpm;
+    std::int64_t dec;
+  } const speeds[]{{100, 0x001B4E82}, {150, 0x0028F5C3}, {200, 0x00369D03}, {-100, -1789570},
+                   {300, 5368709},    {5000, 89478485},  {10, 178957},      {3000, 53687091}};
+  for (const auto& [speed, dec] : speeds) {
+    // 10 rpm is 178956.97: the default of 60F9h sub 0Ah was cut off (L2067).
+    EXPECT_EQ(std::llround(velocity_dec_from_rpm(speed)), dec) << speed;
+    EXPECT_NEAR(rpm_from_velocity_dec(static_cast<double>(dec)), speed, 1e-4);
+  }
+  EXPECT_EQ(static_cast<std::uint32_t>(-1789570), 0xFFE4B17Eu);
+  EXPECT_EQ(std::llround(acceleration_dec_from_rps_s(100.0)), 107374);
+  EXPECT_EQ(std::llround(acceleration_dec_from_rps_s(50.0)), 53687);
+  EXPECT_EQ(std::llround(acceleration_dec_from_rps_s(610.0)), 654983);
+  // Derived: velocity is 16.384 DEC per inc/s, acceleration is velocity DEC per millisecond.
+  EXPECT_DOUBLE_EQ(velocity_dec_from_rpm(60.0), 65536.0 * 16.384);
+  EXPECT_DOUBLE_EQ(acceleration_dec_from_rps_s(1.0), velocity_dec_from_rpm(60.0) / 1000.0);
+}
+
+// Peak current is 2048 in every rating; 1 Arms of the 48 Ap one is 60.33 (L3467).
+TEST(IsmkUnits, CurrentOfEveryRating) {
+  for (const products::Model& model : products::ismk::ratings) {
+    IsmkRig rig(model.name);
+    rig.run_ms(5);
+    const drive::MotorData& motor = rig.device.drive().configuration().motor;
+    const double peak_dec =
+        static_cast<double>(motor.peak_current_a / motor.rated_current_a) / rig.device.drive().axis().units.current;
+    EXPECT_NEAR(peak_dec, 2048.0, 1e-2) << model.name;
+    EXPECT_EQ(rig.get(0x6510, 3), std::llround(static_cast<double>(model.motor.peak_current_a)));
+    EXPECT_EQ(rig.get(0x6410, 3), 65536);
+    rig.set(0x6060, 0, 4);
+    rig.plant.lock_rotor(true);
+    rig.set(0x60F6, 8, 512);
+    rig.control(0x0F);
+    rig.run_ms(50);
+    EXPECT_NEAR(static_cast<double>(rig.get(0x6078)), 512.0, 8.0) << model.name;
+    EXPECT_NEAR(static_cast<double>(rig.device.drive().loops().current_q_a),
+                static_cast<double>(model.motor.peak_current_a) / 4.0,
+                0.02 * static_cast<double>(model.motor.peak_current_a));
+    // 6073h in the same unit.
+    rig.set(0x6073, 0, 256);
+    rig.run_ms(50);
+    EXPECT_NEAR(static_cast<double>(rig.get(0x6078)), 256.0, 8.0) << model.name;
+  }
+  EXPECT_NEAR(2048.0 / (48.0 / 1.414), 60.33, 0.005);
+}
+
+// --- Position mode
+
+// 50000 inc at 200 rpm with 100 rps/s: 33.3 ms up, 195.6 ms even, 33.3 ms down (digest 8.1), then the window.
+TEST(IsmkPosition, TheExampleTakes262Milliseconds) {
+  Enabled rig(1);
+  rig.profile(200, 100);
+  const double moving = rig.move_ms(50000);
+  EXPECT_NEAR(moving, 262.2, 1.5);
+  const std::int64_t reached = rig.run_until([&] { return (rig.status() & target_reached) != 0; }, 200.0);
+  const double window = static_cast<double>(reached) / 16.0;
+  std::printf("50000 inc at 200 rpm, 100 rps/s: %.1f ms, reached %.1f ms later\n", moving, window);
+  EXPECT_GE(window, 9.0) << "2508h sub 9 is 10 ms (L2066)";
+  EXPECT_LT(window, 40.0);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), 50000.0, rest);
+  EXPECT_EQ(rig.status() & ~0x0200, 0x5437) << "the start bit is still set: bit 12 (C6)";
+  rig.control(0x2F);
+  rig.run_ms(2);
+  EXPECT_EQ(rig.status() & ~0x0200, 0x4437);
+}
+
+// 6081h is 0 from the start: nothing moves until it is set (L2019).
+TEST(IsmkPosition, NoSpeedNoMotion) {
+  Enabled rig(1);
+  rig.set(0x607A, 0, 50000);
+  rig.control(0x3F);
+  rig.run_ms(100);
+  EXPECT_NEAR(static_cast<double>(position(rig)), 0.0, 2.0);
+}
+
+TEST(IsmkPosition, AbsoluteAndRelative) {
+  Enabled rig(1);
+  rig.profile(3000, 500);
+  rig.move_ms(100000);
+  rig.move_ms(100000);  // the same target: it is there
+  rig.run_ms(50);
+  EXPECT_NEAR(static_cast<double>(position(rig)), 100000.0, rest);
+  rig.move_ms(-30000, 0x5F);
+  rig.run_ms(50);
+  EXPECT_NEAR(static_cast<double>(position(rig)), 70000.0, rest);
+}
+
+// L1092-1093: bit 5 replaces the running move, without it the target waits; a third finds no room (bit 12).
+TEST(IsmkPosition, ImmediateAndQueued) {
+  Enabled rig(1);
+  rig.profile(600, 200);
+  const auto give = [&rig](std::int64_t target, std::uint16_t word) {
+    rig.set(0x607A, 0, target);
+    rig.control(static_cast<std::uint16_t>(word & ~0x10));
+    rig.control(word);
+    rig.run_ms(5);
+  };
+  give(500000, 0x1F);
+  give(-200000, 0x1F);
+  EXPECT_NE(rig.status() & bit_12, 0);
+  rig.control(0x0F);
+  rig.run_ms(5);
+  EXPECT_NE(rig.status() & bit_12, 0) << "no room";
+  give(300000, 0x1F);
+  Counts farthest = 0;
+  rig.run_until(
+      [&] {
+        farthest = std::max(farthest, position(rig));
+        return (rig.status() & target_reached) != 0;
+      },
+      5000);
+  EXPECT_NEAR(static_cast<double>(farthest), 500000.0, 200.0);
+  EXPECT_NEAR(static_cast<double>(position(rig)), -200000.0, rest);
+  give(500000, 0x3F);
+  rig.run_ms(200);
+  give(-300000, 0x3F);
+  farthest = 0;
+  rig.run_until(
+      [&] {
+        farthest = std::max(farthest, position(rig));
+        return (rig.status() & target_reached) != 0;
+      },
+      5000);
+  EXPECT_LT(farthest, 200000);
+  EXPECT_NEAR(static_cast<double>(position(rig)), -300000.0, rest);
+}
+
+// 103Fh: the target follows every write without another edge (L1105, L1113).
+TEST(IsmkPosition, TrackingFollowsEveryWrite) {
+  Enabled rig(1);
+  rig.profile(3000, 500);
+  rig.control(0x103F);
+  for (const std::int64_t target : {40000, -25000, 90000}) {
+    rig.set(0x607A, 0, target);
+    rig.run_ms(400);
+    EXPECT_NEAR(static_cast<double>(position(rig)), static_cast<double>(target), 10.0);
+    EXPECT_NE(rig.status() & target_reached, 0);
+  }
+  // Without bit 12 a write alone does nothing.
+  rig.control(0x3F);
+  rig.set(0x607A, 0, 0);
+  rig.run_ms(300);
+  EXPECT_NEAR(static_cast<double>(position(rig)), 90000.0, 10.0);
+}
+
+// 60FBh sub 4 (L1802-1811): the same peak acceleration with soft corners takes longer by pi/2 on the ramps, without
+// delay at the start, and only in mode 1.
+TEST(IsmkPosition, SCurve) {
+  Enabled rig(1);
+  rig.profile(600, 100);
+  const double trapezoid = rig.move_ms(655360);
+  EXPECT_NEAR(trapezoid, 1100.0, 3.0);
+  EXPECT_EQ(rig.set(0x60FB, 4, 2), dictionary::AbortCode::value_invalid);
+  rig.set(0x60FB, 4, 3);
+  const double s_curve = rig.move_ms(0);
+  EXPECT_NEAR(s_curve, 1000.0 + 100.0 * 1.5708, 3.0);
+  rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(600)));
+  rig.set(0x6060, 0, 3);
+  rig.run_ms(50);
+  EXPECT_NEAR(rpm(rig), 300.0, 20.0) << "mode 3 ramps on a straight line";
+}
+
+// 60FBh sub 5: a moving average of N milliseconds delays by half of them, and ends N - 1 later (L1794-1798).
+TEST(IsmkPosition, SmoothingFilter) {
+  const auto settles_after = [](int smoothing_ms, double& at_half_way) {
+    Enabled rig(1);
+    rig.control(0x06);
+    rig.run_ms(2);
+    EXPECT_EQ(rig.set(0x60FB, 5, smoothing_ms), dictionary::AbortCode::none);
+    rig.control(0x2F);
+    rig.run_ms(2);
+    EXPECT_EQ(rig.set(0x60FB, 5, 7), dictionary::AbortCode::device_state);  // L2099
+    rig.profile(600, 100);
+    rig.set(0x607A, 0, 655360);
+    rig.control(0x3F);
+    rig.run_ms(550);
+    at_half_way = static_cast<double>(position(rig));
+    const auto arrived = [&] { return rig.device.drive().axis().demand.position == 655360; };
+    return static_cast<double>(rig.run_until(arrived, 2000)) / 16.0;
+  };
+  double plain_place = 0.0;
+  double smooth_place = 0.0;
+  const double plain = settles_after(1, plain_place);
+  const double smooth = settles_after(101, smooth_place);
+  EXPECT_NEAR(plain_place - smooth_place, 655.36 * 50.0, 700.0) << "50 ms late at 655.36 inc/ms";
+  EXPECT_NEAR(smooth - plain, 100.0, 1.5);
+}
+
+TEST(IsmkPosition, FollowingErrorIsAFaultAndBit13) {
+  Enabled rig(1);
+  rig.profile(3000, 500);
+  rig.set(0x6065, 0, 1000);
+  rig.plant.lock_rotor(true);
+  rig.set(0x607A, 0, 100000);
+  rig.control(0x3F);
+  rig.run_ms(100);
+  EXPECT_EQ(rig.status() & 0x20FF, 0x2038);
+  EXPECT_EQ(rig.get(0x603F), 0x8611);
+  EXPECT_EQ(rig.sent.back().data[0] | rig.sent.back().data[1] << 8, 0x8611);
+}
+
+// --- Speed modes
+
+TEST(IsmkSpeed, RampsInMode3) {
+  Enabled rig(3);
+  rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(600)));
+  rig.run_ms(50);
+  EXPECT_NEAR(rpm(rig), 300.0, 15.0);
+  EXPECT_EQ(rig.status() & (target_reached | bit_12), 0);
+  rig.run_ms(70);
+  EXPECT_NEAR(rpm(rig), 600.0, 5.0);
+  EXPECT_NE(rig.status() & target_reached, 0);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x606C)), velocity_dec_from_rpm(600), velocity_dec_from_rpm(5));
+  EXPECT_NEAR(static_cast<double>(rig.get(0x60F9, 0x1A)), 655.0, 6.0);
+  EXPECT_LT(std::abs(rig.get(0x60F9, 0x1C)), 178956);
+  rig.set(0x60FF, 0, 0);
+  rig.run_ms(120);
+  EXPECT_NE(rig.status() & bit_12, 0) << "speed is zero (L1229)";
+}
+
+// "The actual speed will immediately reach the target speed" (L1165): as fast as the current limit lets.
+TEST(IsmkSpeed, Mode3NegativeHasNoRamps) {
+  Enabled rig(-3);
+  rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(-600)));
+  const std::int64_t ticks = rig.run_until([&] { return rpm(rig) < -595.0; }, 100.0);
+  ASSERT_GE(ticks, 0);
+  EXPECT_LT(static_cast<double>(ticks) / 16.0, 25.0);
+  rig.run_ms(50);
+  EXPECT_NEAR(rpm(rig), -600.0, 5.0);
+  EXPECT_NE(rig.status() & target_reached, 0);
+  EXPECT_EQ(rig.status() & bit_12, 0);
+}
+
+// 60F9h sub 0Ah against the target of 60FFh, 2010h sub 18h for 60F9h sub 14h (L1220-1239).
+TEST(IsmkSpeed, ReachedAndZeroByTheirWindows) {
+  Enabled rig(-3);
+  rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(100)));
+  rig.run_ms(100);
+  EXPECT_NE(rig.status() & target_reached, 0);
+  rig.plant.lock_rotor(true);
+  rig.run_ms(20);
+  EXPECT_EQ(rig.status() & target_reached, 0);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x60F9, 0x1C)), velocity_dec_from_rpm(100), 2000.0);
+  rig.set(0x60F9, 0x0A, std::llround(velocity_dec_from_rpm(101)));
+  rig.run_ms(2);
+  EXPECT_NE(rig.status() & target_reached, 0);
+  EXPECT_NE(rig.status() & bit_12, 0);
+
+  // The time of the zero speed window.
+  Enabled timed(-3);
+  timed.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(100)));
+  timed.set(0x60F9, 0x14, 80);
+  timed.run_ms(200);
+  timed.set(0x60FF, 0, 0);
+  timed.run_until([&] { return std::abs(rpm(timed)) < 2.0; }, 200.0);
+  timed.run_ms(60);
+  EXPECT_EQ(timed.status() & bit_12, 0);
+  timed.run_ms(40);
+  EXPECT_NE(timed.status() & bit_12, 0);
+}
+
+// 607Fh and 6080h (L1241-1251).
+TEST(IsmkSpeed, TheLimitOfSpeed) {
+  for (const int mode : {3, -3}) {
+    Enabled rig(mode);
+    rig.set(0x6080, 0, 500);
+    rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(2000)));
+    rig.run_ms(400);
+    EXPECT_NEAR(rpm(rig), 500.0, 5.0);
+    EXPECT_EQ(rig.status() & position_limit, 0) << "bit 11 is of positions (L1145)";
+  }
+}
+
+// 607Eh turns everything round, and is refused while enabled (L1170-1176).
+TEST(IsmkSpeed, InvertedDirection) {
+  IsmkRig rig;
+  rig.run_ms(5);
+  EXPECT_EQ(rig.set(0x607E, 0, 1), dictionary::AbortCode::none);
+  rig.set(0x6060, 0, 3);
+  rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(300)));
+  rig.control(0x0F);
+  rig.run_ms(200);
+  EXPECT_NEAR(rpm(rig), -300.0, 5.0);
+  EXPECT_GT(rig.get(0x606C), 0);
+  EXPECT_GT(rig.get(0x6063), 0);
+  EXPECT_GT(rig.get(0x60FC), 0);
+  EXPECT_EQ(rig.set(0x607E, 0, 0), dictionary::AbortCode::device_state);
+}
+
+// --- Torque and pulse
+
+TEST(IsmkTorque, PercentAndCurrentAreOneTarget) {
+  IsmkRig rig;
+  rig.run_ms(5);
+  rig.plant.lock_rotor(true);
+  rig.set(0x6060, 0, 4);
+  rig.set(0x6071, 0, 500);
+  rig.control(0x0F);
+  rig.run_ms(50);
+  EXPECT_NEAR(static_cast<double>(rig.device.drive().axis().torque()), 0.5, 0.02);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x60F5, 8)), 2048.0 / 6.0, 6.0);
+  EXPECT_NEAR(rig.plant.torque_nm(), 0.5 * 1.27, 0.03);
+}
+
+TEST(IsmkTorque, SpeedIsLimitedBy607F) {
+  IsmkRig rig;
+  rig.run_ms(5);
+  rig.set(0x6060, 0, 4);
+  rig.set(0x607F, 0, std::llround(velocity_dec_from_rpm(800)));
+  rig.set(0x6071, 0, 300);
+  rig.control(0x0F);
+  rig.run_ms(500);
+  EXPECT_NEAR(rpm(rig), 800.0, 40.0);
+}
+
+// Mode -4 of a drive without pulse terminals: enabled, and nothing moves (C2).
+TEST(IsmkPulse, StandsWhateverTheTargets) {
+  Enabled rig(-4);
+  rig.set(0x60FF, 0, 17895697);
+  rig.set(0x607A, 0, 100000);
+  rig.set(0x6081, 0, 17895697);
+  rig.control(0x3F);
+  rig.run_ms(200);
+  EXPECT_NEAR(static_cast<double>(position(rig)), 0.0, 2.0);
+  EXPECT_EQ(rig.status() & 0xFF, 0x37);
+}
+
+}  // namespace
+}  // namespace servodrome
