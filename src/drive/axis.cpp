@@ -12,11 +12,20 @@ bool Axis::software_limits_active() const {
   return homed || !policy.software_limits_need_homing;
 }
 
-bool Axis::at_position_limit() const {
-  if (active(Signal::negative_limit) || active(Signal::positive_limit)) return true;
+bool Axis::at_position_limit() const { return at_limit(true) || at_limit(false); }
+
+bool Axis::held_by_position_limit() const {
+  const double velocity = generator.velocity();
+  return (at_limit(false) && velocity <= 0.0) || (at_limit(true) && velocity >= 0.0);
+}
+
+// `positive`: at the end of large counts.
+bool Axis::at_limit(bool positive) const {
+  if (active(positive ? Signal::positive_limit : Signal::negative_limit)) return true;
   if (!software_limits_active()) return false;
-  const std::int64_t user = to_user_position(position());
-  return user <= objects.min_position_limit || user >= objects.max_position_limit;
+  const std::int64_t demand = to_user_position(generator.nearest_position());
+  return positive != units.position_inverted ? demand >= objects.max_position_limit
+                                             : demand <= objects.min_position_limit;
 }
 
 Axis::Room Axis::room() const {

@@ -251,10 +251,13 @@ struct Axis {
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
   bool software_limits_active() const;
-  // A limit switch is active, or the axis is at a software limit or beyond it.
+  // A limit switch is active, or the demand is at a software limit or beyond it (the shaft hunts around it by a count).
   bool at_position_limit() const;
+  // ... and the demand does not lead away from it.
+  bool held_by_position_limit() const;
   // The ways in counts to the software limits, where a mode without a target position has to keep to them: negative
   // beyond a limit. Infinite while they are off, or a fault where they are crossed.
+  bool at_limit(bool positive) const;
   struct Room {
     double below;
     double above;

@@ -503,7 +503,7 @@ std::uint32_t Drive::status_sources() const {
   show(StatusSource::internal_limit, energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited));
   show(StatusSource::internal_limit, policy_.limit_switches_show_as_limit && (axis_.active(Signal::negative_limit) ||
                                                                               axis_.active(Signal::positive_limit)));
-  show(StatusSource::position_limit, axis_.at_position_limit());
+  show(StatusSource::position_limit, axis_.held_by_position_limit());
   show(StatusSource::following_error, axis_.following_error);
   show(StatusSource::commutation_found,
        state_ != PowerState::not_ready_to_switch_on && !active_.test(Cause::encoder_connection));

@@ -82,7 +82,7 @@ enum class StatusSource : std::uint8_t {
   remote,
   target_reached,
   internal_limit,  // anything that keeps the axis from doing as it is told
-  position_limit,  // a limit switch is active, or the axis is at or beyond a software limit
+  position_limit,  // at a limit switch or a software limit, and not on the way back
   mode_bit_12,
   mode_bit_13,
   following_error,

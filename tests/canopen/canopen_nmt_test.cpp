@@ -102,7 +102,7 @@ TEST(Nmt, ResetsNameTheAreasToRestore) {
   device->start();
   device->events.log.clear();
   device->send("000 # 81 01");
-  EXPECT_EQ(device->events.log, (Frames{"nmt 0", "reset 129 7 1", "nmt 127"}));
+  EXPECT_EQ(device->events.log, (Frames{"nmt 0", "reset 129 15 1", "nmt 127"}));
   device->events.log.clear();
   device->send("000 # 82 01");
   EXPECT_EQ(device->events.log, (Frames{"nmt 0", "reset 130 1 1", "nmt 127"}));
@@ -151,7 +151,7 @@ TEST(Storage, SignaturesAndAreas) {
   EXPECT_EQ(device->write(0x1010, 1, load, 4), AbortCode::cannot_transfer_or_store);
   EXPECT_EQ(device->write(0x1011, 1, save, 4), AbortCode::cannot_transfer_or_store);
   device->events.log.clear();
-  const Frames areas = {"7", "1", "4", "2"};
+  const Frames areas = {"15", "1", "12", "2"};
   for (std::uint8_t sub = 1; sub <= 4; ++sub) {
     EXPECT_EQ(device->write(0x1010, sub, save, 4), AbortCode::none);
     EXPECT_EQ(device->events.log.back(), "store " + areas[sub - 1U]);

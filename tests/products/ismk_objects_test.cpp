@@ -10,7 +10,7 @@ namespace {
 using dictionary::AbortCode;
 using products::Ismk;
 using test::Difference;
-using test::IsmkRig;
+using IsmkRig = test::FactoryIsmkRig;
 
 const std::vector<Difference> differences{
     // 100 inc times 10000 is not the 524288 inc that 6065h is printed with; both show one limit (C9).

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "dictionary/medium.hpp"
 #include "line/model_plant.hpp"
 #include "products/ismk/ismk.hpp"
 #include "rig.hpp"
@@ -20,11 +21,24 @@ inline products::Settings ismk_settings(std::string_view rating = products::ismk
   return settings;
 }
 
-// As it leaves the factory: kvp 4, which is slow, and the slower rates of the loops.
-struct FactoryIsmkRig : Rig<products::Ismk> {
+struct IsmkMemory {
+  std::array<std::byte, 16384> bytes{};
+  dictionary::RamMedium medium{bytes};
+};
+
+// As it leaves the factory: kvp 4, which is slow, and the slower rates of the loops. Stores to a memory of its own,
+// unless the settings bring one.
+struct FactoryIsmkRig : private IsmkMemory, Rig<products::Ismk> {
   explicit FactoryIsmkRig(std::string_view rating = products::ismk::default_rating)
-      : Rig(ismk_plant(rating), ismk_settings(rating)) {}
-  FactoryIsmkRig(const plant::Parameters& parameters, const products::Settings& settings) : Rig(parameters, settings) {}
+      : FactoryIsmkRig(ismk_plant(rating), ismk_settings(rating)) {}
+  FactoryIsmkRig(const plant::Parameters& parameters, const products::Settings& settings)
+      : Rig(parameters, with_memory(settings, medium)) {}
+
+ private:
+  static products::Settings with_memory(products::Settings settings, dictionary::Medium& memory) {
+    if (settings.store == nullptr) settings.store = &memory;
+    return settings;
+  }
 };
 
 // Commissioned: the faster rates, and gains for a stiff axis, so that motion is quick and exact. A power cycle takes it

@@ -6,14 +6,6 @@ namespace servodrome::drive {
 
 namespace {
 
-bool at_position_limit(const Axis& axis) {
-  if (axis.active(Signal::positive_limit) || axis.active(Signal::negative_limit)) return true;
-  if (!axis.software_limits_active()) return false;
-  // Of the demand: the shaft hunts around the limit by a count.
-  const std::int64_t demand = axis.to_user_position(axis.generator.nearest_position());
-  return demand <= axis.objects.min_position_limit || demand >= axis.objects.max_position_limit;
-}
-
 bool index_passed(const Axis& axis) {
   return axis.active(Signal::index) || std::any_of(axis.edges.begin(), axis.edges.end(),
                                                    [](const SignalEdge& edge) { return edge.signal == Signal::index; });
@@ -46,7 +38,7 @@ std::uint32_t OutputConditions::update(const Drive& drive, const Settings& setti
   set(OutputCondition::index, index_passed(axis));
   set(OutputCondition::speed_limit, enabled && loop == Loop::torque && drive.loops().velocity_limited);
   set(OutputCondition::enabled, drive.energised());
-  set(OutputCondition::position_limit, at_position_limit(axis));
+  set(OutputCondition::position_limit, axis.at_position_limit());
   set(OutputCondition::home_found, drive.homed());
   set(OutputCondition::torque_reached, torque_reached);
   if (settings.reached_index) {
