@@ -23,9 +23,8 @@ bool Axis::held_by_position_limit() const {
 bool Axis::at_limit(bool positive) const {
   if (active(positive ? Signal::positive_limit : Signal::negative_limit)) return true;
   if (!software_limits_active()) return false;
-  const std::int64_t demand = to_user_position(generator.nearest_position());
-  return positive != units.position_inverted ? demand >= objects.max_position_limit
-                                             : demand <= objects.min_position_limit;
+  const std::int64_t user = to_user_position(generator.nearest_position());
+  return positive != units.position_inverted ? user >= objects.max_position_limit : user <= objects.min_position_limit;
 }
 
 Axis::Room Axis::room() const {

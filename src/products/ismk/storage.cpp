@@ -39,6 +39,7 @@ void Ismk::initialise_parameters() {
     std::memcpy(place, bytes.data(), dictionary::size_of(entry.type));
   }
   loaded(control_parameters);
+  tuning_.objects_loaded(objects(), drive().configuration().motor);
   reconfigure();
 }
 
