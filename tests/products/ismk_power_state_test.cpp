@@ -189,6 +189,8 @@ TEST(IsmkStops, ShortCircuitBrakingLiesBetweenCoastingAndTheRamp) {
   heavy.load.inertia_kgm2 = 20.0 * heavy.motor.rotor_inertia_kgm2;
   const auto stop_with = [&heavy](int code) {
     Turning rig(heavy);
+    rig.set(0x60F9, 1, 10 * rig.get(0x60F9, 1));  // gains for such a load
+    rig.run_ms(300);
     rig.set(0x605B, 0, code);
     rig.control(0x06);
     return rig.stop_ms(20000.0);
