@@ -141,7 +141,8 @@ TEST(IsmkStops, EveryOptionCodeOfEveryTrigger) {
         case 5: EXPECT_NEAR(took, ramp_ms, 6.0); break;
         case 2:
         case 6: EXPECT_NEAR(took, quick_ramp_ms, 6.0); break;
-        default: EXPECT_GT(took, quick_ramp_ms - 20.0); EXPECT_LT(took, 300.0);
+        // Of a light rotor the windings make short work: see below for a heavy load.
+        default: EXPECT_GT(took, 2.0); EXPECT_LT(took, quick_ramp_ms);
       }
       if (code != 0) {
         EXPECT_EQ(low_byte(rig), stays ? 0x50 : trigger.after);
@@ -189,11 +190,13 @@ TEST(IsmkStops, ShortCircuitBrakingLiesBetweenCoastingAndTheRamp) {
   heavy.load.inertia_kgm2 = 20.0 * heavy.motor.rotor_inertia_kgm2;
   const auto stop_with = [&heavy](int code) {
     Turning rig(heavy);
-    rig.set(0x60F9, 1, 10 * rig.get(0x60F9, 1));  // gains for such a load
-    rig.run_ms(300);
     rig.set(0x605B, 0, code);
     rig.control(0x06);
-    return rig.stop_ms(20000.0);
+    rig.run_ms(1.5);
+    if (code != 2) return rig.stop_ms(20000.0) + 1.5;
+    // The ramp that is demanded; how well a load is made to follow is a matter of the gains.
+    const std::int64_t ticks = rig.run_until([&rig] { return !rig.device.drive().in_motion(); }, 1000.0);
+    return static_cast<double>(ticks) / 16.0 + 1.5;
   };
   const double coasting = stop_with(0);
   const double ramp = stop_with(2);
