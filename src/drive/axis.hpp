@@ -92,6 +92,7 @@ struct Configuration {
   CauseSet ignored{};                              // faults that are neither reported nor reacted to
   bool remote = true;                              // statusword bit 9: the bus, not an input, enables the drive
   std::uint32_t bus_inputs = 0;                    // input wires whose level is that of a bit of 60FEh:01
+  std::uint32_t input_filter_cycles = 0;           // a level that lasts no longer is not seen
   bool index_available = true;                     // the encoder has an index that homing may use
   Cause encoder_loss = Cause::encoder_connection;  // what its lost connection is called
   double sync_period_s = 0.0;                      // of the SYNC that interpolation waits for; 0: 60C2h
@@ -114,6 +115,8 @@ struct Configuration {
   Counts homing_retraction = 0;
   std::uint32_t homing_timeout_ms = 0;
 
+  // The wires whose edges are those of the level that a cycle sees.
+  std::uint32_t inputs_without_capture() const { return input_filter_cycles != 0 ? 0xFFFFFFFF : bus_inputs; }
   // A motor whose brake takes no time has none: it may coast without power.
   bool has_brake() const { return brake_release_ms != 0 || brake_engage_ms != 0; }
 };

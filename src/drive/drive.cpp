@@ -28,6 +28,7 @@ void Drive::configure(const Configuration& configuration) {
     if (now.signal == Signal::none || now.forced == before.forced || now.signal != before.signal) continue;
     if (now.active(high) != before.active(high)) note_edge({now.signal, now.active(high), axis_.encoder_position});
   }
+  if (axis_.configuration.input_filter_cycles == 0) input_filter_.reset(wires_);  // it may be switched on now
   axis_.configuration = configuration;
   if (!energised()) set_rates();
   cascade_.configure(configuration.motor, configuration.gains, rates_);
@@ -93,7 +94,8 @@ void Drive::power_on(const Feedback& feedback) {
   tripped_ = 0;
   terminal_outputs_ = 0;
   limit_positions_ = {};
-  wires_ = feedback.inputs;
+  wires_ = levels_ = feedback.inputs;
+  input_filter_.reset(wires_);
   axis_.encoder_position = position_of_ms_ = feedback.position_counts;
   axis_.counts_per_ms = 0;
   supervision_.reset();
@@ -172,7 +174,8 @@ void Drive::capture_edges(const Feedback& feedback) {
     const Edge& edge = feedback.edges[i];
     SignalEdge signal{Signal::index, edge.rising, edge.position_counts};
     if (edge.source != Edge::index_source) {
-      if (edge.source >= max_inputs || (axis_.configuration.bus_inputs >> edge.source & 1u) != 0) continue;
+      if (edge.source >= max_inputs) continue;
+      if ((axis_.configuration.inputs_without_capture() >> edge.source & 1u) != 0) continue;
       const InputFunction& function = axis_.configuration.inputs[edge.source];
       if (function.forced) continue;
       signal.signal = function.signal;
@@ -182,8 +185,8 @@ void Drive::capture_edges(const Feedback& feedback) {
   }
 }
 
-// No capture unit sees the inputs that the bus commands: they change where the axis is now.
-void Drive::note_bus_edges(std::uint32_t changed) {
+// No capture unit sees the inputs that the bus commands or a filter delays: they change where the axis is now.
+void Drive::note_level_edges(std::uint32_t changed) {
   for (std::size_t i = 0; i < max_inputs; ++i) {
     const InputFunction& function = axis_.configuration.inputs[i];
     if ((changed >> i & 1u) == 0 || function.signal == Signal::none || function.forced) continue;
@@ -200,16 +203,19 @@ void Drive::note_edge(const SignalEdge& edge) {
 }
 
 void Drive::update_inputs(const Feedback& feedback) {
-  const std::uint32_t from_bus = axis_.configuration.bus_inputs;
+  const Configuration& configuration = axis_.configuration;
+  const std::uint32_t from_bus = configuration.bus_inputs;
   wires_ = feedback.inputs;
   if (from_bus != 0) {
     wires_ = (wires_ & ~from_bus) | (axis_.objects.physical_outputs >> policy_.first_bus_input_bit & from_bus);
   }
+  if (configuration.input_filter_cycles != 0) {
+    wires_ = input_filter_.update(wires_, configuration.input_filter_cycles);
+  }
   if (wires_ != last_inputs_) {
-    const std::uint32_t changed = (wires_ ^ bus_levels_) & from_bus;
-    if (changed != 0) note_bus_edges(changed);
-    bus_levels_ = wires_;
-    last_inputs_ = wires_;
+    const std::uint32_t changed = (wires_ ^ levels_) & configuration.inputs_without_capture();
+    if (changed != 0) note_level_edges(changed);
+    levels_ = last_inputs_ = wires_;
     std::uint32_t signals = 0;
     for (std::size_t i = 0; i < max_inputs; ++i) {
       const InputFunction& function = axis_.configuration.inputs[i];

@@ -7,6 +7,7 @@
 #include "drive/axis.hpp"
 #include "drive/cause_set.hpp"
 #include "drive/hardware.hpp"
+#include "drive/io/input_filter.hpp"
 #include "drive/modes/cyclic_modes.hpp"
 #include "drive/modes/homing_mode.hpp"
 #include "drive/modes/no_mode.hpp"
@@ -155,7 +156,7 @@ class Drive final : public dictionary::Listener {
   void update_inputs(const Feedback& feedback);
   void capture_edges(const Feedback& feedback);
   void note_edge(const SignalEdge& edge);
-  void note_bus_edges(std::uint32_t changed);
+  void note_level_edges(std::uint32_t changed);
   void change_mode();
   void run_mode();
   void limit_switches(Counts before);
@@ -225,7 +226,8 @@ class Drive final : public dictionary::Listener {
 
   Actuation outputs_{};  // everything but the phase voltages, set once per cycle
   std::uint32_t last_inputs_ = 0;
-  std::uint32_t bus_levels_ = 0;  // of the inputs when they last changed
+  std::uint32_t levels_ = 0;  // of the inputs when they last changed
+  InputFilter input_filter_{};
   std::uint32_t wires_ = 0;
   Counts position_of_ms_ = 0;
   std::uint32_t cycles_of_ms_ = 0;

@@ -213,6 +213,37 @@ TEST(PronetInputs, EachTerminalCanHaveEachFunctionFromWireAndBus) {
   }
 }
 
+// Pn514 in 0.2 ms: what lasts no longer is not seen, by wire or bus; edges come with the level.
+TEST(PronetInputs, FilteredLevelsAreSeenLate) {
+  Axis axis;
+  axis.run_ms(1);
+  axis.set(0x3086, 0, 25);  // 5 ms
+  axis.plant.force_input(home_wire, true);
+  axis.run_ms(4);
+  axis.plant.force_input(home_wire, false);
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(inputs(axis), 0U);
+  axis.plant.force_input(home_wire, true);
+  axis.run_ms(4.5);
+  EXPECT_EQ(axis.get(0x60FD), 0);
+  axis.run_ms(1.5);
+  EXPECT_EQ(axis.get(0x60FD), 4);
+  axis.plant.force_input(home_wire, false);
+  axis.run_ms(4.5);
+  EXPECT_EQ(axis.get(0x60FD), 4);
+  axis.run_ms(1.5);
+  EXPECT_EQ(axis.get(0x60FD), 0);
+}
+
+TEST(PronetInputs, HomingWithFilteredSwitches) {
+  Axis axis(travel(0));
+  prepare(axis, 19);
+  axis.set(0x3086, 0, 25);
+  EXPECT_EQ(home(axis), 0x1400);
+  // 5 to 6 ms at 10 rpm, that is 9 counts, on the way through the edge in negative direction.
+  const std::int64_t found = axis.plant.position_counts() - axis.get(0x6064);
+  EXPECT_NEAR(static_cast<double>(found), static_cast<double>(switch_from - 9), 4.0);
+}
+
 // A controller that has the reference switch on its own inputs homes the drive by the bus (L2298).
 TEST(PronetInputs, HomingByASwitchOfTheMaster) {
   plant::Parameters parameters = travel(0);

@@ -97,6 +97,8 @@ drive::Configuration Pronet::configuration() const {
                                digit(pn.get<516>(), pn.get<517>(), i) != 0};
     if (digit(pn.get<512>(), pn.get<513>(), i) != 0) configuration.bus_inputs |= 1U << i;
   }
+  // Pn514 counts 0.2 ms (L2601); a cycle takes 0.5.
+  configuration.input_filter_cycles = (pn.get<514>() * 2U + 4U) / 5U;
   configuration.sync_period_s = own.sync_time_period_us * 1e-6;
   return configuration;
 }
