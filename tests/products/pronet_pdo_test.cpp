@@ -262,6 +262,26 @@ TEST(PronetPdo, ResetCommunicationKeepsWhatResetNodeLoses) {
   EXPECT_EQ(axis.get(0x6083), 100000);
 }
 
+// What the objects say of the masks is what is done, after both resets.
+TEST(PronetPdo, MasksAfterResets) {
+  Axis axis;
+  axis.run_ms(1);
+  const auto sends_a_change = [&](std::uint8_t reset) {
+    axis.send(0x000, {reset, 0x01});
+    only(axis, 1, {0x60810020}, 254);
+    axis.set(0x1800, 5, 0);
+    start(axis);
+    axis.run_ms(20);
+    axis.sent.clear();
+    axis.set(0x6081, 0, axis.get(0x6081) + 1);
+    axis.run_ms(15);
+    return count(axis, 0x181) == 1;
+  };
+  axis.set(0x2000, 1, 0);
+  EXPECT_FALSE(sends_a_change(0x82));
+  EXPECT_TRUE(sends_a_change(0x81));
+}
+
 // A frame with the set-points of four drives of 16 bits each, and one of 8-bit pieces: dummies of every width.
 TEST(PronetPdo, DummiesOfEveryWidth) {
   struct Dummy {
