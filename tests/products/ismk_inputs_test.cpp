@@ -27,7 +27,7 @@ void assign(IsmkRig& rig, std::uint8_t input, std::uint16_t code) {
 
 void wire(IsmkRig& rig, std::uint8_t input, bool level) {
   rig.plant.force_input(input, level);
-  rig.run_ms(2);
+  rig.run_ms(3);
 }
 
 PowerState state(IsmkRig& rig) { return rig.device.drive().state(); }
@@ -57,10 +57,10 @@ void home(IsmkRig& rig) {
 
 void enable(IsmkRig& rig) {
   set(rig, 0x6060, 0, 3);
-  rig.run_ms(1);
+  rig.run_ms(3);
   EXPECT_NE(rig.status() & 0x200, 0) << "the bus enables";
   assign(rig, di1, 0x0001);
-  rig.run_ms(1);
+  rig.run_ms(3);
   EXPECT_EQ(rig.status() & 0x200, 0) << "an input enables";
   wire(rig, di1, true);
   EXPECT_EQ(rig.get(0x6040), 0x2F);
@@ -77,7 +77,7 @@ void enable(IsmkRig& rig) {
   EXPECT_EQ(rig.get(0x6040), 0x4F);
   // A function that is taken away is an input that went off.
   assign(rig, di1, 0);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(state(rig), PowerState::ready_to_switch_on);
 }
 
@@ -105,7 +105,7 @@ void mode_control(IsmkRig& rig) {
   EXPECT_EQ(rig.get(0x2020, 0x0D), -3);
   EXPECT_EQ(rig.get(0x2020, 0x0E), -4);
   assign(rig, di1, 0x0004);
-  rig.run_ms(1);
+  rig.run_ms(3);
   EXPECT_EQ(rig.get(0x6060), -3);
   wire(rig, di1, true);
   EXPECT_EQ(rig.get(0x6060), -4);
@@ -137,7 +137,7 @@ void limit(IsmkRig& rig, std::uint16_t code, int sign, std::int64_t bit_of_60fd,
   set(rig, 0x605A, 0, 6);
   wire(rig, di1, true);
   assign(rig, di1, code);
-  rig.run_ms(1);
+  rig.run_ms(3);
   EXPECT_EQ(rig.get(0x60FD), 0);
   turn(rig, sign * 300.0);
   rig.plant.force_input(di1, false);
@@ -148,14 +148,14 @@ void limit(IsmkRig& rig, std::uint16_t code, int sign, std::int64_t bit_of_60fd,
   EXPECT_EQ(state(rig), PowerState::operation_enabled);
   EXPECT_NE(rig.status() & 0x800, 0) << "internal limit";
   EXPECT_EQ(rig.get(0x2010, latched), met);
-  // By 6085h: 300 rpm at 610 rps/s is 8 ms and 1340 counts.
-  EXPECT_NEAR(static_cast<double>(std::abs(rig.plant.position_counts() - met)), 1340.0, 250.0);
+  // By 6085h: 300 rpm at 610 rps/s is 8 ms and 1340 counts, begun within two cycles of 330 counts.
+  EXPECT_NEAR(static_cast<double>(std::abs(rig.plant.position_counts() - met)), 1670.0, 340.0);
   set(rig, 0x60FF, 0, dec(-sign * 300.0));
   rig.run_ms(200);
   EXPECT_NEAR(rpm(rig), -sign * 300.0, 6.0);
-  EXPECT_EQ(rig.status() & 0x800, 0);
+  EXPECT_EQ(rig.status() & 0x800, 0) << "on the way back (L1145)";
   // Back on its own side of the switch.
-  rig.plant.force_input(di1, true);
+  wire(rig, di1, true);
   set(rig, 0x60FF, 0, dec(sign * 300.0));
   rig.run_ms(200);
   EXPECT_NEAR(rpm(rig), sign * 300.0, 6.0);
@@ -194,6 +194,12 @@ void invert_direction(IsmkRig& rig) {
   wire(rig, di1, false);
   rig.run_ms(400);
   EXPECT_NEAR(rpm(rig), 300.0, 6.0);
+  set(rig, 0x6060, 0, -3);
+  rig.run_ms(100);
+  EXPECT_NEAR(rpm(rig), 300.0, 6.0);
+  wire(rig, di1, true);
+  rig.run_ms(200);
+  EXPECT_NEAR(rpm(rig), -300.0, 6.0) << "immediate speed";
   wire(rig, di1, false);
   rig.control(0x06);
   rig.run_ms(500);
@@ -232,7 +238,7 @@ void position_index(IsmkRig& rig, std::uint16_t code, std::size_t bit) {
   assign(rig, di1, code);
   set(rig, 0x6060, 0, 1);
   set(rig, 0x6040, 0, 0x06);
-  rig.run_ms(1);
+  rig.run_ms(3);
   set(rig, 0x6040, 0, 0x2F);
   rig.run_ms(200);
   EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), 0.0, 2.0) << "nothing has changed";
@@ -263,8 +269,11 @@ void start_homing(IsmkRig& rig) {
   set(rig, 0x6060, 0, 3);
   set(rig, 0x6098, 0, 33);
   assign(rig, di1, 0x2000);
-  wire(rig, di1, true);
-  EXPECT_EQ(rig.get(0x6060), 3) << "not enabled";
+  rig.plant.force_input(di1, true);
+  for (int i = 0; i < 32; ++i) {
+    rig.tick();
+    EXPECT_EQ(rig.get(0x6060), 3) << "not enabled";
+  }
   wire(rig, di1, false);
   ASSERT_TRUE(rig.enable());
   rig.run_ms(20);
@@ -277,6 +286,7 @@ void start_homing(IsmkRig& rig) {
   rig.run_ms(5);
   EXPECT_EQ(state(rig), PowerState::operation_enabled);
   EXPECT_EQ(rig.device.drive().mode(), drive::Mode::profile_velocity);
+  EXPECT_NE(rig.status() & 0x8000, 0);
   // Given up when the drive is switched off meanwhile.
   wire(rig, di1, false);
   wire(rig, di1, true);
@@ -293,7 +303,7 @@ void start_homing(IsmkRig& rig) {
   ASSERT_GE(rig.run_until([&] { return rig.get(0x6060) == 3; }, 5000.0), 0);
   // The bus may choose another mode meanwhile.
   assign(rig, di1, 0x2000);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(rig.get(0x6060), 6);
   set(rig, 0x6060, 0, 1);
   rig.run_ms(20);
@@ -332,7 +342,7 @@ void without_effect(IsmkRig& rig, std::uint16_t code) {
 
 void gain_index(IsmkRig& rig, std::uint16_t code, std::int64_t pointer) {
   assign(rig, di1, code);
-  rig.run_ms(1);
+  rig.run_ms(3);
   EXPECT_EQ(rig.device.terminals().inputs().index(drive::InputAction::gain_index_0, 2), 0);
   wire(rig, di1, true);
   EXPECT_EQ(rig.device.terminals().inputs().index(drive::InputAction::gain_index_0, 2), pointer);
@@ -345,12 +355,12 @@ void motor_error(IsmkRig& rig) {
   EXPECT_EQ(state(rig), PowerState::fault);
   EXPECT_EQ(rig.get(0x2601), 0x2000);
   rig.control(0x86);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(state(rig), PowerState::fault) << "still there";
   wire(rig, di1, false);
   rig.control(0x06);
   rig.control(0x86);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(state(rig), PowerState::ready_to_switch_on);
 }
 
@@ -369,7 +379,7 @@ void pre_enable(IsmkRig& rig) {
   EXPECT_EQ(rig.get(0x2602), 0x0100);
   rig.control(0x06);
   rig.control(0x86);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(state(rig), PowerState::ready_to_switch_on);
   wire(rig, di1, true);
   EXPECT_EQ(rig.get(0x60FD), 0);
@@ -385,13 +395,13 @@ void fast_capture(IsmkRig& rig, std::uint16_t code, std::size_t unit) {
   EXPECT_FALSE(caught().rising || caught().falling);
   rig.plant.force_input(di1, true);
   const std::int64_t rose = rig.plant.position_counts();
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_TRUE(caught().rising);
   EXPECT_FALSE(caught().falling);
   EXPECT_EQ(caught().rising_position, rose);
   rig.plant.force_input(di1, false);
   const std::int64_t fell = rig.plant.position_counts();
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_TRUE(caught().falling);
   EXPECT_EQ(caught().falling_position, fell);
   wire(rig, di1, true);
@@ -402,7 +412,7 @@ void fast_capture(IsmkRig& rig, std::uint16_t code, std::size_t unit) {
   EXPECT_TRUE(caught().falling);
   rig.plant.force_input(di1, true);
   const std::int64_t again = rig.plant.position_counts();
-  rig.run_ms(2);
+  rig.run_ms(3);
   wire(rig, di1, false);
   EXPECT_TRUE(caught().rising);
   EXPECT_EQ(caught().rising_position, again);
@@ -461,7 +471,7 @@ TEST(IsmkInputs, EveryFunctionOfTheManual) {
     const auto found = cases.find(code);
     ASSERT_NE(found, cases.end()) << "no test";
     IsmkRig rig;
-    rig.run_ms(1);
+    rig.run_ms(3);
     found->second(rig);
   }
 }
@@ -498,21 +508,21 @@ TEST(IsmkInputs, AFunctionSeesTheResult) {
   IsmkRig rig;
   set(rig, 0x6060, 0, 3);
   assign(rig, di1, 0x0001);
-  rig.run_ms(2);
+  rig.run_ms(3);
   set(rig, 0x2010, 2, 1);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(state(rig), PowerState::operation_enabled) << "simulated";
   set(rig, 0x2010, 2, 0);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(state(rig), PowerState::ready_to_switch_on);
   set(rig, 0x2010, 1, 0xFFFE);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(state(rig), PowerState::operation_enabled) << "inverted";
   wire(rig, di1, true);
   EXPECT_EQ(state(rig), PowerState::ready_to_switch_on);
   // A normally closed limit that is inverted: high is the limit.
   assign(rig, di1, 0x0010);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(rig.get(0x60FD), 2);
   wire(rig, di1, false);
   EXPECT_EQ(rig.get(0x60FD), 0);
@@ -527,7 +537,7 @@ TEST(IsmkInputs, SimulationCatchesLimitPositions) {
   set(rig, 0x2010, 2, 0);
   const std::int64_t here = rig.plant.position_counts();
   rig.run_ms(20);
-  EXPECT_NEAR(static_cast<double>(rig.get(0x2010, 0x1B)), static_cast<double>(here), 165.0);  // a cycle is 164 counts
+  EXPECT_NEAR(static_cast<double>(rig.get(0x2010, 0x1B)), static_cast<double>(here), 330.0);  // a cycle is 327 counts
   EXPECT_NE(rig.get(0x2010, 0x1B), 0);
 }
 
@@ -559,7 +569,7 @@ TEST(IsmkInputs, LimitAlarmOnlyAfterHoming) {
       set(rig, 0x2010, 0x19, limit_function);
       wire(rig, di1, true);
       assign(rig, di1, 0x0010);
-      rig.run_ms(1);
+      rig.run_ms(3);
       if (homed) home(rig);
       turn(rig, 300.0);
       wire(rig, di1, false);
@@ -571,7 +581,7 @@ TEST(IsmkInputs, LimitAlarmOnlyAfterHoming) {
       // It can be left: the alarm is that the switch was met, not that it is on.
       rig.control(0x06);
       rig.control(0x86);
-      rig.run_ms(2);
+      rig.run_ms(3);
       turn(rig, -300.0);
     }
   }

@@ -14,7 +14,7 @@ using test::IsmkRig;
 constexpr std::array<std::uint8_t, 8> position{0x01, 0x02, 0x03, 0x04, 0x10, 0x11, 0x12, 0x13};
 constexpr std::array<std::uint8_t, 8> speed{0x05, 0x06, 0x07, 0x08, 0x14, 0x15, 0x16, 0x17};
 
-constexpr std::array<std::int8_t, 1> speed_modes{3};
+constexpr std::array<std::int8_t, 2> speed_modes{3, -3};
 
 void set(IsmkRig& rig, std::uint16_t index, std::uint8_t sub, std::int64_t value) {
   ASSERT_EQ(rig.set(index, sub, value), AbortCode::none) << std::hex << index << "h:" << int{sub} << " = " << value;
@@ -117,7 +117,7 @@ unsigned reached(IsmkRig& rig) {
   unsigned index = 0;
   for (unsigned i = 0; i < 3; ++i) {
     set(rig, 0x2010, 0x0F, 0x1000 << i);
-    rig.run_ms(2);
+    rig.run_ms(3);
     index |= (rig.actuation.outputs & 1) << i;
   }
   return index;
@@ -154,7 +154,7 @@ TEST(IsmkPositionTable, PositionZeroByTheActivateInput) {
   EXPECT_NEAR(place(rig), -15000.0, 2.0);
   EXPECT_EQ(rig.get(0x6040), 0x3F);
   rig.plant.force_input(3, false);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(rig.get(0x6040), 0x2F);
 }
 
@@ -221,7 +221,7 @@ TEST(IsmkPositionTable, RelativeMoves) {
   set(rig, 0x2010, 7, 0x0001);
   set(rig, 0x6060, 0, 1);
   select(rig, 5);  // 10000
-  rig.run_ms(2);
+  rig.run_ms(3);
   rig.plant.force_input(4, true);
   rig.run_ms(5);
   for (int i = 1; i <= 3; ++i) {
@@ -229,7 +229,7 @@ TEST(IsmkPositionTable, RelativeMoves) {
     rig.run_ms(400);
     EXPECT_NEAR(place(rig), 10000.0 * i, 2.0);
     rig.plant.force_input(3, false);
-    rig.run_ms(2);
+    rig.run_ms(3);
   }
 }
 
@@ -237,7 +237,7 @@ TEST(IsmkPositionTable, NotWhileDisabledAndNotLater) {
   IsmkRig rig;
   with_positions(rig);
   set(rig, 0x6060, 0, 1);
-  rig.run_ms(2);
+  rig.run_ms(3);
   select(rig, 7);
   rig.run_ms(10);
   enable_in(rig, 1);

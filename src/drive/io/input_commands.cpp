@@ -66,11 +66,9 @@ void InputCommands::position_table(const InputFunctions& inputs, const Settings&
     start_bit_is_ours_ = false;
     if (!inputs.active(InputAction::activate)) drive.command(without(objects.controlword, controlword::mode_bit_4));
   }
-  if (objects.modes_of_operation != position_mode || !indexed) {
+  if (objects.modes_of_operation != position_mode) {
     going_to_.reset();
     reached_.reset();
-  }
-  if (objects.modes_of_operation != position_mode) {
     start_bit_was_ = false;
     return;
   }
@@ -93,12 +91,11 @@ void InputCommands::position_table(const InputFunctions& inputs, const Settings&
   const bool start_bit = enabled && (objects.controlword & controlword::mode_bit_4) != 0;
   if (start_bit && !start_bit_was_) {
     reached_.reset();
-    going_to_.reset();
-    if (indexed) going_to_ = index;
+    going_to_ = index;
   } else if (enabled && going_to_ && (drive.statusword() & statusword::target_reached) != 0) {
     reached_ = going_to_;
   }
-  if (!enabled) {
+  if (!enabled || !indexed) {
     going_to_.reset();
     reached_.reset();
   }
