@@ -209,6 +209,8 @@ class Drive final : public dictionary::Listener {
   std::uint32_t stage_cycles_ = 0;
   std::uint32_t brake_closed_cycles_ = 0;
   bool short_circuit_ = false;
+  Dwell braked_{};  // by short circuit
+  bool braked_to_rest_ = false;
   bool zero_speed_ = false;  // held without a ramp until the brake has closed
 
   CauseSet active_{};  // latched faults

@@ -269,19 +269,20 @@ AlarmWords words(IsmkRig& rig) {
 // Fault reset by its edge. The level before is 06, which keeps the drive in Ready to switch on.
 void reset_edge(IsmkRig& rig) {
   rig.control(0x06);
-  rig.run_ms(1);
+  rig.run_ms(3);
   rig.control(0x86);
-  rig.run_ms(1);
+  rig.run_ms(3);
 }
 
 // The reaction from its first tick to the end, when the power stage is off.
 void check_reaction(IsmkRig& rig, const Case& alarm, std::int16_t option_code) {
   auto& drive = rig.device.drive();
   const double velocity = drive.axis().generator.velocity();
-  const bool moving = std::abs(velocity) > 5000.0;
-  const bool ramp = (option_code == 1 || option_code == 2) && alarm.cut == Cut::by_option_code && moving;
-  const bool short_circuit = option_code == 18 && alarm.cut != Cut::at_once && moving;
+  const bool ramp =
+      (option_code == 1 || option_code == 2) && alarm.cut == Cut::by_option_code && std::abs(velocity) > 5000.0;
+  const bool short_circuit = option_code == 18 && alarm.cut != Cut::at_once;
   if (ramp || short_circuit) {
+    rig.run_ms(1);
     ASSERT_EQ(drive.state(), PowerState::fault_reaction_active);
     EXPECT_EQ(rig.actuation.short_circuit, short_circuit);
     EXPECT_EQ(rig.actuation.pwm_enabled, ramp);
@@ -293,11 +294,10 @@ void check_reaction(IsmkRig& rig, const Case& alarm, std::int16_t option_code) {
                                   products::ismk::acceleration_dec_per_inc_s2;
       EXPECT_NEAR(seconds, std::abs(velocity) / deceleration, 0.003);
     } else {
-      EXPECT_GT(seconds, 0.002);
       EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 10.0) << "braked, not coasting";
     }
   }
-  rig.run_ms(1);
+  rig.run_ms(3);
   EXPECT_EQ(drive.state(), PowerState::fault);
   EXPECT_FALSE(rig.actuation.pwm_enabled);
   EXPECT_FALSE(rig.actuation.short_circuit);
@@ -380,7 +380,7 @@ void check(const Case& alarm, const test::CsvRow& row, std::int16_t option_code)
     rig.device.power_off();
     rig.device.power_on(rig.feedback, rig.now());
     rig.drain();
-    rig.run_ms(1);
+    rig.run_ms(3);
     EXPECT_TRUE(test::emergencies(rig, 1).empty());
   } else {
     EXPECT_EQ(test::emergencies(rig, 1), std::vector<std::string>{emergency(0, 0, {})});
@@ -420,7 +420,7 @@ void check_masked(const Case& alarm, const test::CsvRow& row) {
   }
 }
 
-constexpr std::array<std::int16_t, 3> option_codes{0, 1, 2};
+constexpr std::array<std::int16_t, 4> option_codes{0, 1, 2, 18};
 
 Reset printed_reset(const std::string& text) {
   if (text.starts_with("Fault reset edge")) return Reset::by_controlword;
@@ -482,7 +482,7 @@ TEST(IsmkAlarms, SeveralAtATime) {
   rig.plant.inject(Injection::stage_overheat, true);
   rig.run_ms(10);
   rig.plant.inject(Injection::encoder_loss, true);
-  rig.run_ms(2);
+  rig.run_ms(3);
   EXPECT_EQ(test::emergencies(rig, 1), (std::vector<std::string>{emergency(0x4210, 0x09, {0x0010, 0, 0}),
                                                                  emergency(0x7331, 0x49, {0x0012, 0, 0})}));
   EXPECT_EQ(rig.get(0x603F), 0x7331);
@@ -509,7 +509,7 @@ TEST(IsmkAlarms, HistoryOfEight) {
   for (std::size_t i = 0; i < causes.size(); ++i) {
     ASSERT_TRUE(rig.enable());
     rig.device.drive().raise(causes[i]);
-    rig.run_ms(2);
+    rig.run_ms(3);
     EXPECT_EQ(log.size(), std::min<std::size_t>(8, i + 1));
     reset_edge(rig);
   }
@@ -567,7 +567,7 @@ TEST(IsmkAlarms, StoreMasks) {
         if (toggled) set(rig, 0x2605, sub, rig.get(0x2605, sub) ^ row.bit);
         ASSERT_EQ(enabled && rig.enable(), enabled);
         rig.device.drive().raise(row.cause);
-        rig.run_ms(2);
+        rig.run_ms(3);
         EXPECT_EQ(rig.device.drive().state(), PowerState::fault);
         EXPECT_EQ(rig.device.alarm_log().size() == 1, (enabled ? row.kept_on : row.kept_off) != toggled)
             << drive::name(row.cause) << " " << enabled << toggled;
@@ -599,19 +599,19 @@ TEST(IsmkAlarms, DamagedMemory) {
   settings.store = &medium;
   {
     IsmkRig fresh(test::ismk_plant(), settings);
-    fresh.run_ms(2);
+    fresh.run_ms(3);
     EXPECT_EQ(fresh.get(0x2601), 0) << "nothing stored is no damage";
     ASSERT_EQ(dictionary::Store(medium).save(fresh.device.dictionary(), dictionary::Area::all), AbortCode::none);
   }
   {
     IsmkRig stored(test::ismk_plant(), settings);
-    stored.run_ms(2);
+    stored.run_ms(3);
     EXPECT_EQ(stored.get(0x2601), 0);
   }
   // A bit of the bank that holds the values.
   for (const std::size_t bank : {std::size_t{0}, bytes.size() / 2}) bytes[bank + 40] ^= std::byte{1};
   IsmkRig damaged(test::ismk_plant(), settings);
-  damaged.run_ms(2);
+  damaged.run_ms(3);
   EXPECT_EQ(damaged.get(0x2601), 0x8000);
   EXPECT_EQ(damaged.get(0x603F), 0x6310);
   EXPECT_EQ(damaged.device.drive().state(), PowerState::fault);
@@ -620,7 +620,7 @@ TEST(IsmkAlarms, DamagedMemory) {
   EXPECT_EQ(damaged.device.drive().state(), PowerState::fault);
   ASSERT_EQ(dictionary::Store(medium).save(damaged.device.dictionary(), dictionary::Area::all), AbortCode::none);
   damaged.device.power_on(damaged.feedback, damaged.now());
-  damaged.run_ms(2);
+  damaged.run_ms(3);
   EXPECT_EQ(damaged.get(0x2601), 0);
 }
 

@@ -7,6 +7,9 @@ namespace {
 
 // "Standing" for stops that have no ramp to tell when they are over.
 constexpr double standing_rpm = 1.0;
+// ... and of one whose windings are shorted: this share of the rated current for so long.
+constexpr float standing_current = 0.05F;
+constexpr std::uint32_t standing_ms = 2;
 
 // Whether an option code is in a set of them (OptionCodes).
 bool has(std::uint32_t codes, std::int16_t code) {
@@ -151,6 +154,8 @@ void Drive::begin_stop(Stop stop) {
   stopping_ = true;
   limit_stop_ = false;
   short_circuit_ = stop == Stop::voltage_limit;
+  braked_.reset();
+  braked_to_rest_ = false;
   // Under torque slowing down begins with the torque slope 6087h (ISMC digest 3.5).
   releasing_torque_ =
       stop == Stop::slow_down_ramp && mode_ == Mode::profile_torque && axis_.demand.loop == Loop::torque;
@@ -192,7 +197,8 @@ double Drive::quick_stop_deceleration() const {
 
 bool Drive::stop_finished() const {
   if (releasing_torque_) return false;
-  if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
+  if (stop_ == Stop::voltage_limit) return braked_to_rest_;
+  if (stop_ == Stop::current_limit) {
     return std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
   }
   return axis_.generator.standing();
@@ -204,6 +210,14 @@ void Drive::step_stop() {
     releasing_torque_ = false;
     axis_.take_over_actual();
     begin_ramp();
+  }
+  if (stop_ == Stop::voltage_limit) {
+    // The windings tell as well as the encoder that the axis turns, and they do without one.
+    const CascadeState& loops = cascade_.state();
+    const float square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
+    const float least = standing_current * axis_.configuration.motor.rated_current_a;
+    const bool quiet = std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm) && square < least * least;
+    braked_to_rest_ = braked_.update(quiet, axis_.cycles(standing_ms));
   }
   if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
     axis_.generator.start_from(axis_.position(), 0.0);
