@@ -46,6 +46,14 @@ bool is_tcp(const std::string& link) {
 
 }  // namespace
 
+const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code) {
+  for (const line::Product& product : line::all_products()) {
+    const auto table = product.describe().table;
+    if (vendor_id == describe::identity(table, 1) && product_code == describe::identity(table, 2)) return &product;
+  }
+  return nullptr;
+}
+
 host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
                                       const host::ModbusOptions& modbus_options) {
   check_link(options, link);
@@ -136,17 +144,13 @@ void DriveLink::open_serial10(const BusOptions& options, const std::string& link
 const line::Product* DriveLink::product() {
   if (product_ != nullptr || asked_product_) return product_;
   asked_product_ = true;
-  const auto vendor = objects_->read_if_present<std::uint32_t>(0x1018, 1);
-  const auto code = objects_->read_if_present<std::uint32_t>(0x1018, 2);
-  for (const line::Product& candidate : line::all_products()) {
-    const auto table = candidate.describe().table;
-    if (vendor == describe::identity(table, 1) && code == describe::identity(table, 2)) product_ = &candidate;
-  }
+  product_ = product_of(objects_->read_if_present<std::uint32_t>(0x1018, 1),
+                        objects_->read_if_present<std::uint32_t>(0x1018, 2));
   return product_;
 }
 
 std::unique_ptr<host::Axis402> DriveLink::open_axis(host::AxisOptions options) {
-  if (product() != nullptr && product()->name == "ismk") options.homing_signals = host::ismk_homing_signals;
+  if (product() != nullptr) options.dialect = host::dialect_of(product()->name);
   if (bus_) return std::make_unique<host::Axis402>(*bus_, objects_->address(), options);
   return std::make_unique<host::Axis402>(*objects_, options);
 }

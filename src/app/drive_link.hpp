@@ -42,6 +42,9 @@ class DriveLink {
   bool asked_product_ = false;
 };
 
+// The product that a drive with this identity (1018h) is; nullptr: none of ours.
+const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code);
+
 // A Modbus master for --bus modbus:LINK, without a drive.
 host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
                                       const host::ModbusOptions& modbus_options);

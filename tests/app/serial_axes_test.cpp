@@ -110,7 +110,7 @@ TEST_F(SerialAxes, TheReferenceDriveHomesAndMovesOverModbus) {
 TEST_F(SerialAxes, AnIsmkMovesOverModbus) {
   ModbusClient client = master();
   ModbusObjects objects(client, 2, list_of("ismk"));
-  Axis402 axis(objects, {.homing_signals = ismk_homing_signals});
+  Axis402 axis(objects, {.dialect = dialect_of("ismk")});
   axis.enable();
   axis.move_to(100000, {.velocity = 53687091}, 5s);
   EXPECT_NEAR(static_cast<double>(shaft("two")), 100000, ismk_window);
@@ -127,7 +127,7 @@ TEST_F(SerialAxes, AnIsmkMovesWithTheTenByteProtocol) {
   single.run_until(100ms);
   Serial10Client client(std::make_unique<links::MemoryByteClient>(single.find_serial_bus("rs")->line, single), "mem:");
   Serial10Objects objects(client, serial10::universal_id);
-  Axis402 axis(objects, {.homing_signals = ismk_homing_signals});
+  Axis402 axis(objects, {.dialect = dialect_of("ismk")});
   axis.enable();
   axis.move_by(-50000, {.velocity = 53687091}, 5s);
   EXPECT_NEAR(static_cast<double>(single.find_axis("two")->plant().position_counts()), -50000, ismk_window);

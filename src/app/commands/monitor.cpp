@@ -102,7 +102,8 @@ void monitor_axis(const Options& options) {
   host::ObjectClient& objects = link.objects();
   const host::Time start = objects.now();
   const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));
-  const double moved_units = axis.units_per_revolution().value_or(default_units_per_revolution) * moved_revolutions;
+  const auto units = axis.units();
+  const double moved_units = (units ? units->position : default_units_per_revolution) * moved_revolutions;
   std::optional<host::AxisStatus> last;
   std::string last_emergency;
   repeat(objects, options, [&] {

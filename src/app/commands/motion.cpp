@@ -48,24 +48,34 @@ class Units {
  public:
   Units(host::Axis402& axis, bool revolutions) {
     if (!revolutions) return;
-    const auto units = axis.units_per_revolution();
+    const auto units = axis.units();
     if (!units) {
       throw Failure::did_not_work(
           fmt::format("{}: the drive does not say how many units a revolution has (6092h, 608Fh); give the numbers "
                       "in the drive's units, without --revolutions",
                       axis.objects().where()));
     }
-    scale_ = *units;
+    units_ = *units;
   }
 
-  template <typename T>
-  std::optional<T> operator()(const std::optional<double>& number, const char* option) const {
-    if (!number) return std::nullopt;
-    return whole_units<T>(*number * scale_, option, *number);
+  std::optional<std::int32_t> position(const std::optional<double>& number, const char* option) const {
+    return in_units<std::int32_t>(number, units_.position, option);
+  }
+  std::optional<std::uint32_t> velocity(const std::optional<double>& number, const char* option) const {
+    return in_units<std::uint32_t>(number, units_.velocity, option);
+  }
+  std::optional<std::uint32_t> acceleration(const std::optional<double>& number, const char* option) const {
+    return in_units<std::uint32_t>(number, units_.acceleration, option);
   }
 
  private:
-  double scale_ = 1.0;
+  template <typename T>
+  static std::optional<T> in_units(const std::optional<double>& number, double scale, const char* option) {
+    if (!number) return std::nullopt;
+    return whole_units<T>(*number * scale, option, *number);
+  }
+
+  host::AxisUnits units_{1.0, 1.0, 1.0};
 };
 
 // Lets `plan` make a motion of the options, enables the drive, lets the motion run, and says where the axis is. Options
@@ -101,10 +111,10 @@ void home(const HomeOptions& options) {
   run(options, "homed", [&](const Units& units) {
     host::HomingRequest request;
     if (options.method) request.method = static_cast<std::int8_t>(*options.method);
-    request.switch_speed = units.operator()<std::uint32_t>(options.speed, "--speed");
-    request.zero_speed = units.operator()<std::uint32_t>(options.zero_speed, "--zero-speed");
-    request.acceleration = units.operator()<std::uint32_t>(options.acceleration, "--acceleration");
-    request.offset = units.operator()<std::int32_t>(options.offset, "--offset");
+    request.switch_speed = units.velocity(options.speed, "--speed");
+    request.zero_speed = units.velocity(options.zero_speed, "--zero-speed");
+    request.acceleration = units.acceleration(options.acceleration, "--acceleration");
+    request.offset = units.position(options.offset, "--offset");
     return [&options, request](host::Axis402& axis, const host::Axis402::Progress& progress) {
       axis.home(request, options.bus.timeout(), progress);
     };
@@ -117,12 +127,12 @@ void move(const MoveOptions& options) {
   }
   run(options, "moved", [&](const Units& units) {
     const host::MotionProfile profile{
-        .velocity = units.operator()<std::uint32_t>(options.velocity, "--velocity"),
-        .acceleration = units.operator()<std::uint32_t>(options.acceleration, "--acceleration"),
-        .deceleration = units.operator()<std::uint32_t>(
-            options.deceleration ? options.deceleration : options.acceleration, "--deceleration")};
-    const auto to = units.operator()<std::int32_t>(options.to, "--to");
-    const auto by = units.operator()<std::int32_t>(options.by, "--by");
+        .velocity = units.velocity(options.velocity, "--velocity"),
+        .acceleration = units.acceleration(options.acceleration, "--acceleration"),
+        .deceleration =
+            units.acceleration(options.deceleration ? options.deceleration : options.acceleration, "--deceleration")};
+    const auto to = units.position(options.to, "--to");
+    const auto by = units.position(options.by, "--by");
     return [&options, profile, to, by](host::Axis402& axis, const host::Axis402::Progress& progress) {
       if (to) {
         axis.move_to(*to, profile, options.bus.timeout(), progress);

@@ -7,6 +7,7 @@
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
+#include "app/drive_link.hpp"
 #include "app/number_options.hpp"
 
 namespace servodrome::app {
@@ -21,10 +22,8 @@ struct Options {
   double units_per_revolution = 0.0;
 };
 
-// Next index pulse in positive direction: needs no switch, and moves by a revolution at most.
-constexpr std::int8_t default_method = 34;
 // For drives that do not say what a revolution is (6092h, 608Fh).
-constexpr double default_units_per_revolution = 131072.0;
+constexpr host::AxisUnits units_of_drives_that_do_not_say{131072.0, 131072.0, 131072.0};
 // Homing looks for edges at this part of the speed.
 constexpr double homing_speed_factor = 0.5;
 constexpr double zero_speed_factor = 0.1;
@@ -59,7 +58,7 @@ std::int8_t read_method(const std::string& option, const std::string& text) {
 
 // By node-ID; 0 is for the others.
 std::map<unsigned, std::int8_t> methods_of(const Options& options) {
-  std::map<unsigned, std::int8_t> methods{{0, default_method}};
+  std::map<unsigned, std::int8_t> methods;
   for (const std::string& option : options.methods) {
     const std::size_t equals = option.find('=');
     const bool for_one = equals != std::string::npos;
@@ -85,20 +84,22 @@ void move_and_check(host::Bus& bus, host::Axis402& axis, std::int32_t target, co
 }
 
 void prove(host::Bus& bus, host::Axis402& axis, Outcome& outcome, const Options& options) {
-  double units = options.units_per_revolution;
-  if (units <= 0) units = axis.units_per_revolution().value_or(default_units_per_revolution);
+  const bool given = options.units_per_revolution > 0;
+  const host::AxisUnits units = axis.units(given ? std::optional(options.units_per_revolution) : std::nullopt)
+                                    .value_or(units_of_drives_that_do_not_say);
   const auto speed = [&](double factor) {
-    return whole_units<std::uint32_t>(options.speed_rps * factor * units, "--speed", options.speed_rps);
+    return whole_units<std::uint32_t>(options.speed_rps * factor * units.velocity, "--speed", options.speed_rps);
   };
-  const auto acceleration =
-      whole_units<std::uint32_t>(options.acceleration_rps2 * units, "--acceleration", options.acceleration_rps2);
+  const auto acceleration = whole_units<std::uint32_t>(options.acceleration_rps2 * units.acceleration, "--acceleration",
+                                                       options.acceleration_rps2);
   const host::HomingRequest homing{.method = static_cast<std::int8_t>(outcome.method),
                                    .switch_speed = speed(homing_speed_factor),
                                    .zero_speed = speed(zero_speed_factor),
                                    .acceleration = acceleration};
   const host::MotionProfile profile{.velocity = speed(1.0), .acceleration = acceleration, .deceleration = acceleration};
-  const auto far = whole_units<std::int32_t>(options.revolutions * units, "--revolutions", options.revolutions);
-  const auto tolerance = static_cast<std::int32_t>(std::lround(units * tolerance_revolutions));
+  const auto far =
+      whole_units<std::int32_t>(options.revolutions * units.position, "--revolutions", options.revolutions);
+  const auto tolerance = static_cast<std::int32_t>(std::lround(units.position * tolerance_revolutions));
   axis.reset_fault();
   axis.enable();
   const auto seconds_since = [&](host::Time start) { return std::chrono::duration<double>(bus.now() - start).count(); };
@@ -117,9 +118,15 @@ void prove(host::Bus& bus, host::Axis402& axis, Outcome& outcome, const Options&
   outcome.final_position = axis.position();
 }
 
-Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, int method, const Options& options) {
-  Outcome outcome{.node = node, .method = method};
-  host::Axis402 axis(bus, node.node_id);
+Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, const std::map<unsigned, std::int8_t>& methods,
+                   const Options& options) {
+  const line::Product* product =
+      node.identity ? product_of(node.identity->vendor_id, node.identity->product_code) : nullptr;
+  const host::Dialect& dialect = host::dialect_of(product != nullptr ? product->name : "");
+  auto method = methods.find(node.node_id);
+  if (method == methods.end()) method = methods.find(0);
+  Outcome outcome{.node = node, .method = method != methods.end() ? method->second : dialect.cautious_homing_method};
+  host::Axis402 axis(bus, node.node_id, {.dialect = dialect});
   const auto note = [&](const auto& action) {
     try {
       action();
@@ -183,8 +190,7 @@ void run(const Options& options) {
       fmt::print("{:<6}{:<{}}{:<22}{:<26}{:>14}  {}\n", "node", "product", width, "homed", "moved", "final position",
                  "result");
     }
-    const auto own = methods.find(node.node_id);
-    const Outcome outcome = outcome_of(*bus, node, own != methods.end() ? own->second : methods.at(0), options);
+    const Outcome outcome = outcome_of(*bus, node, methods, options);
     if (!outcome.problem.empty()) ++failed;
     options.bus.json ? list.push_back(json_of(outcome)) : print(outcome, width);
   }
@@ -205,7 +211,8 @@ void add_prove(CLI::App& app) {
   add_bus_options(*command, options->bus, "Seconds each motion may take");
   command
       ->add_option("--method", options->methods,
-                   fmt::format("Homing method, or NODE=METHOD for one node (default {})", default_method))
+                   "Homing method, or NODE=METHOD for one node; if not given one that needs no switch and moves by a "
+                   "revolution at most: 34, or what the drive has in its place")
       ->allow_extra_args(false);
   command->add_option("--revolutions", options->revolutions, "How far to move from home, in motor revolutions")
       ->check(number_within(-16384.0, 16384.0))

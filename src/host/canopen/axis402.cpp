@@ -256,15 +256,34 @@ void Axis402::set_mode(OperationMode mode) {
   }
 }
 
-std::optional<double> Axis402::units_per_revolution() {
-  const auto ratio = [this](std::uint16_t index) -> std::optional<double> {
-    const auto dividend = objects_.read_if_present<std::uint32_t>(index, 1);
-    const auto divisor = objects_.read_if_present<std::uint32_t>(index, 2);
-    if (!dividend || !divisor || *dividend == 0 || *divisor == 0) return std::nullopt;
-    return static_cast<double>(*dividend) / static_cast<double>(*divisor);
-  };
-  if (const auto feed = ratio(0x6092)) return *feed / ratio(0x6091).value_or(1.0);
-  return ratio(0x608F);
+std::optional<double> Axis402::ratio(std::uint16_t index) {
+  const auto dividend = objects_.read_if_present<std::uint32_t>(index, 1);
+  const auto divisor = objects_.read_if_present<std::uint32_t>(index, 2);
+  if (!dividend || !divisor || *dividend == 0 || *divisor == 0) return std::nullopt;
+  return static_cast<double>(*dividend) / static_cast<double>(*divisor);
+}
+
+std::optional<AxisUnits> Axis402::units(std::optional<double> position) {
+  const Dialect& dialect = options_.dialect;
+  if (dialect.units) {
+    AxisUnits units = *dialect.units;
+    if (dialect.has_old_factors) {
+      units.position /= ratio(0x6093).value_or(1.0);
+      units.velocity /= ratio(0x6094).value_or(1.0);
+      units.acceleration /= ratio(0x6097).value_or(1.0);
+    }
+    if (position) units.position = *position;
+    return units;
+  }
+  if (!position) {
+    if (const auto feed = ratio(0x6092)) {
+      position = *feed / ratio(0x6091).value_or(1.0);
+    } else {
+      position = ratio(0x608F);
+    }
+  }
+  if (!position) return std::nullopt;
+  return AxisUnits{*position, *position, *position};
 }
 
 }  // namespace servodrome::host

@@ -3,6 +3,7 @@
 #include "drive/power/power_state.hpp"
 #include "host/canopen/emergency.hpp"
 #include "host/canopen/sdo_client.hpp"
+#include "host/dialect.hpp"
 
 namespace servodrome::host {
 
@@ -30,20 +31,11 @@ enum class OperationMode : std::int8_t {
 // "profile position" and so on; "manufacturer's mode" for negative numbers.
 const char* name(OperationMode mode);
 
-// Where drives differ from CiA 402 in what the statusword says about homing.
-struct HomingSignals {
-  std::uint16_t attained = 1U << 12;
-  std::uint16_t error = 1U << 13;
-  bool target_reached = true;  // it is attained when bit 10 is set as well
-};
-// The Kinco iSMK: bit 15 and bit 12, bit 10 stays 0 (iSMK manual L1148, L2406).
-inline constexpr HomingSignals ismk_homing_signals{.attained = 1U << 15, .error = 1U << 12, .target_reached = false};
-
 struct AxisOptions {
   SdoOptions sdo{};
   Time state_timeout = std::chrono::seconds(2);       // for each transition, mode change and handshake
   Time poll_interval = std::chrono::milliseconds(5);  // of the statusword
-  HomingSignals homing_signals{};
+  Dialect dialect{};
 };
 
 // In the drive's own units (increments unless its factors say otherwise). What is not given stays as the drive has it.
@@ -112,8 +104,9 @@ class Axis402 {
   // Halt (605Dh) in any mode, until at rest; homing is broken off.
   void stop();
 
-  // Position units per motor revolution, by 6092h and 6091h, or 608Fh. Nothing if the drive says neither.
-  std::optional<double> units_per_revolution();
+  // By the dialect and the drive's factors. Nothing if neither says what a position unit is; `position`, where given,
+  // does instead.
+  std::optional<AxisUnits> units(std::optional<double> position = {});
 
   ObjectClient& objects() { return objects_; }
   std::uint8_t address() const { return objects_.address(); }  // node-ID, station
@@ -121,6 +114,8 @@ class Axis402 {
 
  private:
   void write_controlword(std::uint16_t word);
+  // The quotient of subs 1 and 2.
+  std::optional<double> ratio(std::uint16_t index);
   std::int8_t mode();  // 6061h, or 6060h of a drive that does not have it
   template <typename T>
   void write_if_given(std::uint16_t index, std::uint8_t sub, const std::optional<T>& value) {

@@ -72,7 +72,7 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
   write_if_given(0x609A, 0, request.acceleration);
   write_if_given(0x607C, 0, request.offset);
   write_controlword(enabled | controlword::mode_bit_4);
-  const HomingSignals& signals = options_.homing_signals;
+  const HomingSignals& signals = options_.dialect.homing_signals;
   const std::string doing = fmt::format("homing by method {}", objects_.read<std::int8_t>(0x6098));
   follow(timeout, progress, doing, [&](std::uint16_t word) {
     if ((word & signals.error) != 0) {

@@ -1,0 +1,33 @@
+#include "host/dialect.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace servodrome::host {
+namespace {
+
+constexpr Dialect cia402{};
+
+constexpr std::array dialects{
+    // 0.1 rpm and 0.1 rpm/s (ProNet manual L750-762). The encoder cannot be asked for: increments of the 17-bit one.
+    // Methods that look for an index are not for serial encoders (L1365).
+    Dialect{.product = "pronet",
+            .units = AxisUnits{131072.0, 600.0, 600.0},
+            .has_old_factors = true,
+            .cautious_homing_method = 35},
+    // Bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual L1148, L2406); units L3458-3467.
+    Dialect{.product = "ismk",
+            .homing_signals = {.attained = 1U << 15, .error = 1U << 12, .target_reached = false},
+            .units = AxisUnits{65536.0, 60.0 * 512.0 * 65536.0 / 1875.0, 65536.0 * 65536.0 / 4'000'000.0},
+            .cautious_homing_method = 33},
+};
+
+}  // namespace
+
+const Dialect& dialect_of(std::string_view product) {
+  const auto* const found = std::find_if(dialects.begin(), dialects.end(),
+                                         [product](const Dialect& dialect) { return dialect.product == product; });
+  return found != dialects.end() ? *found : cia402;
+}
+
+}  // namespace servodrome::host

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+// How a product's drives differ from CiA 402 in what a master must know to move them.
+namespace servodrome::host {
+
+// What the statusword says about homing.
+struct HomingSignals {
+  std::uint16_t attained = 1U << 12;
+  std::uint16_t error = 1U << 13;
+  bool target_reached = true;  // it is attained when bit 10 is set as well
+};
+
+// A motor revolution, one per second, and one per second squared, in a drive's units.
+struct AxisUnits {
+  double position;
+  double velocity;
+  double acceleration;
+};
+
+struct Dialect {
+  std::string_view product{};  // as `servodrome products` lists it
+  HomingSignals homing_signals{};
+  // Nothing: the drive says what a position unit is (6091h and 6092h, or 608Fh), and velocities are position units/s.
+  std::optional<AxisUnits> units{};
+  // `units` are before the factors 6093h, 6094h and 6097h of the 1998 edition of CiA 402.
+  bool has_old_factors = false;
+  // Moves the motor by a revolution at most, and needs no switch.
+  std::int8_t cautious_homing_method = 34;
+};
+
+// By the product's name; that of CiA 402 for one that is not in the table.
+const Dialect& dialect_of(std::string_view product);
+
+}  // namespace servodrome::host
