@@ -94,12 +94,6 @@ std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives)
   throw Failure::wrong_use(fmt::format("{}: several {}s answer: {}; say which with --node", bus.name(), what, list));
 }
 
-int name_width(const std::vector<host::FoundNode>& nodes) {
-  std::size_t longest = std::string_view("product").size();
-  for (const host::FoundNode& node : nodes) longest = std::max(longest, node.name.size());
-  return static_cast<int>(longest) + 2;
-}
-
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
 
 InterruptGuard::InterruptGuard() {

@@ -52,9 +52,6 @@ std::unique_ptr<host::Bus> open_bus(const BusOptions& options);
 // there is none, or several.
 std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives);
 
-// Width of a table's column of node names: the longest and a gap.
-int name_width(const std::vector<host::FoundNode>& nodes);
-
 // Standard output is a terminal: something may be rewritten in place.
 bool on_terminal();
 

@@ -54,6 +54,22 @@ const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::opt
   return nullptr;
 }
 
+const line::Product* product_of(const host::FoundNode& node) {
+  return node.identity ? product_of(node.identity->vendor_id, node.identity->product_code) : nullptr;
+}
+
+std::string name_of(const host::FoundNode& node) {
+  if (!node.name.empty()) return node.name;
+  const line::Product* product = product_of(node);
+  return product != nullptr ? std::string(product->name) : "-";
+}
+
+int name_width(const std::vector<host::FoundNode>& nodes) {
+  std::size_t longest = std::string_view("product").size();
+  for (const host::FoundNode& node : nodes) longest = std::max(longest, name_of(node).size());
+  return static_cast<int>(longest) + 2;
+}
+
 host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
                                       const host::ModbusOptions& modbus_options) {
   check_link(options, link);

@@ -45,6 +45,12 @@ class DriveLink {
 // The product that a drive with this identity (1018h) is; nullptr: none of ours.
 const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code);
 
+const line::Product* product_of(const host::FoundNode& node);
+// What the node calls itself; what it is by its identity if it has no name (1008h); "-".
+std::string name_of(const host::FoundNode& node);
+// Width of a table's column of names: the longest and a gap.
+int name_width(const std::vector<host::FoundNode>& nodes);
+
 // A Modbus master for --bus modbus:LINK, without a drive.
 host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
                                       const host::ModbusOptions& modbus_options);

@@ -120,8 +120,7 @@ void prove(host::Bus& bus, host::Axis402& axis, Outcome& outcome, const Options&
 
 Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, const std::map<unsigned, std::int8_t>& methods,
                    const Options& options) {
-  const line::Product* product =
-      node.identity ? product_of(node.identity->vendor_id, node.identity->product_code) : nullptr;
+  const line::Product* product = product_of(node);
   const host::Dialect& dialect = host::dialect_of(product != nullptr ? product->name : "");
   auto method = methods.find(node.node_id);
   if (method == methods.end()) method = methods.find(0);
@@ -139,8 +138,6 @@ Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, const std::map<u
   end_progress(options.bus.json);
   return outcome;
 }
-
-std::string name_of(const host::FoundNode& node) { return node.name.empty() ? "-" : node.name; }
 
 void print(const Outcome& outcome, int width) {
   const std::string homed =

@@ -25,6 +25,8 @@ constexpr double serial_timeout_s = 0.05;
 
 nlohmann::ordered_json json_of(const host::FoundNode& node) {
   nlohmann::ordered_json json{{"node", node.node_id}, {"name", node.name}, {"kind", host::kind_of(node)}};
+  const line::Product* product = product_of(node);
+  json["product"] = product != nullptr ? nlohmann::ordered_json(product->name) : nullptr;
   json["device_type"] = node.device_type ? nlohmann::ordered_json(*node.device_type) : nullptr;
   if (node.identity) {
     json["vendor_id"] = node.identity->vendor_id;
@@ -39,10 +41,9 @@ nlohmann::ordered_json json_of(const host::FoundNode& node) {
 
 void print(const host::FoundNode& node, int width) {
   const auto identity = node.identity.value_or(host::LssAddress{});
-  fmt::print("{:<6}{:<{}}{:<26}{:08X}h  {:08X}h  {:08X}h  {:<11}{}\n", node.node_id,
-             node.name.empty() ? "-" : node.name, width, node.device_type ? host::kind_of(node) : "answers no SDO",
-             identity.vendor_id, identity.product_code, identity.revision_number, identity.serial_number,
-             node.state ? host::name(*node.state) : "");
+  fmt::print("{:<6}{:<{}}{:<26}{:08X}h  {:08X}h  {:08X}h  {:<11}{}\n", node.node_id, name_of(node), width,
+             node.device_type ? host::kind_of(node) : "answers no SDO", identity.vendor_id, identity.product_code,
+             identity.revision_number, identity.serial_number, node.state ? host::name(*node.state) : "");
 }
 
 struct Station {
