@@ -11,7 +11,14 @@ from line import Line
 
 README = pathlib.Path(__file__).parents[2] / "README.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
-SAYS = ["4300100092010200\n", "moved by "]
+SAYS = ["4300100092010200\n", "moved by ", "["]
+# The built-in line's links, and one like each at a free port.
+LINKS = {"can0": "socketcand:127.0.0.1:29536/can0", "rs485": "tcp:127.0.0.1:1502"}
+PORT = r":(\d+)(?=/|$)"
+
+
+def port(link):
+    return re.search(PORT, link).group(1)
 
 
 @pytest.mark.once
@@ -19,13 +26,16 @@ SAYS = ["4300100092010200\n", "moved by "]
 def test_a_snippet_of_the_readme(tmp_path, eds, number):
     assert len(BLOCKS) == len(SAYS)
     text = (README.parent / "lines/default.toml").read_text()
-    line = Line(tmp_path, text, ["can0=socketcand:127.0.0.1:0/can0"])
+    line = Line(tmp_path, text, [f"{bus}={re.sub(PORT, ':0', link)}" for bus, link in LINKS.items()])
     try:
-        port = re.search(r":(\d+)/can0", line.links["can0"][0]).group(1)
-        assert "29536" in BLOCKS[number], "the port of the built-in line"
+        snippet = BLOCKS[number]
+        for bus, link in LINKS.items():
+            assert link in text
+            snippet = snippet.replace(port(link), port(line.links[bus][0]))
+        assert snippet != BLOCKS[number], "it uses a port of the built-in line"
         os.symlink(eds("generic402"), tmp_path / "generic402.eds")
         result = subprocess.run(
-            [sys.executable, "-c", BLOCKS[number].replace("29536", port)],
+            [sys.executable, "-c", snippet],
             cwd=tmp_path,
             capture_output=True,
             text=True,

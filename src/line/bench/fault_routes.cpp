@@ -41,6 +41,7 @@ Injectable injectable(Axis& axis, const std::string& name) {
     if ((code != 0 && row->code == code) || name == drive::name(row->cause)) return {std::nullopt, row->cause};
   }
   std::vector<std::string_view> names;
+  names.reserve(plant::injection_names.size());
   for (const plant::InjectionName& known : plant::injection_names) names.push_back(known.name);
   throw ApiError{422, fmt::format("there is nothing called \"{}\" to inject", name.substr(0, 40)), "inject",
                  suggestion(name, names) + "; or give a fault code of the drive such as \"0x2310\""};
