@@ -32,45 +32,61 @@ struct Options {
   bool json = false;
 };
 
-// `--bus NAME=LINK` or, on a line with one bus, `--bus LINK`: replaces the bus's links of the line file. Several links
-// for a bus are several options.
-void override_links(line::LineSettings& settings, const std::vector<std::string>& options) {
+// What masters reach a bus by, and how its links are called.
+struct Reach {
+  std::string_view name;
+  std::vector<std::string>* links;
+  bool is_can;
+  bool cleared = false;
+
+  // What is wrong with the link for this kind of bus; empty: nothing.
+  std::string problem(const std::string& link) const {
+    try {
+      is_can ? void(links::parse_can_link(link)) : void(links::parse_serial_link(link));
+      return {};
+    } catch (const links::LinkError& error) {
+      return error.what();
+    }
+  }
+};
+
+// The bus of `--bus NAME=LINK`, or of `--bus LINK` where the line has one bus of the link's kind.
+Reach& bus_of(std::vector<Reach>& buses, const std::string& option, const std::string& name, const std::string& link) {
   std::vector<std::string_view> names;
-  std::vector<std::vector<std::string>*> links_of;
-  for (line::BusSettings& bus : settings.buses) {
+  std::vector<Reach*> found;
+  for (Reach& bus : buses) {
     names.push_back(bus.name);
-    links_of.push_back(&bus.links);
+    if (name.empty() ? buses.size() == 1 || bus.problem(link).empty() : bus.name == name) found.push_back(&bus);
   }
-  for (line::SerialBusSettings& bus : settings.serial_buses) {
-    names.push_back(bus.name);
-    links_of.push_back(&bus.links);
+  if (!name.empty() && found.empty()) {
+    throw Failure::wrong_use(
+        fmt::format("--bus {}: there is no bus \"{}\"; {}", option, name, line::suggestion(name, names)));
   }
-  std::vector<bool> cleared(names.size(), false);
+  if (found.size() > 1) {
+    throw Failure::wrong_use(fmt::format("--bus {}: the line has {} buses; write --bus NAME=LINK with one of {}",
+                                         option, buses.size(), fmt::join(names, ", ")));
+  }
+  Reach& bus = found.empty() ? buses.front() : *found.front();
+  if (const std::string problem = bus.problem(link); !problem.empty()) {
+    throw Failure::wrong_use(fmt::format("--bus {}: {}", option, problem));
+  }
+  return bus;
+}
+
+// --bus replaces the links that the line file has for the bus. Several links for a bus are several options.
+void override_links(line::LineSettings& settings, const std::vector<std::string>& options) {
+  std::vector<Reach> buses;
+  for (line::BusSettings& bus : settings.buses) buses.push_back({bus.name, &bus.links, true});
+  for (line::SerialBusSettings& bus : settings.serial_buses) buses.push_back({bus.name, &bus.links, false});
   for (const std::string& option : options) {
     // A link name has a colon before any equals sign.
     const std::size_t equals = option.find('=');
     const bool named = equals < option.find(':');
-    const std::string name = named ? option.substr(0, equals) : std::string();
     const std::string link = named ? option.substr(equals + 1) : option;
-    std::size_t bus = 0;
-    if (named) {
-      bus = static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
-      if (bus == names.size()) {
-        throw Failure::wrong_use(
-            fmt::format("--bus {}: there is no bus \"{}\"; {}", option, name, line::suggestion(name, names)));
-      }
-    } else if (names.size() != 1) {
-      throw Failure::wrong_use(fmt::format("--bus {}: the line has {} buses; write --bus NAME=LINK with one of {}",
-                                           option, names.size(), fmt::join(names, ", ")));
-    }
-    try {
-      bus < settings.buses.size() ? void(links::parse_can_link(link)) : void(links::parse_serial_link(link));
-    } catch (const links::LinkError& error) {
-      throw Failure::wrong_use(fmt::format("--bus {}: {}", option, error.what()));
-    }
-    if (!cleared[bus]) links_of[bus]->clear();
-    cleared[bus] = true;
-    links_of[bus]->push_back(link);
+    Reach& bus = bus_of(buses, option, named ? option.substr(0, equals) : "", link);
+    if (!bus.cleared) bus.links->clear();
+    bus.cleared = true;
+    bus.links->push_back(link);
   }
 }
 
