@@ -34,43 +34,47 @@ Segment::Way Segment::way_before(std::size_t slave) const {
   return previous.powered && !previous.esc->loop_closed(1) ? Way::open : Way::ends;
 }
 
-void Segment::pass(std::size_t slave, Travel& travel) {
+// A frame that is not executed: of another protocol, malformed, or arriving with a wrong FCS.
+void Segment::pass_damaged(std::size_t slave, Travel& travel) {
   Slave& at = slaves_[slave];
-  if (at.corrupts_next && !travel.corrupted) {
+  if (travel.corrupted) {
+    at.esc->count_forwarded_error(0);
+  } else if (at.corrupts_next) {
     at.corrupts_next = false;
     travel.corrupted = true;
     at.esc->count_invalid_frame(0);
     at.esc->count_processing_unit_error();
-    return;
+  } else if (travel.kind == FrameKind::malformed) {
+    at.esc->count_processing_unit_error();
+  } else {
+    travel.destroyed = at.esc->processes_only();
   }
-  if (travel.corrupted) {
-    at.esc->count_forwarded_error(0);
-    return;
-  }
-  switch (travel.kind) {
-    case FrameKind::ethercat:
-      if ((at.esc->process(travel.frame, travel.time) & Esc::effect_receive_times) != 0) {
-        at.esc->latch_port_time(0, travel.time);
-        travel.latches = true;
-      }
-      break;
-    case FrameKind::malformed: at.esc->count_processing_unit_error(); break;
-    case FrameKind::foreign: travel.destroyed = at.esc->processes_only(); return;
-  }
-  if (!at.esc->processes_only()) return;
-  if (travel.frame.source_address != nullptr) *travel.frame.source_address |= locally_administered;
-  if (travel.frame.udp_checksum != nullptr) store_u16(travel.frame.udp_checksum, 0);
 }
 
 void Segment::run_forward(std::size_t first, Travel& travel) {
+  bool marks = false;
+  unsigned effects = 0;
   for (std::size_t slave = first;; ++slave) {
+    Slave& at = slaves_[slave];
     const Way way = way_behind(slave);  // before the frame itself changes it
+    const bool processes_only = at.esc->processes_only();
+    if (travel.kind == FrameKind::ethercat && !travel.corrupted && !at.corrupts_next) {
+      const unsigned effect = at.esc->process(travel.frame, travel.time);
+      effects |= effect;
+      if ((effect & Esc::effect_receive_times) != 0) at.esc->latch_port_time(0, travel.time);
+    } else {
+      pass_damaged(slave, travel);
+    }
+    marks |= processes_only;
     travel.last = slave;
     travel.end = way;
-    pass(slave, travel);
-    if (way != Way::open || travel.destroyed || slave + 1 == slaves_.size()) return;
+    if (way != Way::open || travel.destroyed || slave + 1 == slaves_.size()) break;
     travel.time += slaves_[slave + 1].forward;
   }
+  travel.latches = (effects & Esc::effect_receive_times) != 0;
+  if (!marks || travel.kind == FrameKind::foreign) return;
+  if (travel.frame.source_address != nullptr) *travel.frame.source_address |= locally_administered;
+  if (travel.frame.udp_checksum != nullptr) store_u16(travel.frame.udp_checksum, 0);
 }
 
 // The frame turned at the last slave and comes back through port 1 of those before it.

@@ -55,7 +55,7 @@ class Segment {
   Way way_before(std::size_t slave) const;
   // From `first` on through the processing units. Returns where it turned or ended.
   void run_forward(std::size_t first, Travel& travel);
-  void pass(std::size_t slave, Travel& travel);
+  void pass_damaged(std::size_t slave, Travel& travel);
   void latch_returning(std::size_t first, const Travel& travel);
   void update_links();
 

@@ -5,6 +5,7 @@
 
 #include "ethercat/esc/distributed_clock.hpp"
 #include "ethercat/esc/fmmu.hpp"
+#include "ethercat/esc/live_registers.hpp"
 #include "ethercat/esc/registers.hpp"
 #include "ethercat/esc/sii_interface.hpp"
 #include "ethercat/esc/sync_manager.hpp"
@@ -87,7 +88,10 @@ class Esc {
   SiiInterface& sii() { return sii_; }
   const Watchdog& process_data_watchdog() const { return process_data_watchdog_; }
   void stop_process_data_watchdog() { process_data_watchdog_.stop(); }
-  void pdi_alive(Time now) { pdi_watchdog_.trigger(now); }
+  void pdi_alive(Time now) {
+    pdi_watchdog_.check(now);
+    pdi_watchdog_.trigger(now);
+  }
   // A latch input changed (ETG.1000.4 clause 6.7.4).
   void latch_edge(unsigned unit, bool rising, Time now);
 
@@ -115,6 +119,7 @@ class Esc {
     std::uint32_t length;
     std::uint16_t physical;
     std::uint8_t sync_manager;  // that holds all of it, or none
+    bool whole_buffer;          // it is all of a three-buffer channel in its direction
   };
   static constexpr std::uint8_t no_sync_manager = 0xFF;
 
@@ -122,9 +127,10 @@ class Esc {
   bool addressed(std::uint16_t station) const;
   void exchange(Datagram& datagram, bool reads, bool writes, bool combines);
   void exchange_logical(Datagram& datagram, bool reads, bool writes);
+  bool combine_plain_registers(Datagram& datagram);
   void exchange_bits(Datagram& datagram, bool reads, bool writes);
-  bool read_mapped(const Mapping& mapping, const Datagram& datagram);
-  bool write_mapped(const Mapping& mapping, const Datagram& datagram);
+  bool read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
+  bool write_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
 
   template <typename Put>
   bool read_memory(std::uint32_t address, std::uint32_t length, Put put);
@@ -133,14 +139,23 @@ class Esc {
   unsigned sync_manager_at(std::uint32_t address) const;
   std::uint32_t plain_until(std::uint32_t address, std::uint32_t end) const;
 
-  void refresh(std::uint32_t address, std::uint32_t length);
+  void refresh(std::uint32_t address, std::uint32_t length) {
+    for (std::uint32_t block = address / 16; block <= (address + length - 1) / 16; ++block) {
+      if (live_register_blocks[block]) refresh_block(block);
+    }
+  }
   void refresh_block(std::uint32_t block);
   void registers_read(std::uint32_t address, std::uint32_t length);
   bool may_write(std::uint32_t address, std::uint32_t sync_managers_enabled) const;
   bool take_register_bytes(std::uint32_t address, std::span<const std::uint8_t> bytes);
   void block_written(std::uint32_t block, std::uint32_t first, std::uint32_t length);
-  void written_by_master(unsigned n);
-  void read_by_master(unsigned n);
+  void written_by_master(unsigned n) {
+    attention_ |= reg::al_event::sync_manager0 << n;
+    if (!sync_managers_[n].triggers_watchdog) return;
+    if (process_data_watchdog_.check(now_)) attention_ |= reg::al_event::watchdog_process_data;
+    process_data_watchdog_.trigger(now_);
+  }
+  void read_by_master(unsigned n) { attention_ |= reg::al_event::sync_manager0 << n; }
   void configure_sync_manager(unsigned n);
   void configure_mappings();
   void configure_watchdogs();

@@ -18,14 +18,18 @@ struct Overlap {
   std::uint32_t length;    // 0: none
 };
 
-// Of `length` bytes from logical address `address` with `area_length` bytes from `area`.
+// Of `length` bytes from address `address` with `area_length` bytes from `area`; neither goes beyond the last address.
 inline Overlap overlap(std::uint32_t address, std::uint32_t length, std::uint32_t area, std::uint32_t area_length) {
-  // The logical address space does not wrap around.
-  const std::uint64_t begin = std::max(address, area);
-  const std::uint64_t end = std::min(std::uint64_t{address} + length, std::uint64_t{area} + area_length);
-  if (begin >= end) return {0, 0, 0};
-  return {static_cast<std::uint32_t>(begin - address), static_cast<std::uint32_t>(begin - area),
-          static_cast<std::uint32_t>(end - begin)};
+  const std::uint32_t ahead = area - address;
+  if (ahead < length) return {ahead, 0, std::min(length - ahead, area_length)};
+  const std::uint32_t behind = address - area;
+  if (behind < area_length) return {0, behind, std::min(area_length - behind, length)};
+  return {0, 0, 0};
+}
+
+// The logical address space does not wrap around.
+constexpr std::uint32_t clipped(std::uint32_t address, std::uint32_t length) {
+  return address + length < address ? 0U - address : length;
 }
 
 }  // namespace
@@ -51,7 +55,7 @@ bool Esc::read_memory(std::uint32_t address, std::uint32_t length, Put put) {
   if (address + length <= reg::process_memory) {
     refresh(address, length);
     put(std::uint32_t{0}, &memory_[address], length);
-    registers_read(address, length);
+    if (ecat_events_ != 0) registers_read(address, length);
     return true;
   }
   bool any = false;
@@ -161,8 +165,24 @@ void Esc::exchange(Datagram& datagram, bool reads, bool writes, bool combines) {
   datagram.count(gain(read, written, reads && writes));
 }
 
-bool Esc::read_mapped(const Mapping& mapping, const Datagram& datagram) {
-  const Overlap part = overlap(datagram.logical(), datagram.length, mapping.logical, mapping.length);
+// A broadcast read of registers that reading neither computes nor acknowledges. False: they are not of that kind.
+bool Esc::combine_plain_registers(Datagram& datagram) {
+  const std::uint32_t address = datagram.offset();
+  const std::uint32_t length = datagram.length;
+  const std::uint32_t block = address / 16;
+  if (address % 16 + length > 16 || block >= live_register_blocks.size()) return false;
+  if (live_register_blocks[block] || ecat_events_ != 0 || length == 0) return false;
+  if (length == 2) {  // of AL status
+    store_u16(datagram.data, load_u16(datagram.data) | load_u16(&memory_[address]));
+  } else {
+    for (std::uint32_t i = 0; i < length; ++i) datagram.data[i] |= memory_[address + i];
+  }
+  datagram.count(1);
+  return true;
+}
+
+bool Esc::read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length) {
+  const Overlap part = overlap(logical, length, mapping.logical, mapping.length);
   if (part.length == 0) return false;
   std::uint8_t* data = datagram.data + part.in_frame;
   const std::uint32_t address = mapping.physical + part.in_area;
@@ -181,8 +201,8 @@ bool Esc::read_mapped(const Mapping& mapping, const Datagram& datagram) {
   return true;
 }
 
-bool Esc::write_mapped(const Mapping& mapping, const Datagram& datagram) {
-  const Overlap part = overlap(datagram.logical(), datagram.length, mapping.logical, mapping.length);
+bool Esc::write_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length) {
+  const Overlap part = overlap(logical, length, mapping.logical, mapping.length);
   if (part.length == 0) return false;
   const std::uint8_t* data = datagram.data + part.in_frame;
   const std::uint32_t address = mapping.physical + part.in_area;
@@ -207,10 +227,40 @@ void Esc::exchange_logical(Datagram& datagram, bool reads, bool writes) {
   }
   // What is written is what came with the frame, so writing comes first; no FMMU that reads looks at memory that one
   // that writes changes.
+  const std::uint32_t logical = datagram.logical();
+  const std::uint32_t length = clipped(logical, datagram.length);
   bool written = false;
   bool read = false;
-  for (unsigned i = 0; writes && i < writing_count_; ++i) written |= write_mapped(writing_[i], datagram);
-  for (unsigned i = 0; reads && i < reading_count_; ++i) read |= read_mapped(reading_[i], datagram);
+  if (writes) {
+    const bool unprotected = memory_[reg::write_protection] == 0;
+    for (unsigned i = 0; i < writing_count_; ++i) {
+      const Mapping& mapping = writing_[i];
+      const std::uint32_t ahead = mapping.logical - logical;
+      if (mapping.whole_buffer && unprotected && ahead < length && mapping.length <= length - ahead) {
+        const std::uint32_t place = sync_managers_[mapping.sync_manager].write_whole();
+        copy_few(&memory_[place], datagram.data + ahead, mapping.length);
+        written_by_master(mapping.sync_manager);
+        written = true;
+      } else {
+        written |= write_mapped(mapping, datagram, logical, length);
+      }
+    }
+  }
+  if (reads) {
+    for (unsigned i = 0; i < reading_count_; ++i) {
+      const Mapping& mapping = reading_[i];
+      const std::uint32_t ahead = mapping.logical - logical;
+      if (mapping.whole_buffer && ahead < length && mapping.length <= length - ahead &&
+          sync_managers_[mapping.sync_manager].valid) {
+        const std::uint32_t place = sync_managers_[mapping.sync_manager].read_whole();
+        copy_few(datagram.data + ahead, &memory_[place], mapping.length);
+        read_by_master(mapping.sync_manager);
+        read = true;
+      } else {
+        read |= read_mapped(mapping, datagram, logical, length);
+      }
+    }
+  }
   datagram.count(gain(read, written, reads && writes));
 }
 
@@ -281,15 +331,6 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
   datagram.count(gain(read, written, reads && writes));
 }
 
-void Esc::written_by_master(unsigned n) {
-  attention_ |= reg::al_event::sync_manager0 << n;
-  if (!sync_managers_[n].triggers_watchdog) return;
-  if (process_data_watchdog_.check(now_)) attention_ |= reg::al_event::watchdog_process_data;
-  process_data_watchdog_.trigger(now_);
-}
-
-void Esc::read_by_master(unsigned n) { attention_ |= reg::al_event::sync_manager0 << n; }
-
 void Esc::configure_mappings() {
   reading_count_ = writing_count_ = 0;
   whole_bytes_ = true;
@@ -298,14 +339,26 @@ void Esc::configure_mappings() {
     const Fmmu& fmmu = fmmus_[n];
     if (!fmmu.active) continue;
     whole_bytes_ = whole_bytes_ && fmmu.whole_bytes();
-    Mapping mapping{fmmu.logical, fmmu.length, fmmu.physical, no_sync_manager};
+    Mapping mapping{fmmu.logical, clipped(fmmu.logical, fmmu.length), fmmu.physical, no_sync_manager, false};
     for (unsigned channel = 0; channel < sync_managers; ++channel) {
       if (!sync_managers_[channel].contains_user_area(fmmu.physical, fmmu.length)) continue;
       mapping.sync_manager = static_cast<std::uint8_t>(channel);
       break;
     }
-    if (fmmu.reads) reading_[reading_count_++] = mapping;
-    if (fmmu.writes) writing_[writing_count_++] = mapping;
+    const auto whole = [&](bool master_writes) {
+      if (mapping.sync_manager == no_sync_manager || mapping.length != fmmu.length) return false;
+      const SyncManager& channel = sync_managers_[mapping.sync_manager];
+      return channel.mode == SyncManager::Mode::buffered && channel.master_writes == master_writes &&
+             channel.start == fmmu.physical && channel.length == fmmu.length;
+    };
+    if (fmmu.reads) {
+      mapping.whole_buffer = whole(false);
+      reading_[reading_count_++] = mapping;
+    }
+    if (fmmu.writes) {
+      mapping.whole_buffer = whole(true);
+      writing_[writing_count_++] = mapping;
+    }
   }
   for (unsigned r = 0; r < reading_count_; ++r) {
     for (unsigned w = 0; w < writing_count_; ++w) {

@@ -63,20 +63,6 @@ constexpr auto writable = [] {
   return mask;
 }();
 
-// Blocks of 16 bytes that are brought up to date before they are read, or of which reading has an effect.
-constexpr auto live = [] {
-  std::array<bool, reg::process_memory / 16> blocks{};
-  for (const unsigned address :
-       {reg::reset_ecat, reg::dl_status, reg::al_status, reg::ecat_event_request, reg::al_event_request,
-        reg::watchdog_status, reg::sii_configuration, reg::system_time, reg::system_time_difference,
-        reg::speed_counter_start, reg::cyclic_unit_control, reg::sync_start_time, reg::latch_times}) {
-    blocks[address / 16] = true;
-  }
-  blocks[reg::latch_times / 16 + 1] = true;
-  for (unsigned n = 0; n < Esc::sync_managers; n += 2) blocks[(reg::sync_manager + 8 * n) / 16] = true;
-  return blocks;
-}();
-
 constexpr bool touches(std::uint32_t first, std::uint32_t length, std::uint32_t address, std::uint32_t bytes = 1) {
   return first < address + bytes && address < first + length;
 }
@@ -140,13 +126,6 @@ void Esc::load_from_sii() {
 
 // ---- Reading ----
 
-void Esc::refresh(std::uint32_t address, std::uint32_t length) {
-  const std::uint32_t last = (address + length - 1) / 16;
-  for (std::uint32_t block = address / 16; block <= last; ++block) {
-    if (live[block]) refresh_block(block);
-  }
-}
-
 void Esc::refresh_block(std::uint32_t block) {
   switch (block * 16) {
     case reg::reset_ecat:
@@ -193,7 +172,6 @@ void Esc::refresh_block(std::uint32_t block) {
 }
 
 void Esc::registers_read(std::uint32_t address, std::uint32_t length) {
-  if (ecat_events_ == 0) return;
   const auto acknowledge = [&](std::uint16_t event, std::uint32_t first, std::uint32_t bytes) {
     if (touches(address, length, first, bytes)) ecat_events_ = static_cast<std::uint16_t>(ecat_events_ & ~event);
   };

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
+#include <utility>
 
 namespace servodrome::ethercat {
 
@@ -38,6 +38,21 @@ struct SyncManager {
   bool wrote(std::uint32_t offset, std::uint32_t bytes);
   bool read(std::uint32_t offset, std::uint32_t bytes);
 
+  // The same for a whole buffer of three at once: where it is; then it is closed.
+  std::uint32_t write_whole() {
+    const std::uint32_t at = start + write_buffer * std::uint32_t{length};
+    std::swap(write_buffer, last_buffer);
+    write_open = interrupt_read = false;
+    full = valid = interrupt_write = true;
+    return at;
+  }
+  std::uint32_t read_whole() {
+    if (full) std::swap(read_buffer, last_buffer);
+    full = read_open = interrupt_write = false;
+    interrupt_read = true;
+    return start + read_buffer * std::uint32_t{length};
+  }
+
   // A mailbox that was read is full again with what it held: the answer to a repeat request.
   void refill() { full = true; }
 
@@ -68,5 +83,58 @@ struct SyncManager {
     return static_cast<std::int32_t>(start + buffer * std::uint32_t{length} + offset);
   }
 };
+
+// In the path of every process data frame, hence here.
+inline std::int32_t SyncManager::writing_at(std::uint32_t offset) {
+  if (offset >= length) return -1;
+  if (mode == Mode::mailbox) {
+    if (full || (!write_open && offset != 0)) return -1;
+    if (offset == 0) interrupt_read = false;
+    write_open = true;
+    return place(0, offset);
+  }
+  if (!write_open && offset != 0) return -1;
+  write_open = true;
+  if (offset == 0) interrupt_read = false;
+  return place(write_buffer, offset);
+}
+
+inline std::int32_t SyncManager::reading_at(std::uint32_t offset) {
+  if (offset >= length) return -1;
+  if (mode == Mode::mailbox) {
+    if (!full || (!read_open && offset != 0)) return -1;
+    if (offset == 0) interrupt_write = false;
+    read_open = true;
+    return place(0, offset);
+  }
+  if (!valid || (!read_open && offset != 0)) return -1;
+  if (offset == 0) {
+    if (full) std::swap(read_buffer, last_buffer);
+    full = false;
+    interrupt_write = false;
+    read_open = true;
+  }
+  return place(read_buffer, offset);
+}
+
+inline bool SyncManager::wrote(std::uint32_t offset, std::uint32_t bytes) {
+  if (offset + bytes < length) return false;
+  write_open = false;
+  interrupt_write = true;
+  full = true;
+  if (mode == Mode::buffered) {
+    valid = true;
+    std::swap(write_buffer, last_buffer);
+  }
+  return true;
+}
+
+inline bool SyncManager::read(std::uint32_t offset, std::uint32_t bytes) {
+  if (offset + bytes < length) return false;
+  read_open = false;
+  interrupt_read = true;
+  if (mode == Mode::mailbox) full = false;
+  return true;
+}
 
 }  // namespace servodrome::ethercat
