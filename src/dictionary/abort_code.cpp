@@ -15,6 +15,8 @@ const char* text(AbortCode code) {
     case AbortCode::unsupported_access: return "unsupported access to an object";
     case AbortCode::write_only: return "attempt to read a write-only object";
     case AbortCode::read_only: return "attempt to write a read-only object";
+    case AbortCode::sub_index_0_not_zero: return "sub-index cannot be written: sub-index 0 must be 0";
+    case AbortCode::complete_access_not_supported: return "complete access not supported";
     case AbortCode::object_does_not_exist: return "object does not exist";
     case AbortCode::not_mappable: return "object cannot be mapped to the PDO";
     case AbortCode::mapping_exceeds_pdo_length: return "mapped objects would exceed the PDO length";

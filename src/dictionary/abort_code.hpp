@@ -17,6 +17,8 @@ enum class AbortCode : std::uint32_t {
   unsupported_access = 0x06010000,
   write_only = 0x06010001,
   read_only = 0x06010002,
+  sub_index_0_not_zero = 0x06010003,           // CoE (ETG.1000.6 table 41)
+  complete_access_not_supported = 0x06010004,  // CoE
   object_does_not_exist = 0x06020000,
   not_mappable = 0x06040041,
   mapping_exceeds_pdo_length = 0x06040042,

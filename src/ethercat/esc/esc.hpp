@@ -107,6 +107,7 @@ class Esc {
     for (std::size_t i = 0; i < sizeof(T); ++i) bytes[i] = read_byte(static_cast<std::uint16_t>(address + i), now);
     return load<T>(bytes.data());
   }
+  const std::uint8_t* registers(std::uint16_t address) const { return &memory_[address]; }
   // What the application may write without further ado: station alias, PDI access of the SII, pulse length...
   template <typename T>
   void write_register(std::uint16_t address, T value) {

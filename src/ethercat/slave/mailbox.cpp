@@ -1,0 +1,97 @@
+#include "ethercat/slave/mailbox.hpp"
+
+namespace servodrome::ethercat {
+
+void Mailbox::reset() {
+  waiting_length_ = last_read_length_ = 0;
+  occupied_ = repeating_ = send_again_ = false;
+  counter_ = last_counter_ = 0;
+}
+
+void Mailbox::place(std::span<const std::uint8_t> bytes) {
+  const std::span<std::uint8_t> memory = esc_.open_for_writing(in);
+  if (memory.size() < bytes.size()) return;
+  std::copy(bytes.begin(), bytes.end(), memory.begin());
+  esc_.close_writing(in);
+  occupied_ = true;
+}
+
+void Mailbox::follow_master() {
+  if (occupied_ && !esc_.sync_manager(in).full) {
+    occupied_ = false;
+    if (!repeating_) {
+      std::copy_n(waiting_memory_.begin(), waiting_length_, last_read_memory_.begin());
+      last_read_length_ = waiting_length_;
+      waiting_length_ = 0;
+    }
+    repeating_ = false;
+  }
+  if (esc_.repeat_requested(in)) {
+    // The master missed what it read last. That goes in again; a newer message that waits there comes after it.
+    if (last_read_length_ != 0) {
+      if (occupied_) {
+        esc_.disable_sync_manager(in, true);
+        esc_.disable_sync_manager(in, false);
+        send_again_ = send_again_ || !repeating_;
+      }
+      place(last_read_memory_.first(last_read_length_));
+      repeating_ = true;
+    }
+    esc_.acknowledge_repeat(in);
+  }
+  if (!occupied_ && send_again_) {
+    send_again_ = false;
+    place(waiting_memory_.first(waiting_length_));
+  }
+}
+
+bool Mailbox::receive(Request& request) {
+  while (true) {
+    const std::span<const std::uint8_t> bytes = esc_.open_for_reading(out);
+    if (bytes.size() < mailbox_header_size) return false;
+    const std::size_t length = load_u16(bytes.data());
+    const std::uint8_t counter = bytes[5] >> 4 & 7;
+    request.type = static_cast<MailboxType>(bytes[5] & 0x0F);
+    if (counter != 0 && counter == last_counter_) {
+      done();
+      continue;
+    }
+    last_counter_ = counter;
+    request.data = {};
+    if (length <= bytes.size() - mailbox_header_size) request.data = bytes.subspan(mailbox_header_size, length);
+    return true;
+  }
+}
+
+void Mailbox::done() { esc_.close_reading(out); }
+
+bool Mailbox::open(Message& message) {
+  if (occupied_ || send_again_ || !esc_.sync_manager(in).active) return false;
+  const std::size_t size = std::min<std::size_t>(esc_.sync_manager(in).length, waiting_memory_.size());
+  if (size < mailbox_header_size) return false;
+  message.room = waiting_memory_.subspan(mailbox_header_size, size - mailbox_header_size);
+  message.length = 0;
+  return true;
+}
+
+void Mailbox::send(const Message& message) {
+  counter_ = counter_ == 7 ? std::uint8_t{1} : static_cast<std::uint8_t>(counter_ + 1);
+  std::uint8_t* header = waiting_memory_.data();
+  store_u16(header, static_cast<unsigned>(message.length));
+  store_u16(header + 2, 0);  // from the slave itself
+  header[4] = 0;
+  header[5] = static_cast<std::uint8_t>(static_cast<unsigned>(message.type) | static_cast<unsigned>(counter_) << 4);
+  waiting_length_ = mailbox_header_size + message.length;
+  place(waiting_memory_.first(waiting_length_));
+}
+
+void Mailbox::send_error(MailboxError error) {
+  Message message;
+  if (!open(message)) return;
+  message.type = MailboxType::error;
+  message.u16(1);  // the only type of mailbox error replies
+  message.u16(static_cast<unsigned>(error));
+  send(message);
+}
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,158 @@
+#include "ethercat/slave/process_image.hpp"
+
+#include <algorithm>
+
+#include "ethercat/bytes.hpp"
+
+namespace servodrome::ethercat {
+
+using dictionary::AbortCode;
+using dictionary::Entry;
+
+namespace {
+
+constexpr std::uint16_t first_dummy = 0x0001;  // data types as dummy objects (CiA 301 7.4.7.2)
+constexpr std::uint16_t last_dummy = 0x001F;
+
+std::uint64_t bits_at(std::span<const std::uint8_t> image, unsigned bit, unsigned bits) {
+  std::uint64_t value = 0;
+  for (unsigned i = 0; i < bits; ++i) {
+    value |= std::uint64_t{image[(bit + i) / 8] >> (bit + i) % 8 & 1U} << i;
+  }
+  return value;
+}
+
+void put_bits(std::span<std::uint8_t> image, unsigned bit, unsigned bits, std::uint64_t value) {
+  for (unsigned i = 0; i < bits; ++i) {
+    std::uint8_t& byte = image[(bit + i) / 8];
+    byte = static_cast<std::uint8_t>(byte | (value >> i & 1) << (bit + i) % 8);
+  }
+}
+
+}  // namespace
+
+AbortCode ProcessImage::resolve_entry(std::uint32_t mapping, MappedObject& object) const {
+  const auto index = static_cast<std::uint16_t>(mapping >> 16);
+  const auto bits = static_cast<std::uint8_t>(mapping);
+  object = {};
+  object.bits = bits;
+  if (bits == 0) return AbortCode::not_mappable;
+  if (index == 0 || (direction_ == Direction::outputs && index >= first_dummy && index <= last_dummy)) {
+    return AbortCode::none;  // a gap
+  }
+  AbortCode abort{};
+  const Entry* entry = dictionary_.find(index, static_cast<std::uint8_t>(mapping >> 8), abort);
+  if (entry == nullptr) return abort;
+  const auto wanted = direction_ == Direction::outputs ? dictionary::Pdo::rpdo : dictionary::Pdo::tpdo;
+  const bool mappable = (static_cast<unsigned>(entry->pdo) & static_cast<unsigned>(wanted)) != 0;
+  if (!mappable || !entry->fixed_size() || bits > 64) return AbortCode::not_mappable;
+  const unsigned own = dictionary::size_of(entry->type) * 8U;
+  const bool fits = bits == own || (entry->type == dictionary::Type::boolean && bits == 1);
+  if (!fits && !profile_.mapped_length_may_differ) return AbortCode::not_mappable;
+  object.entry = entry;
+  object.place = dictionary_.storage(*entry);
+  object.bytes = dictionary::size_of(entry->type);
+  object.plain = entry->owner == dictionary::Owner::none && (direction_ == Direction::inputs || !entry->has_range);
+  object.whole = bits == own;
+  return AbortCode::none;
+}
+
+AbortCode ProcessImage::check_entry(std::uint32_t mapping) const {
+  MappedObject object;
+  return mapping == 0 ? AbortCode::none : resolve_entry(mapping, object);
+}
+
+AbortCode ProcessImage::check_pdo(std::uint16_t index) const {
+  if (index == 0) return AbortCode::none;  // an empty entry
+  const std::uint16_t first = direction_ == Direction::outputs ? 0x1600 : 0x1A00;
+  const bool is_mapping = index >= first && index < first + 0x200;
+  return is_mapping && dictionary_.find(index, 0) != nullptr ? AbortCode::none : AbortCode::value_invalid;
+}
+
+AbortCode ProcessImage::check_count(std::uint16_t index, unsigned count) const {
+  unsigned bits = 0;
+  for (unsigned sub = 1; sub <= count; ++sub) {
+    const auto mapping = static_cast<std::uint32_t>(dictionary_.number(index, static_cast<std::uint8_t>(sub)));
+    MappedObject object;
+    if (const AbortCode abort = resolve_entry(mapping, object); abort != AbortCode::none) return abort;
+    bits += object.bits;
+  }
+  return bits > greatest_bits() ? AbortCode::mapping_exceeds_pdo_length : AbortCode::none;
+}
+
+AbortCode ProcessImage::add_pdo(std::uint16_t index) {
+  const auto entries = static_cast<unsigned>(dictionary_.number(index, 0));
+  for (unsigned sub = 1; sub <= entries; ++sub) {
+    const auto mapping = static_cast<std::uint32_t>(dictionary_.number(index, static_cast<std::uint8_t>(sub)));
+    if (count_ == objects_.size()) return AbortCode::out_of_memory;
+    MappedObject& object = objects_[count_];
+    if (const AbortCode abort = resolve_entry(mapping, object); abort != AbortCode::none) return abort;
+    object.bit = static_cast<std::uint16_t>(bits_);
+    object.whole = object.whole && bits_ % 8 == 0;
+    bits_ += object.bits;
+    if (bits_ > greatest_bits()) return AbortCode::mapping_exceeds_pdo_length;
+    if (object.entry != nullptr) ++count_;
+  }
+  return AbortCode::none;
+}
+
+AbortCode ProcessImage::resolve() {
+  const std::uint16_t assignment = direction_ == Direction::outputs ? 0x1C12 : 0x1C13;
+  count_ = 0;
+  bits_ = 0;
+  const auto pdos = static_cast<unsigned>(dictionary_.number(assignment, 0));
+  for (unsigned sub = 1; sub <= pdos; ++sub) {
+    const auto index = static_cast<std::uint16_t>(dictionary_.number(assignment, static_cast<std::uint8_t>(sub)));
+    const AbortCode abort =
+        index == 0 || check_pdo(index) != AbortCode::none ? AbortCode::value_invalid : add_pdo(index);
+    if (abort == AbortCode::none) continue;
+    count_ = 0;
+    bits_ = 0;
+    return abort;
+  }
+  return AbortCode::none;
+}
+
+void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
+  if (image.size() < bytes()) return;
+  for (MappedObject& object : objects_.first(count_)) {
+    if (object.plain && object.whole && object.place != nullptr) {
+      copy_few(reinterpret_cast<std::uint8_t*>(object.place), image.data() + object.bit / 8, object.bytes);
+      continue;
+    }
+    const std::uint64_t value = bits_at(image, object.bit, object.bits);
+    const auto bytes = std::as_bytes(std::span(&value, 1)).first(object.bytes);
+    object.tell = false;
+    if (dictionary_.check_range(*object.entry, bytes) != AbortCode::none) continue;
+    dictionary::Listener* owner = dictionary_.listener(*object.entry);
+    if (owner != nullptr && owner->check(*object.entry, bytes) != AbortCode::none) continue;
+    if (object.place != nullptr) std::memcpy(object.place, bytes.data(), bytes.size());
+    object.tell = owner != nullptr;
+  }
+  for (const MappedObject& object : objects_.first(count_)) {
+    if (object.tell) dictionary_.listener(*object.entry)->written(*object.entry);
+  }
+}
+
+void ProcessImage::read_objects(std::span<std::uint8_t> image) {
+  if (image.size() < bytes()) return;
+  std::fill(image.begin(), image.end(), std::uint8_t{0});
+  for (const MappedObject& object : objects_.first(count_)) {
+    if (!object.plain) {
+      if (dictionary::Listener* owner = dictionary_.listener(*object.entry)) owner->refresh(*object.entry);
+    }
+    if (object.whole && object.place != nullptr) {
+      copy_few(image.data() + object.bit / 8, reinterpret_cast<const std::uint8_t*>(object.place), object.bytes);
+      continue;
+    }
+    std::uint64_t value = 0;
+    if (object.place != nullptr) {
+      std::memcpy(&value, object.place, object.bytes);
+    } else {
+      value = static_cast<std::uint64_t>(object.entry->default_value);
+    }
+    put_bits(image, object.bit, object.bits, value);
+  }
+}
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+
+#include "ethercat/time.hpp"
+
+namespace servodrome::ethercat {
+
+// Where a sync manager's area shall be and how long it may be.
+struct AreaRule {
+  std::uint16_t start = 0;
+  std::uint16_t least_length = 0;
+  std::uint16_t greatest_length = 0;
+};
+
+// Ways of synchronisation as bits of 1C32h sub-index 4 (ETG.1020 table 72).
+namespace sync_support {
+inline constexpr std::uint16_t free_run = 0x0001;
+inline constexpr std::uint16_t sync_manager = 0x0002;
+inline constexpr std::uint16_t dc_sync0 = 0x0004;
+}  // namespace sync_support
+
+// What a slave offers and demands; the same values go into its SII image and ESI file.
+struct Profile {
+  AreaRule mailbox_out{0x1000, 34, 256};  // sync manager 0: master to slave
+  AreaRule mailbox_in{0x1100, 34, 256};   // sync manager 1
+  bool bootstrap = false;
+  AreaRule bootstrap_out{0x1000, 34, 256};
+  AreaRule bootstrap_in{0x1100, 34, 256};
+  std::uint16_t outputs_start = 0x1200;  // sync manager 2, three buffers
+  std::uint16_t inputs_start = 0x1500;   // sync manager 3
+  std::uint16_t greatest_outputs = 256;  // bytes of process data
+  std::uint16_t greatest_inputs = 256;
+
+  bool complete_access = true;
+  // A mapped length other than the object's is taken: the object's low bits, or zeros above them.
+  bool mapped_length_may_differ = false;
+
+  std::uint16_t synchronisation = sync_support::free_run | sync_support::sync_manager | sync_support::dc_sync0;
+  Time least_cycle{std::chrono::microseconds(125)};
+  // Safe-Operational to Operational waits so long for outputs, and with DC for SYNC0.
+  Time operational_timeout{std::chrono::seconds(5)};
+};
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,41 @@
+#pragma once
+
+#include "dictionary/dictionary.hpp"
+#include "ethercat/slave/mailbox_wire.hpp"
+
+namespace servodrome::ethercat {
+
+// The SDO information server of CoE (ETG.1000.6 clause 5.6.3): lists of objects, descriptions of objects and entries.
+class SdoInformation {
+ public:
+  explicit SdoInformation(const dictionary::Dictionary& dictionary) : dictionary_(dictionary) {}
+
+  // Drops what is left of a list.
+  void reset() { fragments_left_ = 0; }
+
+  // A request: what follows the CoE header, at least 4 bytes. A list that does not fit goes on with `next`.
+  void receive(std::span<const std::uint8_t> request, Message& reply);
+  bool has_next() const { return fragments_left_ != 0; }
+  void next(Message& reply);
+
+ private:
+  void begin(Message& reply, unsigned opcode, unsigned fragments_left) const;
+  void error(dictionary::AbortCode code, Message& reply) const;
+  void list(std::span<const std::uint8_t> data, Message& reply);
+  void put_indices(Message& reply);
+  void describe_object(std::span<const std::uint8_t> data, Message& reply) const;
+  void describe_entry(std::span<const std::uint8_t> data, Message& reply) const;
+  bool belongs(std::size_t object, unsigned list) const;
+  std::size_t object_end(std::size_t object) const;
+  unsigned count(unsigned list) const;
+
+  const dictionary::Dictionary& dictionary_;
+  unsigned list_ = 0;
+  std::size_t position_ = 0;  // in the table: the next object to look at
+  unsigned fragments_left_ = 0;
+};
+
+// A unit as CiA 303-2 codes it: prefix, numerator, denominator in bits 31..8; 0 if it has no code here.
+std::uint32_t unit_code(const char* unit);
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,169 @@
+#include "ethercat/slave/slave.hpp"
+
+namespace servodrome::ethercat {
+
+using dictionary::AbortCode;
+using dictionary::Entry;
+
+Slave::Slave(Esc& esc, dictionary::Dictionary& dictionary, const Profile& profile, SlaveEvents& events,
+             SlaveMemory memory)
+    : esc_(esc),
+      dictionary_(dictionary),
+      profile_(profile),
+      events_(events),
+      mailbox_(esc, memory.mailbox_waiting, memory.mailbox_last),
+      sdo_(dictionary, profile.complete_access, memory.sdo),
+      information_(dictionary),
+      outputs_(dictionary, Direction::outputs, profile, memory.outputs),
+      inputs_(dictionary, Direction::inputs, profile, memory.inputs) {
+  dictionary_.set_listener(dictionary::Owner::communication, this);
+}
+
+void Slave::start(Time now) {
+  const AlState before = state_;
+  state_ = AlState::init;
+  error_ = identifies_ = false;
+  code_ = AlStatusCode::none;
+  operational_until_ = never;
+  emergency_count_ = 0;
+  mailbox_.reset();
+  sdo_.reset();
+  information_.reset();
+  esc_.settle(~0U);
+  report();
+  set_sync_parameter(sync_parameter::types_supported, profile_.synchronisation);
+  set_sync_parameter(sync_parameter::least_cycle_time, profile_.least_cycle.count());
+  if (before != AlState::init) events_.state_changed(before, AlState::init, AlStatusCode::none, now);
+}
+
+void Slave::poll(Time now) {
+  esc_.poll(now);
+  const std::uint32_t events = esc_.attention();
+  esc_.settle(events);
+  if ((events & (Esc::attention_reset | Esc::attention_pdi_reset)) != 0) {
+    start(now);
+    return;
+  }
+  if ((events & reg::al_event::watchdog_process_data) != 0 && state_ == AlState::operational) {
+    fall_back(AlState::safe_operational, AlStatusCode::sync_manager_watchdog, now);
+  }
+  // Process data first: a request for another state found them as they were.
+  if ((events & reg::al_event::sync_manager0 << 2) != 0) outputs_arrived(now);
+  if ((events & reg::al_event::sync0) != 0) sync0_arrived(now);
+  if ((events & reg::al_event::sync_manager0 << 3) != 0 && inputs_run() && sync_type_ == SyncType::sync_manager &&
+      outputs_.bytes() == 0) {
+    exchange(now);  // without outputs, reading the inputs is the signal
+  }
+  if ((events & reg::al_event::sync_manager_activation) != 0) follow_configuration(now);
+  if ((events & reg::al_event::al_control) != 0) al_control_written(now);
+  if (operational_until_ != never) await_operational(now);
+  if (mailbox_runs()) serve_mailbox();
+}
+
+Time Slave::next_deadline(Time now) const { return std::min(esc_.next_deadline(now), operational_until_); }
+
+void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {
+  if (!mailbox_runs() || emergency_count_ == emergencies_.size()) return;
+  emergencies_[emergency_count_++] = {error_code, error_register, data};
+  serve_mailbox();
+}
+
+// ---- Mailbox ----
+
+void Slave::serve_mailbox() {
+  mailbox_.follow_master();
+  Message message;
+  while (mailbox_.open(message)) {
+    if (information_.has_next()) {
+      information_.next(message);
+      mailbox_.send(message);
+      continue;
+    }
+    if (emergency_count_ != 0) {
+      const Emergency& first = emergencies_[0];
+      begin_coe(message, CoeService::emergency);
+      message.u16(first.code);
+      message.u8(first.error_register);
+      message.bytes(std::span<const std::uint8_t>(first.data));
+      mailbox_.send(message);
+      std::copy(emergencies_.begin() + 1, emergencies_.end(), emergencies_.begin());
+      --emergency_count_;
+      continue;
+    }
+    Mailbox::Request request;
+    if (!mailbox_.receive(request)) return;
+    if (request.data.empty()) {
+      mailbox_.send_error(MailboxError::invalid_size);
+    } else if (request.type != MailboxType::coe) {
+      mailbox_.send_error(MailboxError::unsupported_protocol);
+    } else {
+      serve_coe(request, message);
+    }
+    mailbox_.done();
+  }
+}
+
+void Slave::serve_coe(const Mailbox::Request& request, Message& reply) {
+  constexpr std::size_t least_sdo = 8;
+  constexpr std::size_t least_information = 4;
+  if (request.data.size() < coe_header_size) {
+    mailbox_.send_error(MailboxError::size_too_short);
+    return;
+  }
+  const auto service = static_cast<CoeService>(load_u16(request.data.data()) >> 12);
+  const std::span<const std::uint8_t> data = request.data.subspan(coe_header_size);
+  switch (service) {
+    case CoeService::sdo_request:
+      if (data.size() < least_sdo) {
+        mailbox_.send_error(MailboxError::size_too_short);
+        return;
+      }
+      sdo_.receive(data, reply);
+      break;
+    case CoeService::sdo_information:
+      if (data.size() < least_information) {
+        mailbox_.send_error(MailboxError::size_too_short);
+        return;
+      }
+      information_.receive(data, reply);
+      break;
+    default: mailbox_.send_error(MailboxError::service_not_supported); return;
+  }
+  if (reply.length != 0) mailbox_.send(reply);
+}
+
+// ---- Objects ----
+
+// What the slave says to writes of the objects it owns (ETG.1000.6 clause 5.6.7, ETG.1020 clause 12).
+AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
+  const auto value = static_cast<std::uint32_t>(dictionary::decode_number(dictionary::Type::unsigned64, bytes));
+  const std::uint16_t index = entry.index;
+  if (index == 0x1C32 || index == 0x1C33) {
+    if (entry.sub != sync_parameter::type || !entry.writable()) return AbortCode::none;
+    if (inputs_run()) return AbortCode::device_state;
+    const bool inputs = index == 0x1C33;
+    // Inputs name the sync manager of the outputs 22h.
+    const std::uint32_t type = inputs && value == 0x22 ? 1 : value;
+    return type < 16 && (profile_.synchronisation >> type & 1) != 0 ? AbortCode::none : AbortCode::value_invalid;
+  }
+  const bool outputs = index == 0x1C12 || (index >= 0x1600 && index < 0x1800);
+  const bool inputs = index == 0x1C13 || (index >= 0x1A00 && index < 0x1C00);
+  if (!outputs && !inputs) return AbortCode::none;
+  if (state_ != AlState::pre_operational) return AbortCode::device_state;
+  const ProcessImage& image = outputs ? outputs_ : inputs_;
+  const bool assigns = index >= 0x1C00;
+  if (entry.sub != 0) {
+    if (dictionary_.number(index, 0) != 0) return AbortCode::sub_index_0_not_zero;
+    return assigns ? image.check_pdo(static_cast<std::uint16_t>(value)) : image.check_entry(value);
+  }
+  if (!assigns) {
+    return value == 0 ? AbortCode::none : image.check_count(index, value);
+  }
+  for (std::uint8_t sub = 1; sub <= value; ++sub) {
+    const auto pdo = static_cast<std::uint16_t>(dictionary_.number(index, sub));
+    if (pdo == 0 || image.check_pdo(pdo) != AbortCode::none) return AbortCode::value_invalid;
+  }
+  return AbortCode::none;
+}
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,129 @@
+#pragma once
+
+#include "dictionary/dictionary.hpp"
+#include "ethercat/esc/esc.hpp"
+#include "ethercat/slave/communication_objects.hpp"
+#include "ethercat/slave/mailbox.hpp"
+#include "ethercat/slave/process_image.hpp"
+#include "ethercat/slave/sdo_information.hpp"
+#include "ethercat/slave/sdo_server.hpp"
+#include "ethercat/slave/slave_events.hpp"
+
+namespace servodrome::ethercat {
+
+// Memory a slave works with; see SlaveStorage.
+struct SlaveMemory {
+  std::span<MappedObject> outputs;
+  std::span<MappedObject> inputs;
+  std::span<std::byte> sdo;
+  std::span<std::uint8_t> mailbox_waiting;
+  std::span<std::uint8_t> mailbox_last;
+};
+
+template <std::size_t MappedObjects, std::size_t MailboxBytes, std::size_t SdoBytes>
+struct SlaveStorage {
+  std::array<MappedObject, MappedObjects> outputs{};
+  std::array<MappedObject, MappedObjects> inputs{};
+  std::array<std::byte, SdoBytes> sdo{};
+  std::array<std::uint8_t, MailboxBytes> mailbox_waiting{};
+  std::array<std::uint8_t, MailboxBytes> mailbox_last{};
+
+  SlaveMemory memory() { return {outputs, inputs, sdo, mailbox_waiting, mailbox_last}; }
+};
+
+// The application side of an EtherCAT slave: state machine, mailbox with CoE, process data, synchronisation
+// (ETG.1000.6, ETG.1020). Knows the device through its dictionary, `SlaveEvents` and a `Profile`.
+class Slave final : dictionary::Listener {
+ public:
+  Slave(Esc& esc, dictionary::Dictionary& dictionary, const Profile& profile, SlaveEvents& events, SlaveMemory memory);
+
+  // After the controller's power-on. The dictionary holds its defaults or saved values.
+  void start(Time now);
+
+  // After every frame, and no later than `next_deadline`.
+  void poll(Time now);
+  // Is there anything for `poll` to do since a frame passed? For a caller with many slaves.
+  bool wants_poll() const { return esc_.attention() != 0; }
+  Time next_deadline(Time now) const;
+
+  // The objects have new values: they go into the inputs in free run, where no signal of the bus asks for them.
+  void process_image_updated();
+
+  AlState state() const { return state_; }
+  AlStatusCode status_code() const { return code_; }
+  bool error() const { return error_; }
+
+  // The device cannot stay where it is: falls back to `state`, which is not above the present one, with `code`.
+  void fall_back(AlState state, AlStatusCode code, Time now);
+
+  // Sends an emergency (ETG.1000.6 clause 5.6.4) when the mailbox is in use. Up to 8 wait for the master to read.
+  void emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data);
+
+ private:
+  struct Emergency {
+    std::uint16_t code;
+    std::uint8_t error_register;
+    std::array<std::uint8_t, 5> data;
+  };
+  // 1C32h sub-index 1.
+  enum class SyncType : std::uint16_t { free_run = 0, sync_manager = 1, dc_sync0 = 2, dc_sync1 = 3 };
+
+  // state_machine.cpp
+  void al_control_written(Time now);
+  AlStatusCode change_state(AlState to, Time now);
+  AlStatusCode check_transition(AlState to);
+  AlStatusCode check_mailbox(const AreaRule& out, const AreaRule& in, AlStatusCode failure) const;
+  AlStatusCode check_process_data();
+  void enter(AlState to, AlStatusCode cause, Time now);
+  void report();
+  void refuse(AlStatusCode code);
+  void await_operational(Time now);
+  void follow_configuration(Time now);
+
+  // synchronisation.cpp
+  AlStatusCode choose_synchronisation();
+  void start_exchange();
+  void outputs_arrived(Time now);
+  void sync0_arrived(Time now);
+  void exchange(Time now);
+  void take_outputs();
+  void give_inputs();
+  void count_missed(Time now);
+  void set_sync_parameter(std::uint8_t sub, std::int64_t value);
+
+  // mailbox
+  void serve_mailbox();
+  void serve_coe(const Mailbox::Request& request, Message& reply);
+
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
+
+  bool mailbox_runs() const { return state_ != AlState::init; }
+  bool inputs_run() const { return state_ == AlState::safe_operational || state_ == AlState::operational; }
+
+  Esc& esc_;
+  dictionary::Dictionary& dictionary_;
+  const Profile& profile_;
+  SlaveEvents& events_;
+  Mailbox mailbox_;
+  SdoServer sdo_;
+  SdoInformation information_;
+  ProcessImage outputs_;
+  ProcessImage inputs_;
+
+  AlState state_ = AlState::init;
+  bool error_ = false;
+  bool identifies_ = false;  // the master asked for the identification value
+  AlStatusCode code_ = AlStatusCode::none;
+  Time operational_until_ = never;  // waits for outputs and SYNC0 until then
+
+  SyncType sync_type_ = SyncType::free_run;
+  bool outputs_seen_ = false;   // since Safe-Operational
+  bool outputs_fresh_ = false;  // since the last SYNC0
+  bool sync_seen_ = false;      // since Safe-Operational
+  std::uint32_t missed_ = 0;    // 10F1h: 3 more for a cycle without outputs, 1 less for one with
+
+  std::array<Emergency, 8> emergencies_{};
+  std::size_t emergency_count_ = 0;
+};
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,184 @@
+// The EtherCAT state machine (ETG.1000.6 clause 6.4): which changes there are, what is checked before, what a refusal
+// looks like.
+#include "ethercat/slave/slave.hpp"
+
+namespace servodrome::ethercat {
+
+namespace {
+
+constexpr unsigned state_mask = 0x0F;
+constexpr unsigned acknowledge_bit = 0x10;     // AL control; error in AL status
+constexpr unsigned identification_bit = 0x20;  // both
+
+constexpr bool is_state(unsigned value) { return value == 1 || value == 2 || value == 3 || value == 4 || value == 8; }
+
+// Up one step at a time, down any; Bootstrap only from and to Init (ETG.1000.6 table 102).
+constexpr bool exists(AlState from, AlState to) {
+  if (from == to || to == AlState::init) return true;
+  switch (from) {
+    case AlState::init: return to == AlState::pre_operational || to == AlState::bootstrap;
+    case AlState::pre_operational: return to == AlState::safe_operational;
+    case AlState::bootstrap: return false;
+    case AlState::safe_operational: return to == AlState::pre_operational || to == AlState::operational;
+    case AlState::operational: return to == AlState::pre_operational || to == AlState::safe_operational;
+  }
+  return false;
+}
+
+bool follows(const SyncManager& channel, const AreaRule& rule, bool master_writes) {
+  return channel.active && channel.mode == SyncManager::Mode::mailbox && channel.master_writes == master_writes &&
+         channel.start == rule.start && channel.length >= rule.least_length && channel.length <= rule.greatest_length;
+}
+
+}  // namespace
+
+void Slave::report() {
+  unsigned status = static_cast<unsigned>(state_) | (error_ ? acknowledge_bit : 0U);
+  auto code = static_cast<std::uint16_t>(code_);
+  if (identifies_ && !error_) {
+    // The answer to an identification request: the station alias (ETG.1020 clause 14).
+    status |= identification_bit;
+    code = load_u16(esc_.registers(reg::station_alias));
+  }
+  esc_.set_al_status(static_cast<std::uint16_t>(status), code);
+}
+
+void Slave::refuse(AlStatusCode code) {
+  error_ = true;
+  code_ = code;
+  report();
+}
+
+void Slave::al_control_written(Time now) {
+  const unsigned control = esc_.take_al_control();
+  const unsigned wanted = control & state_mask;
+  const bool acknowledges = (control & acknowledge_bit) != 0;
+  // With an error standing, nothing but its acknowledgement is heard.
+  if (error_ && !acknowledges) return;
+  error_ = false;
+  code_ = AlStatusCode::none;
+  identifies_ = (control & identification_bit) != 0;
+  operational_until_ = never;
+  if (!is_state(wanted)) return refuse(AlStatusCode::unknown_requested_state);
+  const auto to = static_cast<AlState>(wanted);
+  if (!exists(state_, to)) return refuse(AlStatusCode::invalid_requested_state_change);
+  if (const AlStatusCode code = change_state(to, now); code != AlStatusCode::none) refuse(code);
+}
+
+AlStatusCode Slave::change_state(AlState to, Time now) {
+  if (to == state_) {
+    report();
+    return AlStatusCode::none;
+  }
+  AlStatusCode code = check_transition(to);
+  if (code == AlStatusCode::none) code = events_.may_change(state_, to);
+  if (code != AlStatusCode::none) return code;
+  if (to == AlState::operational) {
+    operational_until_ = now + profile_.operational_timeout;
+    await_operational(now);
+    return AlStatusCode::none;
+  }
+  enter(to, AlStatusCode::none, now);
+  return AlStatusCode::none;
+}
+
+AlStatusCode Slave::check_transition(AlState to) {
+  switch (to) {
+    case AlState::bootstrap:
+      if (!profile_.bootstrap) return AlStatusCode::bootstrap_not_supported;
+      return check_mailbox(profile_.bootstrap_out, profile_.bootstrap_in,
+                           AlStatusCode::invalid_mailbox_configuration_bootstrap);
+    case AlState::pre_operational:
+      if (state_ != AlState::init) return AlStatusCode::none;
+      if (!esc_.sii().loaded()) return AlStatusCode::eeprom_error;
+      return check_mailbox(profile_.mailbox_out, profile_.mailbox_in, AlStatusCode::invalid_mailbox_configuration);
+    case AlState::safe_operational:
+      return state_ == AlState::pre_operational ? check_process_data() : AlStatusCode::none;
+    default: return AlStatusCode::none;
+  }
+}
+
+AlStatusCode Slave::check_mailbox(const AreaRule& out, const AreaRule& in, AlStatusCode failure) const {
+  const bool good =
+      follows(esc_.sync_manager(Mailbox::out), out, true) && follows(esc_.sync_manager(Mailbox::in), in, false);
+  return good ? AlStatusCode::none : failure;
+}
+
+// Pre-Operational to Safe-Operational: the PDOs can be served, and sync managers 2 and 3 are theirs.
+AlStatusCode Slave::check_process_data() {
+  if (outputs_.resolve() != dictionary::AbortCode::none) return AlStatusCode::invalid_output_mapping;
+  if (inputs_.resolve() != dictionary::AbortCode::none) return AlStatusCode::invalid_input_mapping;
+  const auto fits = [this](unsigned n, std::uint16_t bytes, std::uint16_t start, bool master_writes) {
+    const SyncManager& channel = esc_.sync_manager(n);
+    if (bytes == 0) return !channel.active;
+    return channel.active && channel.length == bytes && channel.start == start &&
+           channel.master_writes == master_writes && channel.mode == SyncManager::Mode::buffered;
+  };
+  if (!fits(2, outputs_.bytes(), profile_.outputs_start, true)) return AlStatusCode::invalid_output_configuration;
+  if (!fits(3, inputs_.bytes(), profile_.inputs_start, false)) return AlStatusCode::invalid_input_configuration;
+  return choose_synchronisation();
+}
+
+void Slave::enter(AlState to, AlStatusCode cause, Time now) {
+  const AlState from = state_;
+  state_ = to;
+  if (to == AlState::init || from == AlState::init || from == AlState::bootstrap) {
+    mailbox_.reset();
+    sdo_.reset();
+    information_.reset();
+    emergency_count_ = 0;
+  }
+  if (to == AlState::safe_operational && from == AlState::pre_operational) start_exchange();
+  if (to != AlState::operational) esc_.stop_process_data_watchdog();
+  operational_until_ = never;
+  report();
+  events_.state_changed(from, to, cause, now);
+}
+
+void Slave::fall_back(AlState state, AlStatusCode code, Time now) {
+  error_ = true;
+  code_ = code;
+  if (state == state_) {
+    operational_until_ = never;
+    report();
+    return;
+  }
+  enter(state, code, now);
+}
+
+// Safe-Operational to Operational: once there are outputs, and pulses if they are to time them.
+void Slave::await_operational(Time now) {
+  const bool outputs = outputs_.bytes() == 0 || outputs_seen_;
+  const bool pulses = sync_type_ != SyncType::dc_sync0 || sync_seen_;
+  if (outputs && pulses) {
+    missed_ = 0;
+    outputs_fresh_ = true;
+    enter(AlState::operational, AlStatusCode::none, now);
+    return;
+  }
+  if (now < operational_until_) return;
+  operational_until_ = never;
+  refuse(pulses ? AlStatusCode::no_valid_outputs : AlStatusCode::no_sync);
+}
+
+// The master enabled, disabled or changed sync managers.
+void Slave::follow_configuration(Time now) {
+  const auto mailbox_good = [this] {
+    const bool boots = state_ == AlState::bootstrap;
+    return check_mailbox(boots ? profile_.bootstrap_out : profile_.mailbox_out,
+                         boots ? profile_.bootstrap_in : profile_.mailbox_in,
+                         AlStatusCode::invalid_mailbox_configuration) == AlStatusCode::none;
+  };
+  if (mailbox_runs() && !mailbox_good()) {
+    fall_back(AlState::init, AlStatusCode::invalid_mailbox_configuration, now);
+    return;
+  }
+  if (!inputs_run()) return;
+  if ((outputs_.bytes() != 0) != esc_.sync_manager(2).active) {
+    fall_back(AlState::pre_operational, AlStatusCode::invalid_output_configuration, now);
+  } else if ((inputs_.bytes() != 0) != esc_.sync_manager(3).active) {
+    fall_back(AlState::pre_operational, AlStatusCode::invalid_input_configuration, now);
+  }
+}
+
+}  // namespace servodrome::ethercat

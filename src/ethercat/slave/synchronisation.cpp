@@ -1,0 +1,121 @@
+// When process data are exchanged with the objects: free run, with the sync manager's event, with SYNC0 (ETG.1020
+// clause 17).
+#include "ethercat/slave/slave.hpp"
+
+namespace servodrome::ethercat {
+
+namespace {
+constexpr std::uint16_t output_parameter = 0x1C32;
+constexpr std::uint16_t input_parameter = 0x1C33;
+constexpr std::uint32_t missed_step = 3;  // ETG.1020, object 10F1h
+}  // namespace
+
+void Slave::set_sync_parameter(std::uint8_t sub, std::int64_t value) {
+  for (const std::uint16_t index : {output_parameter, input_parameter}) {
+    const dictionary::Entry* entry = dictionary_.find(index, sub);
+    std::byte* place = entry == nullptr ? nullptr : dictionary_.storage(*entry);
+    if (place == nullptr) continue;
+    const auto bytes = dictionary::encode_number(value);
+    std::memcpy(place, bytes.data(), dictionary::size_of(entry->type));
+  }
+}
+
+// The pulses of the distributed clock decide: where a master has started SYNC0, it is used.
+AlStatusCode Slave::choose_synchronisation() {
+  const DistributedClock::Sync& sync0 = esc_.clock().sync(0);
+  const bool pulses = sync0.enabled && sync0.pending;
+  auto wanted = static_cast<SyncType>(dictionary_.number(output_parameter, sync_parameter::type));
+  const bool wants_pulses = wanted == SyncType::dc_sync0;
+  const auto supports = [this](std::uint16_t type) { return (profile_.synchronisation & type) != 0; };
+  if (pulses) {
+    if (!supports(sync_support::dc_sync0)) return AlStatusCode::synchronization_not_supported;
+    if (static_cast<std::int64_t>(sync0.step) < profile_.least_cycle.count()) {
+      return AlStatusCode::invalid_sync0_cycle_time;
+    }
+    wanted = SyncType::dc_sync0;
+  } else if (wants_pulses) {
+    return AlStatusCode::invalid_dc_sync_configuration;
+  } else if (wanted == SyncType::free_run && !supports(sync_support::free_run)) {
+    if (!supports(sync_support::sync_manager)) return AlStatusCode::free_run_not_supported;
+    wanted = SyncType::sync_manager;
+  }
+  sync_type_ = wanted;
+  const auto step = static_cast<std::int64_t>(pulses ? sync0.step : 0);
+  set_sync_parameter(sync_parameter::type, static_cast<std::int64_t>(wanted));
+  set_sync_parameter(sync_parameter::sync0_cycle_time, step);
+  if (pulses) set_sync_parameter(sync_parameter::cycle_time, step);
+  return AlStatusCode::none;
+}
+
+void Slave::start_exchange() {
+  outputs_seen_ = sync_seen_ = outputs_fresh_ = false;
+  missed_ = 0;
+  set_sync_parameter(sync_parameter::events_missed, 0);
+  set_sync_parameter(sync_parameter::sync_error, 0);
+  give_inputs();  // the first reading finds something
+}
+
+void Slave::take_outputs() {
+  const std::span<const std::uint8_t> image = esc_.open_for_reading(2);
+  if (image.empty()) return;
+  if (state_ == AlState::operational) outputs_.write_objects(image);
+  esc_.close_reading(2);
+}
+
+void Slave::give_inputs() {
+  const std::span<std::uint8_t> image = esc_.open_for_writing(3);
+  if (image.empty()) return;
+  inputs_.read_objects(image);
+  esc_.close_writing(3);
+}
+
+void Slave::exchange(Time now) {
+  take_outputs();
+  events_.process_data(now);
+  give_inputs();
+}
+
+void Slave::outputs_arrived(Time now) {
+  if (!inputs_run() || !esc_.sync_manager(2).active) return;
+  outputs_seen_ = outputs_fresh_ = true;
+  if (sync_type_ == SyncType::dc_sync0) {
+    // Pulses that ended are noticed by the frames that go on.
+    if (state_ == AlState::operational && !esc_.clock().sync(0).pending) {
+      fall_back(AlState::safe_operational, AlStatusCode::fatal_sync_error, now);
+    }
+    return;
+  }
+  exchange(now);
+}
+
+void Slave::sync0_arrived(Time now) {
+  if (!inputs_run() || sync_type_ != SyncType::dc_sync0) return;
+  sync_seen_ = true;
+  if (state_ == AlState::operational && outputs_.bytes() != 0) {
+    if (outputs_fresh_) {
+      if (missed_ > 0) --missed_;
+    } else {
+      count_missed(now);
+    }
+  }
+  outputs_fresh_ = false;
+  exchange(now);
+  events_.sync0(now);
+}
+
+// A cycle without outputs. Too many of them end the synchronous operation (10F1h).
+void Slave::count_missed(Time now) {
+  missed_ += missed_step;
+  set_sync_parameter(sync_parameter::events_missed,
+                     dictionary_.number(output_parameter, sync_parameter::events_missed) + 1);
+  const std::int64_t limit = dictionary_.number(0x10F1, 2);
+  if (limit == 0 || missed_ <= static_cast<std::uint32_t>(limit)) return;
+  set_sync_parameter(sync_parameter::sync_error, 1);
+  fall_back(AlState::safe_operational, AlStatusCode::synchronization_error, now);
+}
+
+void Slave::process_image_updated() {
+  if (inputs_run() && sync_type_ == SyncType::free_run) give_inputs();
+}
+
+}  // namespace servodrome::ethercat

@@ -1,0 +1,257 @@
+#include "slave_rig.hpp"
+
+// Process data into the dictionary and back, and the ways of synchronisation (ETG.1020 clauses 12 and 17).
+namespace servodrome::ethercat::test {
+namespace {
+
+class ProcessData : public SlaveRig {};
+
+TEST_F(ProcessData, OutputsInOperationalInputsAlready) {
+  to_safe_operational();
+  objects.position_actual = 0x01020304;
+  slave.process_image_updated();
+  EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(7)).data, (Bytes{0, 0, 0, 4, 3, 2, 1}));
+  cycle(0x55);
+  EXPECT_EQ(objects.target_position, 0);  // outputs are not taken in Safe-Operational
+  EXPECT_EQ(request(8), good(8));
+  const Bytes inputs = cycle(0x12345678);
+  EXPECT_EQ(objects.target_position, 0x12345678);
+  EXPECT_EQ(objects.controlword, 0x0F);
+  EXPECT_EQ(objects.mode, 8);
+  EXPECT_EQ(inputs, (Bytes{0x0F, 0x80, 8, 0x79, 0x56, 0x34, 0x12}));  // of the same cycle
+  request(4);
+  cycle(0x66);
+  EXPECT_EQ(objects.target_position, 0x12345678);
+}
+
+TEST_F(ProcessData, WorkingCountersOfACycle) {
+  to_operational();
+  EXPECT_EQ(send(Command::lrw, 0x1000, Bytes(0x107)).counter, 3U);
+  EXPECT_EQ(send(Command::lwr, 0x1000, Bytes(7)).counter, 1U);
+  EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(7)).counter, 1U);
+}
+
+TEST_F(ProcessData, RemappedWithBitsGapsAndTwoPdos) {
+  to_pre_operational();
+  const auto map = [this](std::uint16_t pdo, std::initializer_list<std::uint32_t> entries) {
+    EXPECT_EQ(download(pdo, 0, 0, 1), AbortCode::none);
+    unsigned sub = 0;
+    for (const std::uint32_t entry : entries) EXPECT_EQ(download(pdo, ++sub, entry, 4), AbortCode::none);
+    EXPECT_EQ(download(pdo, 0, sub, 1), AbortCode::none);
+  };
+  const auto assign = [this](std::uint16_t index, std::initializer_list<std::uint32_t> pdos) {
+    EXPECT_EQ(download(index, 0, 0, 1), AbortCode::none);
+    unsigned sub = 0;
+    for (const std::uint32_t pdo : pdos) EXPECT_EQ(download(index, ++sub, pdo, 2), AbortCode::none);
+    EXPECT_EQ(download(index, 0, sub, 1), AbortCode::none);
+  };
+  // Bit 0 a flag, 3 bits gap, then 16 bits at bit 4; the second PDO begins at bit 20.
+  map(0x1600, {0x20200001, 0x00000003, 0x60400010});
+  map(0x1601, {0x00050008, 0x20060010, 0x00000004});  // a dummy of 8 bits, an object with a range
+  assign(0x1C12, {0x1600, 0x1601});
+  map(0x1A01, {0x20210001, 0x00000007, 0x60610008, 0x20210001});
+  assign(0x1C13, {0x1A01});
+  set_process_data(6, 3);
+  ASSERT_EQ(request(4), good(4));
+  // Flag 1, controlword ABCDh, dummy FFh, ranged 64h = 100.
+  const std::uint64_t outputs = 1ULL | 0xABCDULL << 4 | 0xFFULL << 20 | 100ULL << 28;
+  Bytes bytes = bytes_of(outputs);
+  bytes.resize(6);
+  send(Command::lwr, 0x1000, bytes);
+  ASSERT_EQ(request(8), good(8));
+  objects.flag_in = true;
+  send(Command::lwr, 0x1000, bytes);
+  EXPECT_TRUE(objects.flag_out);
+  EXPECT_EQ(objects.controlword, 0xABCD);
+  EXPECT_EQ(objects.ranged, 100);
+  objects.mode = 0x5A;
+  bytes[3] = 0xF0, bytes[4] = 0x07;  // 7Fh: beyond the range; the object keeps its value
+  send(Command::lwr, 0x1000, bytes);
+  EXPECT_EQ(objects.ranged, 100);
+  EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(3)).data, (Bytes{0x01, 0x5A, 0x01}));
+}
+
+TEST_F(ProcessData, OwnersAreToldWhenAllValuesAreThere) {
+  to_pre_operational();
+  download(0x1600, 0, 0, 1);
+  download(0x1600, 1, 0x20070010, 4);
+  download(0x1600, 2, 0x607A0020, 4);
+  download(0x1600, 0, 2, 1);
+  set_process_data(6, 7);
+  ASSERT_EQ(request(4), good(4));
+  send(Command::lwr, 0x1000, {5, 0, 9, 0, 0, 0});
+  ASSERT_EQ(request(8), good(8));
+  EXPECT_TRUE(events.told.empty());
+  send(Command::lwr, 0x1000, {5, 0, 9, 0, 0, 0});
+  EXPECT_EQ(events.told, std::vector<std::uint16_t>{0x2007});
+  EXPECT_EQ(events.position_when_told, 9);
+  send(Command::lwr, 0x1000, {0xEE, 0, 10, 0, 0, 0});  // refused, the rest is taken
+  EXPECT_EQ(events.told.size(), 1U);
+  EXPECT_EQ(objects.owned, 5);
+  EXPECT_EQ(objects.target_position, 10);
+}
+
+TEST_F(ProcessData, NoOutputsAtAll) {
+  to_pre_operational();
+  download(0x1C12, 0, 0, 1);
+  line.set_sync_manager(0, 3, 0x1500, 7, 0x20);
+  ASSERT_EQ(request(4), good(4));
+  EXPECT_EQ(request(8), good(8));  // nothing to wait for
+  run(10s);
+  EXPECT_EQ(status(), good(8));
+}
+
+TEST_F(ProcessData, TooMuchIsRefused) {
+  to_pre_operational();
+  profile.greatest_outputs = 10;
+  download(0x1600, 0, 0, 1);
+  download(0x1600, 1, 0x20030040, 4);
+  download(0x1600, 2, 0x607A0020, 4);
+  EXPECT_EQ(download(0x1600, 0, 2, 1), AbortCode::mapping_exceeds_pdo_length);
+  EXPECT_EQ(download(0x1600, 0, 1, 1), AbortCode::none);
+}
+
+TEST_F(ProcessData, RandomMappingsComeThrough) {
+  // Any order of the objects, with random gaps: every value arrives where the mapping says.
+  std::uint32_t seed = 1;
+  const auto random = [&seed](std::uint32_t n) {
+    seed = seed * 1664525U + 1013904223U;
+    return (seed >> 8) % n;
+  };
+  for (int round = 0; round < 200; ++round) {
+    objects.communication.rx_assignment.count = 1;
+    auto& mapping = objects.communication.rx_mapping[0];
+    std::vector<std::uint32_t> order{0x60400010, 0x60600008, 0x607A0020, 0x20200001, 0x20030040};
+    for (std::size_t i = order.size(); i > 1; --i)
+      std::swap(order[i - 1], order[random(static_cast<std::uint32_t>(i))]);
+    std::uint8_t count = 0;
+    unsigned bit = 0;
+    std::array<std::uint8_t, 64> image{};
+    const std::uint64_t value = 0xF1E2D3C4B5A69788 ^ (std::uint64_t{seed} << 20);
+    for (const std::uint32_t entry : order) {
+      if (const std::uint32_t gap = random(12); gap != 0) mapping.entry[count++] = gap, bit += gap;
+      mapping.entry[count++] = entry;
+      for (unsigned i = 0; i < (entry & 0xFF); ++i, ++bit) {
+        image[bit / 8] = static_cast<std::uint8_t>(image[bit / 8] | (value >> i & 1) << bit % 8);
+      }
+    }
+    mapping.count = count;
+    ProcessImage outputs(dictionary, Direction::outputs, profile, storage.outputs);
+    ASSERT_EQ(outputs.resolve(), AbortCode::none);
+    ASSERT_EQ(outputs.bytes(), (bit + 7) / 8);
+    outputs.write_objects(image);
+    EXPECT_EQ(objects.controlword, static_cast<std::uint16_t>(value));
+    EXPECT_EQ(objects.mode, static_cast<std::int8_t>(value));
+    EXPECT_EQ(objects.target_position, static_cast<std::int32_t>(value));
+    EXPECT_EQ(objects.flag_out, (value & 1) != 0);
+    EXPECT_EQ(objects.wide, value);
+  }
+}
+
+// ---- Distributed clock ----
+
+class Synchronous : public SlaveRig {
+ protected:
+  void start_sync(std::uint32_t cycle_ns) {
+    start = line.escs[0]->clock().system_time(line.now) + 1'000'000;
+    line.put<std::uint64_t>(0, reg::sync_start_time, start);
+    line.put<std::uint32_t>(0, reg::sync0_cycle, cycle_ns);
+    line.put<std::uint8_t>(0, reg::sync_activation, 3);
+  }
+  void to_synchronous_operation() {
+    to_pre_operational();
+    set_process_data(7, 7);
+    start_sync(1'000'000);
+    ASSERT_EQ(request(4), good(4));
+    cycle();
+    request(8);
+    EXPECT_EQ(status(), good(4));  // waits for SYNC0
+    run(1500us);                   // half a cycle after the first pulse
+    ASSERT_EQ(status(), good(8));
+  }
+  std::uint64_t start = 0;
+};
+
+TEST_F(Synchronous, OutputsActWithTheNextPulse) {
+  to_synchronous_operation();
+  EXPECT_EQ(upload(0x1C32, 1), (Bytes{2, 0}));
+  EXPECT_EQ(upload(0x1C32, 2), bytes_of(1'000'000U));
+  EXPECT_EQ(upload(0x1C33, 0x0A), bytes_of(1'000'000U));
+  cycle(77);
+  EXPECT_NE(objects.target_position, 77);
+  run(1ms);
+  EXPECT_EQ(objects.target_position, 77);
+  EXPECT_EQ(cycle(78), (Bytes{0x0F, 0x80, 8, 78, 0, 0, 0}));  // sampled with the pulse
+  for (int i = 0; i < 50; ++i) run(1ms), cycle(i);
+  ASSERT_GT(events.sync_times.size(), 50U);
+  // SYNC0 comes at its system time, without jitter.
+  for (std::size_t i = 1; i < events.sync_times.size(); ++i) {
+    EXPECT_EQ(events.sync_times[i] - events.sync_times[i - 1], 1ms);
+  }
+  EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{0, 0}));
+}
+
+TEST_F(Synchronous, MissedCyclesAreCountedAndForgiven) {
+  to_synchronous_operation();
+  cycle();
+  run(1ms);
+  run(1ms);  // without outputs: 3
+  EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{1, 0}));
+  EXPECT_EQ(status(), good(8));
+  for (int i = 0; i < 3; ++i) cycle(), run(1ms);  // 0 again
+  run(1ms);
+  EXPECT_EQ(status(), good(8));
+  run(1ms);  // 6 > 4
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::synchronization_error}));
+  EXPECT_EQ(upload(0x1C32, 0x20), Bytes{1});
+}
+
+TEST_F(Synchronous, TheLimitIs10F1h) {
+  to_pre_operational();
+  EXPECT_EQ(download(0x10F1, 2, 30, 2), AbortCode::none);
+  set_process_data(7, 7);
+  start_sync(1'000'000);
+  request(4);
+  cycle();
+  request(8);
+  run(1500us);
+  ASSERT_EQ(status(), good(8));
+  run(11ms);  // the first cycle is forgiven; ten missed are 30, which is not more than 30
+  EXPECT_EQ(status(), good(8));
+  run(1ms);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::synchronization_error}));
+}
+
+TEST_F(Synchronous, PulsesThatEnd) {
+  to_synchronous_operation();
+  write(reg::sync_activation, {0});
+  cycle();
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::fatal_sync_error}));
+}
+
+TEST_F(Synchronous, PulsesThatNeverCome) {
+  to_pre_operational();
+  set_process_data(7, 7);
+  start_sync(1'000'000);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0);
+  line.put<std::uint64_t>(0, reg::sync_start_time, start + 60'000'000'000);
+  line.put<std::uint8_t>(0, reg::sync_activation, 3);
+  request(4);
+  request(8);
+  for (int i = 0; i < 51; ++i) cycle(), run(100ms);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_sync}));
+}
+
+TEST_F(Synchronous, SettingsThatDoNotFit) {
+  to_pre_operational();
+  set_process_data(7, 7);
+  EXPECT_EQ(download(0x1C32, 1, 2, 2), AbortCode::none);  // DC, and no pulses
+  EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_dc_sync_configuration}));
+  start_sync(100'000);  // below the least cycle
+  EXPECT_EQ(request(0x14), (std::pair{0x12U, AlStatusCode::invalid_sync0_cycle_time}));
+  profile.synchronisation = sync_support::free_run;
+  EXPECT_EQ(request(0x14), (std::pair{0x12U, AlStatusCode::synchronization_not_supported}));
+}
+
+}  // namespace
+}  // namespace servodrome::ethercat::test

@@ -1,0 +1,212 @@
+#include "slave_rig.hpp"
+
+// Changes of state, their checks and their AL status codes (ETG.1000.6 clause 6.4, ETG.1020 table 11).
+namespace servodrome::ethercat::test {
+namespace {
+
+class StateMachine : public SlaveRig {};
+
+TEST_F(StateMachine, UpAndDownAgain) {
+  EXPECT_EQ(status(), good(1));
+  to_operational();
+  EXPECT_EQ(request(4), good(4));
+  EXPECT_EQ(request(2), good(2));
+  EXPECT_EQ(request(4), good(4));
+  EXPECT_EQ(request(1), good(1));
+  const auto p = AlState::pre_operational, s = AlState::safe_operational;
+  EXPECT_EQ(events.changes.size(), 7U);
+  EXPECT_EQ(events.changes[5], (Change{p, s, AlStatusCode::none}));
+}
+
+TEST_F(StateMachine, ChangesThatDoNotExist) {
+  using C = AlStatusCode;
+  const auto acknowledge = [this](unsigned state) { EXPECT_EQ(request(0x10 | state), good(state)); };
+  for (const unsigned to : {4U, 8U}) {
+    EXPECT_EQ(request(to), (std::pair{0x11U, C::invalid_requested_state_change}));
+    acknowledge(1);
+  }
+  for (const unsigned to : {0U, 5U, 6U, 7U, 9U, 15U}) {
+    EXPECT_EQ(request(to), (std::pair{0x11U, C::unknown_requested_state})) << to;
+    acknowledge(1);
+  }
+  EXPECT_EQ(request(3), (std::pair{0x11U, C::bootstrap_not_supported}));
+  acknowledge(1);
+  to_pre_operational();
+  for (const unsigned to : {3U, 8U}) {
+    EXPECT_EQ(request(to), (std::pair{0x12U, C::invalid_requested_state_change}));
+    acknowledge(2);
+  }
+}
+
+TEST_F(StateMachine, AnErrorStandsUntilAcknowledged) {
+  EXPECT_EQ(request(4).first, 0x11U);
+  set_mailbox();
+  EXPECT_EQ(request(2), (std::pair{0x11U, AlStatusCode::invalid_requested_state_change}));  // not heard
+  EXPECT_EQ(request(0x12), good(2));  // acknowledge and change in one
+}
+
+TEST_F(StateMachine, MailboxChecks) {
+  const auto refused = std::pair{0x11U, AlStatusCode::invalid_mailbox_configuration};
+  struct Case {
+    const char* name;
+    unsigned start0, length0, control0, start1, length1, control1;
+  };
+  for (const Case& one : {Case{"swapped", 0x1000, 128, 0x22, 0x1100, 128, 0x26},
+                          {"start 0", 0x1010, 128, 0x26, 0x1100, 128, 0x22},
+                          {"start 1", 0x1000, 128, 0x26, 0x1180, 128, 0x22},
+                          {"short", 0x1000, 33, 0x26, 0x1100, 128, 0x22},
+                          {"long", 0x1000, 128, 0x26, 0x1100, 257, 0x22},
+                          {"buffered", 0x1000, 128, 0x24, 0x1100, 128, 0x22}}) {
+    line.send(Command::bwr, address_of(0, reg::sync_manager), Bytes(64));
+    line.set_sync_manager(0, 0, one.start0, one.length0, one.control0);
+    line.set_sync_manager(0, 1, one.start1, one.length1, one.control1);
+    EXPECT_EQ(request(0x12), refused) << one.name;
+  }
+  line.send(Command::bwr, address_of(0, reg::sync_manager), Bytes(64));
+  line.set_sync_manager(0, 0, 0x1000, 128, 0x26);
+  EXPECT_EQ(request(0x12), refused);  // one alone
+  line.set_sync_manager(0, 1, 0x1100, 34, 0x22);
+  EXPECT_EQ(request(0x12), good(2));
+}
+
+TEST_F(StateMachine, LosingTheMailboxEndsInInit) {
+  to_pre_operational();
+  write(0x0806, {0});
+  EXPECT_EQ(status(), (std::pair{0x11U, AlStatusCode::invalid_mailbox_configuration}));
+}
+
+TEST_F(StateMachine, ProcessDataChecks) {
+  using C = AlStatusCode;
+  struct Case {
+    const char* name;
+    unsigned start2, length2, control2, start3, length3, control3;
+    C code;
+  };
+  to_pre_operational();
+  for (const Case& one : {Case{"outputs short", 0x1200, 6, 0x64, 0x1500, 7, 0x20, C::invalid_output_configuration},
+                          {"outputs elsewhere", 0x1240, 7, 0x64, 0x1500, 7, 0x20, C::invalid_output_configuration},
+                          {"outputs mailbox", 0x1200, 7, 0x26, 0x1500, 7, 0x20, C::invalid_output_configuration},
+                          {"outputs read", 0x1200, 7, 0x20, 0x1500, 7, 0x20, C::invalid_output_configuration},
+                          {"inputs long", 0x1200, 7, 0x64, 0x1500, 8, 0x20, C::invalid_input_configuration},
+                          {"inputs elsewhere", 0x1200, 7, 0x64, 0x1400, 7, 0x20, C::invalid_input_configuration},
+                          {"inputs written", 0x1200, 7, 0x64, 0x1500, 7, 0x24, C::invalid_input_configuration},
+                          {"good", 0x1200, 7, 0x64, 0x1500, 7, 0x20, C::none}}) {
+    line.send(Command::bwr, address_of(0, 0x0810), Bytes(16));
+    line.set_sync_manager(0, 2, one.start2, one.length2, one.control2);
+    line.set_sync_manager(0, 3, one.start3, one.length3, one.control3);
+    EXPECT_EQ(request(0x14), (std::pair{one.code == C::none ? 4U : 0x12U, one.code})) << one.name;
+  }
+}
+
+TEST_F(StateMachine, MappingsThatCannotBeServed) {
+  to_pre_operational();
+  set_process_data(7, 7);
+  objects.communication.rx_mapping[0].entry[1] = 0x60410010;  // not an output; as if from a spoilt store
+  EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_output_mapping}));
+  objects.communication.rx_mapping[0].entry[1] = 0x60600008;
+  objects.communication.tx_assignment.pdo[0] = 0x1A77;
+  EXPECT_EQ(request(0x14), (std::pair{0x12U, AlStatusCode::invalid_input_mapping}));
+}
+
+TEST_F(StateMachine, OperationalWaitsForOutputs) {
+  to_safe_operational();
+  EXPECT_EQ(request(8), good(4));
+  run(4s);
+  EXPECT_EQ(status(), good(4));
+  cycle();
+  EXPECT_EQ(status(), good(8));
+}
+
+TEST_F(StateMachine, OperationalIsRefusedWithoutOutputs) {
+  to_safe_operational();
+  request(8);
+  run(5s);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_valid_outputs}));
+}
+
+TEST_F(StateMachine, WatchdogEndsOperation) {
+  to_operational();
+  run(99ms);
+  EXPECT_EQ(status(), good(8));
+  cycle();
+  run(100ms);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::sync_manager_watchdog}));
+  EXPECT_EQ(events.changes.back(),
+            (Change{AlState::operational, AlState::safe_operational, AlStatusCode::sync_manager_watchdog}));
+  cycle();
+  EXPECT_EQ(request(0x18), good(8));
+}
+
+TEST_F(StateMachine, WatchdogSwitchedOff) {
+  line.put<std::uint16_t>(0, reg::watchdog_process_data, 0);
+  to_operational();
+  run(10s);
+  EXPECT_EQ(status(), good(8));
+}
+
+TEST_F(StateMachine, LosingASyncManagerEndsInPreOperational) {
+  to_operational();
+  write(0x0816, {0});
+  EXPECT_EQ(status(), (std::pair{0x12U, AlStatusCode::invalid_output_configuration}));
+}
+
+TEST_F(StateMachine, TheDeviceMayRefuse) {
+  events.refused = AlState::safe_operational;
+  events.refusal = AlStatusCode::inconsistent_settings;
+  to_pre_operational();
+  set_process_data(7, 7);
+  EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::inconsistent_settings}));
+}
+
+TEST_F(StateMachine, TheDeviceMayFallBack) {
+  to_operational();
+  slave.fall_back(AlState::safe_operational, AlStatusCode::no_valid_inputs, line.now);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_valid_inputs}));
+}
+
+TEST_F(StateMachine, ResetOverTheBus) {
+  to_operational();
+  for (const char letter : {'R', 'E', 'S'}) write(reg::reset_ecat, bytes_of(letter));
+  EXPECT_EQ(status(), good(1));
+  EXPECT_EQ(events.changes.back(), (Change{AlState::operational, AlState::init, AlStatusCode::none}));
+  to_operational();
+}
+
+TEST_F(StateMachine, SpoiltSiiKeepsItInInit) {
+  line.sii[0][14] ^= 1;
+  line.escs[0]->power_on(line.now);
+  slave.start(line.now);
+  set_mailbox();
+  EXPECT_EQ(request(2), (std::pair{0x11U, AlStatusCode::eeprom_error}));
+}
+
+TEST_F(StateMachine, IdentificationRequest) {
+  EXPECT_EQ(request(0x21), (std::pair{0x21U, static_cast<AlStatusCode>(0x1234)}));
+  EXPECT_EQ(request(0x01), good(1));
+}
+
+class BootingSlave : public SlaveRig {
+ protected:
+  static Profile boots() {
+    Profile profile;
+    profile.bootstrap = true;
+    profile.bootstrap_out = {0x1000, 64, 1024};
+    profile.bootstrap_in = {0x1400, 64, 1024};
+    return profile;
+  }
+  BootingSlave() : SlaveRig(boots()) {}
+};
+
+TEST_F(BootingSlave, Bootstrap) {
+  set_mailbox();
+  EXPECT_EQ(request(3), (std::pair{0x11U, AlStatusCode::invalid_mailbox_configuration_bootstrap}));
+  write(0x0806, {0}), write(0x080E, {0});
+  line.set_sync_manager(0, 0, 0x1000, 1024, 0x26);
+  line.set_sync_manager(0, 1, 0x1400, 1024, 0x22);
+  EXPECT_EQ(request(0x13), good(3));
+  EXPECT_EQ(request(2), (std::pair{0x13U, AlStatusCode::invalid_requested_state_change}));
+  EXPECT_EQ(request(0x11), good(1));
+}
+
+}  // namespace
+}  // namespace servodrome::ethercat::test
