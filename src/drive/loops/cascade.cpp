@@ -29,8 +29,10 @@ constexpr float velocity_low_pass_damping = 0.70710678F;
 
 // What changed gains would have made the torque jump by fades with this time constant, and is gone below that share of
 // rated torque.
-constexpr float handover_s = 7.0e-3F;
+constexpr float handover_s = 5.0e-3F;
 constexpr float handover_end = 1.0e-5F;
+// No more than that is kept back of errors: of an axis that rings, one moment's torque would be a blow.
+constexpr float most_handover = 0.3F;
 
 // As far as the position loop looks; beyond, it saturates.
 constexpr Counts largest_position_error = Counts{1} << 30;
@@ -150,7 +152,7 @@ void Cascade::hand_over(float proportional_before) {
     handover_ += integral_;
     integral_ = 0.0F;
   }
-  handover_ += proportional_before - proportional_torque();
+  handover_ += clip(proportional_before - proportional_torque(), -most_handover, most_handover);
 }
 
 void Cascade::enable(const Feedback& feedback) {
@@ -306,10 +308,7 @@ void Cascade::run_velocity_loop(Counts position) {
   }
   torque = torque_filter_.apply(torque);
   if (analysis_ != nullptr) {
-    torque += analysis_->exchange({.position = position,
-                                   .controller_torque = controlled,
-                                   .torque_reference = state_.torque_reference,
-                                   .torque = state_.torque});
+    torque += analysis_->exchange({.position = position, .controller_torque = controlled, .torque = state_.torque});
     torque = clip(torque, -demand_.torque_limit_negative, demand_.torque_limit_positive);
   }
   state_.torque_reference = torque;

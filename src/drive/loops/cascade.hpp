@@ -55,7 +55,7 @@ struct CascadeState {
 class Cascade {
  public:
   // Takes the data over and keeps the loops' state: gains may change while the axis moves. The torque goes on without a
-  // step: what other gains would have made it jump by fades out over some 20 ms. `motor` and `gains` must be
+  // step: what other gains would have made it jump by fades out over some 15 ms. `motor` and `gains` must be
   // positive where they divide (resistance, inductances, torque constant, rated torque, current bandwidth, counts per
   // revolution 1 .. 2^24).
   void configure(const MotorData& motor, const Gains& gains, Rates rates);

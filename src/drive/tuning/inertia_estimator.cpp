@@ -84,7 +84,7 @@ void InertiaEstimator::close_window() {
 // element of the inverse, which forward and backward substitution of the first unit vector gives.
 bool InertiaEstimator::estimate(InertiaEstimate& estimate) const {
   if (windows_ < least_windows) return false;
-  const std::size_t n = used_terms();
+  constexpr std::size_t n = terms;
   Row scale{};
   for (std::size_t i = 0; i < n; ++i) {
     if (matrix_[i][i] <= 0.0) return false;
@@ -126,7 +126,7 @@ bool InertiaEstimator::estimate(InertiaEstimate& estimate) const {
   estimate.inertia_kgm2 = inertia;
   estimate.coulomb_nm = solution[1] * scale[1];
   estimate.constant_nm = solution[2] * scale[2];
-  estimate.viscous_nms = n == terms ? solution[3] * scale[3] : 0.0;
+  estimate.viscous_nms = solution[3] * scale[3];
   estimate.relative_uncertainty = std::sqrt(variance) / inertia;
   estimate.windows = windows_;
   return true;

@@ -32,7 +32,6 @@ class InertiaEstimator {
     double window_s = 32e-3;
     double least_acceleration = 15.0;  // rad/s^2, mean over a window: with less it is left out
     double memory_windows = 0.0;       // older ones fade; 0: none does
-    bool viscous = true;               // false: speed does not brake
     bool forward = true;               // windows whose motion goes this way count
     bool reverse = true;
   };
@@ -53,7 +52,6 @@ class InertiaEstimator {
   using Row = std::array<double, terms>;
 
   void close_window();
-  std::size_t used_terms() const { return settings_.viscous ? terms : terms - 1; }
 
   Settings settings_{};
   std::uint32_t window_cycles_ = 32;

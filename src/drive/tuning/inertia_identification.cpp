@@ -34,8 +34,7 @@ bool InertiaIdentification::begin(Axis& axis, const Request& request) {
   holding_ = axis.loops->torque_reference;
   estimator_.begin({.counts_per_revolution = static_cast<double>(motor.counts_per_revolution),
                     .rated_torque_nm = static_cast<double>(motor.rated_torque_nm),
-                    .cycle_s = axis.cycle_s,
-                    .viscous = request.viscous});
+                    .cycle_s = axis.cycle_s});
   outcome_ = Outcome::running;
   return true;
 }

@@ -21,7 +21,6 @@ class InertiaIdentification {
     float torque_limit = 1.0F;        // fraction of rated torque, beyond what holds the axis
     double uncertainty = 0.005;       // relative, of the inertia: good enough
     double timeout_s = 6.0;
-    bool viscous = true;
   };
   enum class Outcome : std::uint8_t {
     none,  // not asked for yet

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace servodrome::drive {
 namespace {
@@ -15,6 +16,9 @@ constexpr float highest_share = 0.47F;
 
 // Beside a peak its valleys are looked for within this ratio of frequencies, and a second resonance outside of it.
 constexpr float neighbourhood = 1.4F;
+
+// A second resonance this much lower than the first (in squared gain) does no harm, or is none.
+constexpr float least_share = 0.05F;
 
 }  // namespace
 
@@ -48,7 +52,7 @@ float ResonanceAnalysis::exchange(const Sample& sample) {
   const auto moved = static_cast<float>(sample.position - last_position_);
   last_position_ = sample.position;
   if (state_ == State::recording) {
-    torque_[sample_] += settings_.torque == Torque::actual ? sample.torque : sample.torque_reference;
+    torque_[sample_] += sample.torque;
     answer_[sample_] += settings_.answer == Answer::position ? moved : sample.controller_torque;
   }
   const auto n = static_cast<float>(sample_ & (excitation_period - 1));
@@ -71,9 +75,17 @@ void ResonanceAnalysis::compute(std::size_t steps) {
     sample_ = first_line_;
     return;
   }
-  if (state_ != State::measuring) return;
-  for (; steps > 0 && sample_ <= last_line_; --steps, sample_ += 2) measure(sample_);
-  if (sample_ > last_line_) search();
+  if (state_ == State::measuring) {
+    for (; steps > 0 && sample_ <= last_line_; --steps, sample_ += 2) measure(sample_);
+    if (sample_ <= last_line_) return;
+    state_ = State::searching;
+    sample_ = std::max(lowest_line_, first_line_ + 2);
+  }
+  if (state_ != State::searching) return;
+  for (; steps > 0 && sample_ <= highest_line_ && sample_ + 2 <= last_line_; --steps, sample_ += 2) consider(sample_);
+  if (sample_ <= highest_line_ && sample_ + 2 <= last_line_) return;
+  state_ = State::done;
+  while (count_ > 1 && resonances_[count_ - 1].height < least_share * resonances_[0].height) --count_;
 }
 
 // Both real signals came through one transform of torque + i answer: T(k) = (Z(k) + Z*(N - k)) / 2 and A(k) = (Z(k) -
@@ -100,22 +112,13 @@ void ResonanceAnalysis::measure(std::size_t line) {
 
 float ResonanceAnalysis::line_hz(float line) const { return line / (settings_.sample_s * static_cast<float>(block)); }
 
-// The highest line outside of the spared ones, refined by the parabola through its logarithm and those beside it.
-ResonanceAnalysis::Resonance ResonanceAnalysis::highest(std::size_t spared_from, std::size_t spared_to,
-                                                        std::size_t& line) const {
-  line = 0;
-  float height = 0.0F;
-  for (std::size_t k = std::max(lowest_line_, first_line_ + 2); k <= highest_line_ && k + 2 <= last_line_; k += 2) {
-    if (k >= spared_from && k <= spared_to) continue;
-    const float beside = std::min(torque_[k - 2], torque_[k + 2]);  // 0: not believed
-    const bool peak = beside > 0.0F && torque_[k] > torque_[k - 2] && torque_[k] >= torque_[k + 2];
-    if (peak && torque_[k] > height) {
-      height = torque_[k];
-      line = k;
-    }
-  }
-  if (line == 0) return {};
-  const auto at = static_cast<float>(line);
+// A line that is higher than those beside it, if it also stands out of the valleys around it, is a resonance, refined
+// by the parabola through the logarithms of the three. Of two in one neighbourhood the higher counts.
+void ResonanceAnalysis::consider(std::size_t line) {
+  const float height = torque_[line];
+  const float left = torque_[line - 2];
+  const float right = torque_[line + 2];
+  if (left <= 0.0F || right <= 0.0F || height <= left || height < right) return;  // 0: not believed
   const auto lowest = [&](std::size_t from, std::size_t to) {
     float valley = height;
     for (std::size_t k = std::max(from, first_line_); k <= std::min(to, last_line_); k += 2) {
@@ -123,27 +126,26 @@ ResonanceAnalysis::Resonance ResonanceAnalysis::highest(std::size_t spared_from,
     }
     return valley;
   };
+  const auto at = static_cast<float>(line);
   const auto even = [](float k) { return 2 * static_cast<std::size_t>(0.5F * k); };
   const float valley = std::max(lowest(even(at / neighbourhood), line), lowest(line, even(at * neighbourhood)));
-  const float left = std::log(torque_[line - 2]);
-  const float right = std::log(torque_[line + 2]);
-  const float curvature = left - 2.0F * std::log(height) + right;
-  const float offset = curvature < 0.0F ? (left - right) / curvature : 0.0F;  // in lines, two of which are one step
-  return {line_hz(at + offset), std::sqrt(height / valley)};
-}
+  const float prominence = std::sqrt(height / valley);
+  if (prominence < settings_.least_prominence) return;
 
-void ResonanceAnalysis::search() {
-  state_ = State::done;
-  std::size_t first = 0;
-  const Resonance highest_peak = highest(1, 0, first);
-  if (first == 0 || highest_peak.prominence < settings_.least_prominence) return;
-  resonances_[count_++] = highest_peak;
-  const auto from = static_cast<std::size_t>(static_cast<float>(first) / neighbourhood);
-  const auto to = static_cast<std::size_t>(static_cast<float>(first) * neighbourhood);
-  std::size_t second = 0;
-  const Resonance next_peak = highest(from, to, second);
-  if (second == 0 || next_peak.prominence < settings_.least_prominence) return;
-  resonances_[count_++] = next_peak;
+  const float curvature = std::log(left * right / (height * height));
+  const float offset = std::log(left / right) / curvature;  // in lines, two of which are one step
+  Resonance found{line_hz(at + offset), prominence, height};
+  for (std::size_t i = 0; i < count_; ++i) {
+    const float ratio = found.frequency_hz / resonances_[i].frequency_hz;  // > 1: lines are taken upwards
+    if (ratio > neighbourhood) continue;
+    if (height <= resonances_[i].height) return;
+    for (--count_; i < count_; ++i) resonances_[i] = resonances_[i + 1];
+  }
+  // In by height, and the least out of the end.
+  for (std::size_t i = 0; i < most_resonances; ++i) {
+    if (i >= count_ || found.height > resonances_[i].height) std::swap(found, resonances_[i]);
+  }
+  count_ = std::min(count_ + 1, most_resonances);
 }
 
 }  // namespace servodrome::drive

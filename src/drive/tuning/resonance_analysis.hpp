@@ -25,12 +25,8 @@ class ResonanceAnalysis {
   static constexpr std::size_t excitation_period = block / 2;
   static constexpr std::size_t most_resonances = 2;
 
-  // The two sides of the quotient.
-  enum class Torque : std::uint8_t { actual, reference };  // the measured current, or what the current loop is asked
-  enum class Answer : std::uint8_t {
-    position,
-    controller
-  };  // the encoder, or what the velocity controller makes of it
+  // What is divided by the measured torque: the encoder's motion, or what the velocity controller makes of it.
+  enum class Answer : std::uint8_t { position, controller };
 
   struct Settings {
     float sample_s = 125e-6F;          // velocity period
@@ -40,23 +36,22 @@ class ResonanceAnalysis {
     float least_prominence = 2.5F;     // of a resonance: its height by the higher of the valleys beside it
     std::uint8_t settling_blocks = 1;  // excitation before the record begins
     std::uint8_t blocks = 4;           // recorded and added up
-    Torque torque = Torque::actual;
     Answer answer = Answer::position;
   };
 
-  enum class State : std::uint8_t { idle, settling, recording, transforming, measuring, done };
+  enum class State : std::uint8_t { idle, settling, recording, transforming, measuring, searching, done };
 
   // One velocity period: what the period just over brought, torques as fractions of rated.
   struct Sample {
     Counts position = 0;             // encoder
     float controller_torque = 0.0F;  // output of the velocity controller, before notches and filters
-    float torque_reference = 0.0F;   // given to the current loop for the period just over
     float torque = 0.0F;             // measured
   };
 
   struct Resonance {
     float frequency_hz = 0.0F;
     float prominence = 0.0F;
+    float height = 0.0F;  // gain of acceleration by torque, squared, in no unit
   };
 
   void begin(const Settings& settings);
@@ -72,15 +67,14 @@ class ResonanceAnalysis {
   // Up to `steps` steps of the transform and the search; nothing while the record is not complete.
   void compute(std::size_t steps);
 
-  // When done: what was found, the more prominent first. None is a result as well: the axis is rigid in this range, or
+  // When done: what was found, the higher first. None is a result as well: the axis is rigid in this range, or
   // its answer is lost in noise.
   std::size_t count() const { return count_; }
   const Resonance& resonance(std::size_t i) const { return resonances_[i]; }
 
  private:
   void measure(std::size_t line);
-  void search();
-  Resonance highest(std::size_t spared_from, std::size_t spared_to, std::size_t& line) const;
+  void consider(std::size_t line);
   float line_hz(float line) const;
 
   Settings settings_{};

@@ -56,6 +56,10 @@ void LoopTuning::configure(const Objects& objects, drive::Configuration& configu
     configuration.gains.velocity_kp *= soft_share;
     configuration.gains.velocity_ki *= soft_share * soft_share;
     configuration.gains.position_kp *= soft_share;
+    // What the controller makes of an observed speed would be the torque itself again.
+    if (configuration.gains.velocity_feedback == drive::VelocityFeedback::observer) {
+      configuration.gains.velocity_feedback = drive::VelocityFeedback::first_order;
+    }
   }
 }
 
@@ -104,8 +108,6 @@ void LoopTuning::written(const dictionary::Entry& entry, Objects& objects, drive
                                                                               : slow_rates.velocity_loop_ticks;
         analysis_.begin({.sample_s = static_cast<float>(ticks * drive::tick_seconds),
                          .amplitude = excitation,
-                         .torque = (control & notch_control::actual_current) != 0 ? Analysis::Torque::actual
-                                                                                  : Analysis::Torque::reference,
                          .answer = (control & notch_control::actual_speed) != 0 ? Analysis::Answer::position
                                                                                 : Analysis::Answer::controller});
         analysing_ = true;
@@ -161,8 +163,7 @@ bool LoopTuning::select_gains(Objects& objects, const Terminals& terminals) {
 }
 
 bool LoopTuning::tune_online(drive::Drive& drive, Objects& objects) {
-  constexpr std::uint8_t of_the_estimator =
-      auto_tuning::enabled | auto_tuning::not_forward | auto_tuning::not_reverse | auto_tuning::by_friction;
+  constexpr std::uint8_t of_the_estimator = auto_tuning::enabled | auto_tuning::not_forward | auto_tuning::not_reverse;
   const std::uint8_t control = objects.tuning.control;
   const drive::MotorData& motor = drive.configuration().motor;
   if ((control & of_the_estimator) != learning_) {
@@ -176,7 +177,6 @@ bool LoopTuning::tune_online(drive::Drive& drive, Objects& objects) {
                       .rated_torque_nm = static_cast<double>(motor.rated_torque_nm),
                       .cycle_s = drive.axis().cycle_s,
                       .memory_windows = memory_windows,
-                      .viscous = (control & auto_tuning::by_friction) != 0,
                       .forward = forward,
                       .reverse = reverse});
   }

@@ -18,13 +18,14 @@ inline constexpr std::uint8_t adjusts_kvp = 0x02;
 inline constexpr std::uint8_t adjusts_acceleration_feed_forward = 0x04;
 inline constexpr std::uint8_t not_forward = 0x10;
 inline constexpr std::uint8_t not_reverse = 0x20;
-inline constexpr std::uint8_t by_friction = 0x80;
+// Bit 7, "use friction to calculate the load", is stored: friction is always told apart.
 }  // namespace auto_tuning
 
 // 60F9h sub 4, notch filter control (L1720).
 namespace notch_control {
 inline constexpr std::uint8_t filters = 0x03;
-inline constexpr std::uint8_t actual_current = 0x10;
+// Bit 4 chooses the actual current, and so does 128, where it is 0 (L1720, L1741): the actual current it is in any
+// case.
 inline constexpr std::uint8_t actual_speed = 0x20;
 inline constexpr std::uint8_t run = 0x80;
 }  // namespace notch_control
