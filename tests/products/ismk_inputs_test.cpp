@@ -340,12 +340,15 @@ void without_effect(IsmkRig& rig, std::uint16_t code) {
   EXPECT_EQ(rig.get(0x6040), 0x0F);
 }
 
+// The pointer to the set of gains in force (L2178-2179); the sets have their own test.
 void gain_index(IsmkRig& rig, std::uint16_t code, std::int64_t pointer) {
   assign(rig, di1, code);
   rig.run_ms(3);
-  EXPECT_EQ(rig.device.terminals().inputs().index(drive::InputAction::gain_index_0, 2), 0);
+  EXPECT_EQ(rig.get(0x60F9, 0x28), 0);
   wire(rig, di1, true);
-  EXPECT_EQ(rig.device.terminals().inputs().index(drive::InputAction::gain_index_0, 2), pointer);
+  EXPECT_EQ(rig.get(0x60F9, 0x28), pointer);
+  wire(rig, di1, false);
+  EXPECT_EQ(rig.get(0x60F9, 0x28), 0);
 }
 
 void motor_error(IsmkRig& rig) {
