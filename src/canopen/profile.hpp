@@ -70,7 +70,7 @@ struct Profile {
   bool sdo_block = true;                           // else 0504 0001h
   Time sdo_timeout = std::chrono::seconds(1);      // between frames of one transfer, then 0504 0000h; 0: waits forever
   bool sdo_download_response_echoes_data = false;  // bytes 4..7 repeat the request instead of being 0
-  bool sdo_expedited_upload_sign_extends = false;  // unused bytes carry the sign instead of being 0
+  bool sdo_expedited_upload_sign_extends = false;  // unused bytes repeat the highest bit instead of being 0
 
   // SYNC, TIME, EMCY
   bool sync_producer = true;                           // else bit 30 of 1005h is refused with 0609 0030h

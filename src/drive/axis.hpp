@@ -95,6 +95,7 @@ struct Configuration {
   std::uint32_t input_filter_cycles = 0;           // a level that lasts no longer is not seen
   bool index_available = true;                     // the encoder has an index that homing may use
   Cause encoder_loss = Cause::encoder_connection;  // what its lost connection is called
+  bool locks_to_sync = true;                       // with Interpolation::target: the SYNC takes the target over
   double sync_period_s = 0.0;                      // of the SYNC that interpolation waits for; 0: 60C2h
   std::uint32_t shown_velocity_cycles = 0;         // over which 606Ch is the mean; 0: the loops' estimate
   std::uint32_t remote_outputs = 0xFFFFFFFF;       // outputs that 60FEh may drive, bit n for output n

@@ -55,6 +55,7 @@ struct OptionCodes {
 
 enum class Interpolation : std::uint8_t {
   buffered,  // set-points wait in the buffer 60C4h
+  target,    // no buffer: 607Ah is followed while controlword bit 4 is set, at each SYNC or when it is written
   at_sync,   // no buffer: each SYNC takes the last one over, and its failing to come is Cause::interpolation_late
 };
 

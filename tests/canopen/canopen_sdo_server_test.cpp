@@ -67,7 +67,7 @@ TEST(SdoServer, ProductVariantsOfTheResponses) {
   device->objects.statusword = 0xC031;
   EXPECT_EQ(device->send("601 # 23 7A 60 00 03 9D 36 00"), (Frames{"581 # 60 7A 60 00 03 9D 36 00"}));
   EXPECT_EQ(device->send("601 # 40 61 60 00 00 00 00 00"), (Frames{"581 # 4F 61 60 00 FE FF FF FF"}));
-  EXPECT_EQ(device->send("601 # 40 41 60 00 00 00 00 00"), (Frames{"581 # 4B 41 60 00 31 C0 00 00"}));
+  EXPECT_EQ(device->send("601 # 40 41 60 00 00 00 00 00"), (Frames{"581 # 4B 41 60 00 31 C0 FF FF"}));
 }
 
 TEST(SdoServer, SegmentedUpload) {

@@ -204,11 +204,9 @@ void SdoServer::respond_to_upload() {
   if (size >= 1 && size <= 4) {
     Frame frame = response_with_multiplexer(static_cast<std::uint8_t>(server::upload_expedited | (4 - size) << 2));
     std::uint32_t word = 0;
-    if (profile_.sdo_expedited_upload_sign_extends && dictionary::is_signed(entry_->type)) {
-      word = static_cast<std::uint32_t>(dictionary::decode_number(entry_->type, value_.bytes));
-    } else {
-      std::memcpy(&word, value_.bytes.data(), size);
-    }
+    std::memcpy(&word, value_.bytes.data(), size);
+    const bool negative = std::to_integer<unsigned>(value_.bytes[size - 1]) >= 0x80;
+    if (profile_.sdo_expedited_upload_sign_extends && negative && size < 4) word |= ~std::uint32_t{0} << 8 * size;
     put_u32(frame, word);
     link_.transmit(frame);
     return;

@@ -135,7 +135,7 @@ constexpr unsigned tolerated_stale_syncs = 1;
 void SynchronousInterpolation::enter(Axis& axis) {
   axis.come_to_rest(RampShape::linear);
   disarm();
-  fresh_ = false;
+  fresh_ = axis.new_set_point = false;
   enabled_ = (axis.objects.controlword & controlword::mode_bit_4) != 0;
 }
 
@@ -154,9 +154,22 @@ bool SynchronousInterpolation::late(const Axis& axis) {
          waiting_cycles_ > (1.0 + tolerated_stale_syncs) * period + sync_slack_cycles;
 }
 
+void SynchronousInterpolation::follow_target(Axis& axis) {
+  const bool written = axis.new_set_point;
+  axis.new_set_point = false;
+  if (!enabled_) return;
+  if (axis.configuration.locks_to_sync) {
+    if (axis.synchronised) follower_.follow_sync(axis, axis.objects.target_position, axis.sync_age);
+  } else if (written) {
+    follower_.follow(axis, axis.objects.target_position);
+  }
+}
+
 void SynchronousInterpolation::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
-  if (enabled_) {
+  if (axis.policy.interpolation == Interpolation::target) {
+    follow_target(axis);
+  } else if (enabled_) {
     waiting_cycles_ += 1.0;
     const bool sync = axis.synchronised;
     if (sync && (fresh_ || !armed_)) {

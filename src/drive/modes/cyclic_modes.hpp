@@ -105,6 +105,7 @@ class SynchronousInterpolation {
  private:
   void disarm() { follower_.stop(), armed_ = false; }
   bool late(const Axis& axis);
+  void follow_target(Axis& axis);
 
   SetPointFollower follower_{};
   bool enabled_ = false;         // controlword bit 4

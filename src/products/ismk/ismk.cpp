@@ -89,6 +89,7 @@ void Ismk::cycle(Time now) {
   if (restart_requested_) return restart(now);
   terminals_.cycle(drive(), objects());
   if (tuning_.cycle(drive(), objects(), terminals_)) reconfigure();
+  motion_control_.watch_sync(drive(), objects(), now);
   if (motion_control_.cycle(drive(), objects())) reconfigure();
   CanDevice::cycle(now);
 }
@@ -109,6 +110,11 @@ void Ismk::reset(canopen::NmtCommand command, dictionary::Area restore, std::uin
 canopen::LossReaction Ismk::communication_lost(canopen::LossCause, canopen::LossReaction) {
   if (objects().drive.abort_connection_option_code == 1) drive().raise(drive::Cause::communication_lost);
   return {.emergency_code = 0, .behaviour = canopen::ErrorBehaviour::no_change};
+}
+
+void Ismk::sync(std::uint8_t counter, Time now) {
+  motion_control_.sync(drive(), objects(), now);
+  CanDevice::sync(counter, now);
 }
 
 void Ismk::fault_raised(const drive::FaultRow& fault) {

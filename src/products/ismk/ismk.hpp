@@ -82,6 +82,7 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
 
   // --- canopen::DeviceEvents
   void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override;
+  void sync(std::uint8_t counter, Time now) override;
   canopen::LossReaction communication_lost(canopen::LossCause cause, canopen::LossReaction standard) override;
 
   // --- drive::DriveEvents

@@ -37,6 +37,16 @@ std::uint8_t blind_window_for(double turns_from_edge) {
   return place < automatic_blind_turns || place > 1.0 - automatic_blind_turns ? blind_half_turn : 0;
 }
 
+std::uint8_t sync_period_ms(const Objects& objects) {
+  return static_cast<std::uint8_t>(1U << objects.motion.sync_period);  // L3212
+}
+Time sync_period(const Objects& objects) { return std::chrono::milliseconds(sync_period_ms(objects)); }
+
+bool interpolates_by_sync(const drive::Drive& drive, const Objects& objects) {
+  return drive.mode() == Mode::interpolated_position && drive.state() == drive::PowerState::operation_enabled &&
+         (objects.drive.controlword & drive::controlword::mode_bit_4) != 0 && objects.motion.sync_clock_mode != 0;
+}
+
 double velocity_dec(double counts_per_s) { return counts_per_s * velocity_dec_per_inc_s; }
 
 // 60F9h sub 1Ch: what the velocity is short of, in the speed modes of 60FFh.
@@ -59,6 +69,7 @@ void MotionControl::configure(const Objects& objects, drive::Configuration& conf
                                  .zero_counts_per_ms = objects.io.zero_speed_window_inc_per_ms,
                                  .zero_ms = own.zero_speed_time_ms};
   configuration.smoothing_ms = own.smoothing_ms;
+  configuration.locks_to_sync = own.sync_clock_mode != 0;
   const double top_speed = objects.drive.max_profile_velocity / velocity_dec_per_inc_s;
   configuration.torque_mode_velocity_positive = configuration.torque_mode_velocity_negative = top_speed;
   configuration.homing_end = own.home_offset_mode == 0 ? drive::HomingEnd::offset : drive::HomingEnd::home;
@@ -74,6 +85,7 @@ void MotionControl::configure(const Objects& objects, drive::Configuration& conf
 void MotionControl::loaded(Objects& objects) {
   const bool curved = objects.motion.profile_order == s_curve;
   objects.drive.motion_profile_type = curved ? s_curve_shape : std::int16_t{0};
+  objects.drive.interpolation_time_period_value = sync_period_ms(objects);
 }
 
 AbortCode MotionControl::check(const Entry& entry, std::int64_t number, const drive::Drive& drive) {
@@ -103,6 +115,7 @@ bool MotionControl::written(const Entry& entry, Objects& objects, const drive::D
     case 0x608000:
       common.max_profile_velocity = rounded<std::uint32_t>(velocity_dec_from_rpm(common.max_motor_speed_rpm));
       return false;
+    case 0x301101:
     case 0x60FB04: loaded(objects); return true;
     default: return false;
   }
@@ -134,6 +147,31 @@ void MotionControl::refresh(const Entry& entry, Objects& objects, const drive::D
     case 0x60F91C: own.speed_error = rounded<std::int32_t>(velocity_dec(speed_error(drive, common))); break;
     default: break;
   }
+}
+
+std::uint16_t SyncMonitor::sync(Time now, Time period) {
+  const bool early = running_ && now - last_ < period / 2;
+  running_ = true;
+  last_ = now;
+  return early ? 1 : 0;
+}
+
+std::uint16_t SyncMonitor::wait(Time now, Time period) {
+  if (!running_ || now - last_ <= period + period / 2) return 0;
+  last_ += period;
+  return 1;
+}
+
+void MotionControl::sync(const drive::Drive& drive, Objects& objects, Time now) {
+  if (!interpolates_by_sync(drive, objects)) return sync_monitor_.stop();
+  objects.motion.sync_lost_count =
+      static_cast<std::uint16_t>(objects.motion.sync_lost_count + sync_monitor_.sync(now, sync_period(objects)));
+}
+
+void MotionControl::watch_sync(const drive::Drive& drive, Objects& objects, Time now) {
+  if (!interpolates_by_sync(drive, objects)) return sync_monitor_.stop();
+  objects.motion.sync_lost_count =
+      static_cast<std::uint16_t>(objects.motion.sync_lost_count + sync_monitor_.wait(now, sync_period(objects)));
 }
 
 bool MotionControl::cycle(drive::Drive& drive, Objects& objects) {

@@ -2,6 +2,7 @@
 
 #include "dictionary/dictionary.hpp"
 #include "drive/homing/device_homing.hpp"
+#include "products/device.hpp"
 #include "products/ismk/objects.hpp"
 
 namespace servodrome::drive {
@@ -14,6 +15,20 @@ namespace servodrome::products::ismk {
 
 inline constexpr std::uint8_t initialise_command = 10;  // of 2FF0h sub 1
 
+// Counts SYNCs that do not come when they are due (3011h sub 4, L3214, L3244).
+class SyncMonitor {
+ public:
+  void stop() { running_ = false; }
+  // Both answer how many were lost: a SYNC came, or time has gone by. One that comes much too early tells of another
+  // period than the one that is set.
+  std::uint16_t sync(Time now, Time period);
+  std::uint16_t wait(Time now, Time period);
+
+ private:
+  bool running_ = false;
+  Time last_{};
+};
+
 class MotionControl {
  public:
   void power_on() { *this = {}; }
@@ -21,6 +36,9 @@ class MotionControl {
   // Once per position-loop cycle, before the process image is read: homing that the device starts itself, and what it
   // learns by homing. Answers whether the drive needs a new configuration.
   bool cycle(drive::Drive& drive, Objects& objects);
+
+  void sync(const drive::Drive& drive, Objects& objects, Time now);
+  void watch_sync(const drive::Drive& drive, Objects& objects, Time now);
 
   // `configuration.motor` must be there.
   static void configure(const Objects& objects, drive::Configuration& configuration);
@@ -34,6 +52,7 @@ class MotionControl {
   static void refresh(const dictionary::Entry& entry, Objects& objects, const drive::Drive& drive);
 
  private:
+  SyncMonitor sync_monitor_{};
   drive::DeviceHoming homing_{};
   bool enabled_once_ = false;  // since power on
   bool was_homed_ = false;

@@ -51,7 +51,12 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);
   builder.set_default(0x100C, 0, 1000).set_default(0x100D, 0, 3);  // L3206-3207
-  builder.at(0x1017, 0).saved = false;                             // L3101
+  // No communication object is printed as savable, but the station number: the master configures the node at every
+  // start (L3099-3101, L3217-3219).
+  for (std::size_t i = 0; i < builder.count; ++i) {
+    Entry& entry = builder.entries[i];
+    if (area_of(entry.index) == Area::communication && entry.index != 0x100B) entry.saved = false;
+  }
   for (std::uint16_t pdo = 0; pdo < 4; ++pdo) {
     builder.set_default(static_cast<std::uint16_t>(0x1400 + pdo), 2, 254);  // L3007
     builder.set_default(static_cast<std::uint16_t>(0x1800 + pdo), 2, 254);

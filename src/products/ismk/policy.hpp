@@ -96,6 +96,7 @@ constexpr drive::Policy make_policy() {
   policy.set_point_queue = 1;
   policy.target_tracking = 1u << 12;                       // 103Fh (L1113)
   policy.shaped_modes = mode_bit(Mode::profile_position);  // L1811
+  policy.interpolation = drive::Interpolation::target;     // L3227-3244
   policy.software_limits_need_homing = true;               // L1472
   policy.homing_methods = homing_methods;
   policy.home_offset_sign = -1;       // L1406
