@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
   const std::uint64_t count = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1'000'000;
   const std::uint64_t seed = argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 1;
   test::RequestGenerator generator(seed);
-  Line line(test::settings_of(test::two_axes));
+  Line line(test::settings_of(test::two_axes_and_rs485));
   std::array<std::uint64_t, 600> answers{};
   for (std::uint64_t i = 0; i < count; ++i) {
     const bench::Request request = generator.next();

@@ -6,6 +6,7 @@
 #include "line/line.hpp"
 #include "line/line_file.hpp"
 #include "links/can/memory_port.hpp"
+#include "support.hpp"
 
 // Counts every allocation of the program: none may happen while a line runs.
 namespace {
@@ -82,6 +83,42 @@ TEST(Allocation, NothingIsAllocatedWhileALineRuns) {
   EXPECT_EQ(allocations - before, 0U);
   EXPECT_GT(received, 500U);
   EXPECT_NE(line.axes()[0]->plant().position_counts(), 0);
+}
+
+// Asks the drive of an RS485 line for its statusword, time and again.
+class Poller final : public links::SerialStation {
+ public:
+  explicit Poller(links::SerialLine& line) : line_(line), port_(line.attach(*this)) {}
+  ~Poller() override { line_.detach(port_); }
+  Poller(const Poller&) = delete;
+  Poller& operator=(const Poller&) = delete;
+
+  void ask() { line_.transmit(port_, request_, line_.now()); }
+  void receive(std::uint8_t, bool, Time) override { ++received; }
+
+  std::size_t received = 0;
+
+ private:
+  links::SerialLine& line_;
+  links::SerialPortId port_;
+  std::array<std::uint8_t, 8> request_ = [] {
+    std::array<std::uint8_t, 8> request = {2, 3, 1, 0, 0, 1};
+    modbus::seal_rtu_frame(request, 6);
+    return request;
+  }();
+};
+
+TEST(Allocation, NothingIsAllocatedWhileAnRs485LineRuns) {
+  Line line(test::settings_of(test::two_axes_and_rs485));
+  line.run_until(std::chrono::milliseconds(10));
+  Poller poller(line.find_serial_bus("rs")->line);
+  const std::uint64_t before = allocations;
+  for (int i = 0; i < 1000; ++i) {
+    poller.ask();
+    line.run_until(line.now() + std::chrono::milliseconds(5));
+  }
+  EXPECT_EQ(allocations - before, 0U);
+  EXPECT_EQ(poller.received, 7000U);
 }
 
 }  // namespace

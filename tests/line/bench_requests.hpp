@@ -52,6 +52,7 @@ class RequestGenerator {
         Example{bench::Method::post, "/axes/left/power", {"action", "action", "action", "action"}},
         Example{bench::Method::post, "/buses/can0/disturb", {"drop", "seed", "axis", "cut"}},
         Example{bench::Method::delete_, "/buses/can0/disturb", {"drop", "drop", "drop", "drop"}},
+        Example{bench::Method::post, "/buses/rs/disturb", {"drop", "seed", "corrupt", "cut"}},
     };
     const Example& example = examples[pick(examples.size())];
     bench::Request request{.method = example.method, .target = std::string("/api/v1") + example.target};
@@ -65,17 +66,12 @@ class RequestGenerator {
     static constexpr std::array indexes{"6040", "6041", "0x6060", "607A", "6081", "1018", "1008", "1010",
                                         "1021", "2401", "FFFFF",  "zz",   "60FF", "1600", "1017", "6098"};
     static constexpr std::array subs{"0", "1", "0x2", "ff", "100", "-1"};
-    static constexpr std::array others{"/api/v1/axes",
-                                       "/api/v1/buses",
-                                       "/api/v1/buses/can0",
-                                       "/api/v1/buses/can0/disturb",
-                                       "/api/v1/buses/x/disturb",
-                                       "/api/v1/clock",
-                                       "/api/v1/clock/advance",
-                                       "/api/v1/version",
-                                       "/",
-                                       "/api/v2/axes",
-                                       "/api/v1/clock?x=1"};
+    static constexpr std::array others{"/api/v1/axes",       "/api/v1/buses",
+                                       "/api/v1/buses/can0", "/api/v1/buses/can0/disturb",
+                                       "/api/v1/buses/rs",   "/api/v1/buses/x/disturb",
+                                       "/api/v1/clock",      "/api/v1/clock/advance",
+                                       "/api/v1/version",    "/",
+                                       "/api/v2/axes",       "/api/v1/clock?x=1"};
     if (pick(3) == 0) return one_of(others);
     const std::string axis = "/api/v1/axes/" + one_of(axes);
     if (pick(2) == 0) return axis + one_of(what);

@@ -16,6 +16,7 @@
 
 #include "links/can/client.hpp"
 #include "links/link_error.hpp"
+#include "links/serial/client.hpp"
 #include "support.hpp"
 
 namespace servodrome::line {
@@ -245,6 +246,71 @@ TEST(LineServer, AnswersAMasterInRealTime) {
   const std::int64_t first = time();
   while (time() < first + 20'000'000) std::this_thread::sleep_for(1ms);
   EXPECT_GE(std::chrono::steady_clock::now() - start, 20ms);
+}
+
+constexpr std::string_view serial_line = R"(
+clock = "virtual"
+[api]
+address = "127.0.0.1:0"
+[[bus]]
+name = "rs"
+type = "rs485"
+links = ["tcp:127.0.0.1:0"]
+[[axis]]
+name = "x"
+product = "generic402"
+serial = "rs"
+)";
+
+// `bytes` sent to a link, and as many as an answer has.
+std::vector<std::uint8_t> ask_link(links::ByteClient& client, const std::vector<std::uint8_t>& bytes,
+                                   std::size_t expected) {
+  client.send(bytes);
+  std::vector<std::uint8_t> answer;
+  while (answer.size() < expected && client.receive(answer, 60s)) {
+  }
+  return answer;
+}
+
+// Modbus TCP is answered in no time, so that a line in virtual time can be talked to while it stands.
+TEST(LineServer, ServesModbusTcpInBothTimes) {
+  for (const ClockMode clock : {ClockMode::virtual_time, ClockMode::real}) {
+    LineSettings settings = settings_of(serial_line);
+    settings.clock = clock;
+    Running running(settings);
+    const std::string link = running.server().line().serial_buses()[0]->links[0]->name();
+    const auto client = links::open_byte_client(links::parse_serial_link(link), {});
+    const auto other = links::open_byte_client(links::parse_serial_link(link), {});
+    // Mode 1 is written by one client and read by the other; unit 255 is the one drive there is.
+    const std::vector<std::uint8_t> write{0, 7, 0, 0, 0, 6, 255, 6, 0, 1, 0, 1};
+    EXPECT_EQ(ask_link(*client, write, write.size()), write);
+    EXPECT_EQ(ask_link(*other, {0, 8, 0, 0, 0, 6, 2, 3, 0, 1, 0, 1}, 11),
+              (std::vector<std::uint8_t>{0, 8, 0, 0, 0, 5, 2, 3, 2, 0, 1}));
+    EXPECT_EQ(ask_link(*other, {0, 9, 0, 0, 0, 6, 3, 3, 0, 1, 0, 1}, 9),
+              (std::vector<std::uint8_t>{0, 9, 0, 0, 0, 3, 3, 0x83, 0x0B}))
+        << "no unit 3";
+  }
+}
+
+TEST(LineServer, ServesAPtyInRealTime) {
+  const std::string path = testing::TempDir() + "servodrome_line_server_test_rs485";
+  LineSettings settings = settings_of(serial_line);
+  settings.clock = ClockMode::real;
+  settings.serial_buses[0].links = {"pty:" + path};
+  {
+    Running running(settings);
+    const auto client =
+        links::open_byte_client(links::parse_serial_link("pty:" + path), settings.serial_buses[0].format);
+    std::vector<std::uint8_t> request{2, 3, 1, 0, 0, 1, 0, 0};
+    modbus::seal_rtu_frame(request, 6);
+    for (int i = 0; i < 20; ++i) {
+      const std::vector<std::uint8_t> answer = ask_link(*client, request, 7);
+      EXPECT_TRUE(answer.size() == 7 && modbus::is_rtu_frame(answer));
+    }
+  }
+  EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(path)));
+  settings.serial_buses[0].links = {"serial:/nonexistent/tty"};
+  EXPECT_THROW(LineServer{settings}, links::LinkError);
 }
 
 TEST(LineServer, ALogHasEveryFrame) {

@@ -35,6 +35,15 @@ product = "generic402"
 node = 2
 )";
 
+// The same with an RS485 line for the second.
+inline const std::string two_axes_and_rs485 = std::string(two_axes) + R"(
+bus = "can0"
+serial = "rs"
+[[bus]]
+name = "rs"
+type = "rs485"
+)";
+
 inline LineSettings settings_of(std::string_view text, std::span<const Product> products = all_products()) {
   LineFile file = parse_line_file(text, "test.toml", products);
   if (!file.diagnostics.empty()) throw std::runtime_error(to_string(file.diagnostics.front()));
