@@ -206,6 +206,88 @@ TEST(IsmkRs485, Serial10Errors) {
   EXPECT_EQ(port.master.ask("01 40 F0 2F 09 00 00 00 00 98"), "");
 }
 
+// The word of a status reply whose two words are its value and its sign extension; without bit 9, which the manual
+// prints as 0 although the control came over the bus (C7 of README.md's readings).
+unsigned modbus_word(Port& port) {
+  const std::vector<std::uint8_t> reply = bytes_of(port.master.ask(modbus_status));
+  if (reply.size() != 9) return 0;
+  EXPECT_EQ(modbus::read_u16(&reply[5]), (reply[3] & 0x80) != 0 ? 0xFFFF : 0);
+  return modbus::read_u16(&reply[3]) & ~0x200U;
+}
+unsigned serial10_word(Port& port) {
+  const Frame reply = port.master.ask_serial10(Frame::make(1, Command::read, 0x6041, 0, 0));
+  EXPECT_EQ(reply.command(), Command::read_2);
+  return reply.data() & 0xFDFF;
+}
+template <typename Word>
+bool wait_for_word(Port& port, const Word& word, unsigned wanted) {
+  for (int i = 0; i < 1500 && word(port) != wanted; ++i) port.rig.run_ms(8);
+  return word(port) == wanted;
+}
+
+// The manual's procedure frame by frame (L2391-2422): homing, a move to 50000, one by 50000, running at 150 rpm.
+TEST(IsmkRs485, TheModbusProcedureMovesTheShaft) {
+  Port port(SerialProtocol::modbus_rtu);
+  const auto ask = [&port](const char* request) { EXPECT_NE(port.master.ask(request), "") << request; };
+  ask("01 06 35 00 00 06 06 04");                 // mode 6
+  ask("01 06 4D 00 00 21 5E BE");                 // method 33
+  ask("01 10 50 10 00 02 04 9D 03 00 36 51 1A");  // 200 rpm
+  ask("01 10 50 20 00 02 04 F5 C3 00 28 CE 5A");  // 150 rpm
+  ask("01 06 31 00 00 0F C7 32");                 // enable
+  ask("01 06 31 00 00 1F C6 FE");                 // start
+  EXPECT_TRUE(wait_for_word(port, modbus_word, 0xC037)) << std::hex << modbus_word(port);
+  port.rig.run_ms(200);
+  EXPECT_NEAR(static_cast<double>(port.rig.get(0x6063)), 0.0, 100.0);
+  ask("01 06 35 00 00 01 47 C6");                 // mode 1
+  ask("01 10 40 00 00 02 04 C3 50 00 00 FE 39");  // 50000
+  ask("01 10 4A 00 00 02 04 55 55 00 08 BC D6");  // 30 rpm
+  ask("01 06 31 00 00 2F C6 EA");
+  ask("01 06 31 00 00 3F C7 26");
+  EXPECT_TRUE(wait_for_word(port, modbus_word, 0xD437)) << std::hex << modbus_word(port);
+  EXPECT_NEAR(static_cast<double>(port.rig.get(0x6063)), 50000.0, 400.0);
+  ask("01 06 31 00 00 4F C6 C2");
+  ask("01 06 31 00 00 5F C7 0E");
+  EXPECT_TRUE(wait_for_word(port, modbus_word, 0xD437)) << std::hex << modbus_word(port);
+  EXPECT_NEAR(static_cast<double>(port.rig.get(0x6063)), 100000.0, 400.0);
+  ask("01 06 31 00 00 06 07 34");
+  ask("01 06 35 00 00 03 C6 07");                 // mode 3
+  ask("01 10 6F 00 00 02 04 F5 C3 00 28 D9 B3");  // 150 rpm
+  ask("01 06 31 00 00 0F C7 32");
+  port.rig.run_ms(500);
+  EXPECT_NEAR(port.rig.plant.velocity_rpm(), 150.0, 2.0);
+}
+
+// The same with the 10-byte protocol (L2593-2619). C031h after 06h, C437h once bit 4 is 0.
+TEST(IsmkRs485, TheTenByteProcedureMovesTheShaft) {
+  Port port;
+  const auto ask = [&port](const char* request) { EXPECT_NE(port.master.ask(request), "") << request; };
+  ask("01 2B 40 60 00 0F 00 00 00 25");
+  ask("01 2F 60 60 00 06 00 00 00 0A");
+  ask("01 2F 98 60 00 21 00 00 00 B7");
+  ask("01 23 99 60 01 03 9D 36 00 0C");
+  ask("01 23 99 60 02 82 4E 1B 00 F6");
+  ask("01 2B 40 60 00 1F 00 00 00 15");
+  EXPECT_TRUE(wait_for_word(port, serial10_word, 0xC037)) << std::hex << serial10_word(port);
+  port.rig.run_ms(200);
+  ask("01 2B 40 60 00 06 00 00 00 2E");
+  EXPECT_TRUE(wait_for_word(port, serial10_word, 0xC031)) << std::hex << serial10_word(port);
+  ask("01 2F 60 60 00 01 00 00 00 0F");
+  ask("01 23 7A 60 00 50 C3 00 00 EF");
+  ask("01 23 81 60 00 03 9D 36 00 25");
+  ask("01 23 83 60 00 6E A3 01 00 E7");
+  ask("01 23 84 60 00 6E A3 01 00 E6");
+  ask("01 2B 40 60 00 2F 00 00 00 05");
+  ask("01 2B 40 60 00 3F 00 00 00 F5");
+  EXPECT_TRUE(wait_for_word(port, serial10_word, 0xD437)) << std::hex << serial10_word(port);
+  EXPECT_NEAR(static_cast<double>(port.rig.get(0x6063)), 50000.0, 400.0);
+  ask("01 2B 40 60 00 2F 00 00 00 05");
+  EXPECT_TRUE(wait_for_word(port, serial10_word, 0xC437)) << std::hex << serial10_word(port);
+  ask("01 2F 60 60 00 03 00 00 00 0D");
+  ask("01 23 FF 60 00 7E B1 E4 FF 6B");
+  port.rig.run_ms(500);
+  EXPECT_NEAR(port.rig.plant.velocity_rpm(), -100.0, 2.0);
+}
+
 // The rule of the addresses against the manual's list (tests/data/ismk_params.csv): no register is missing, none is
 // elsewhere, and a value in it is that of its object.
 TEST(IsmkRs485, RegistersAreThoseOfTheManual) {
