@@ -159,6 +159,21 @@ def test_pymodbus_reads_and_writes_an_ismk(serial_line, link):
         assert serial_line.bench.get("axes/k3/objects/6060/0")["value"] == -4
 
 
+def home(drive, line, axis):
+    """The manual's procedure (L2399-2406)."""
+    drive.write(ISMK["mode"], 6)
+    drive.write(ISMK["homing_method"], 33)
+    drive.write32(ISMK["homing_speed"], round(200 * RPM))
+    drive.write32(ISMK["zero_speed"], round(150 * RPM))
+    drive.write(ISMK["controlword"], 0x0F)
+    drive.write(ISMK["controlword"], 0x1F)
+    homed = 1 << 15
+    wait_for(lambda: drive.read(ISMK["statusword"])[0] & homed, lambda: f"homing: {line.bench.axis(axis)}")
+    drive.write(ISMK["controlword"], 0x0F)
+    assert not drive.read(ISMK["statusword"])[0] & 1 << 12, "homing error"
+    wait_for(lambda: abs(drive.read32(ISMK["position"])) < 100, "position 0 at the index")
+
+
 def move(drive):
     """The manual's procedure (L2412-2422): to 50000, and by 50000."""
     drive.write(ISMK["mode"], 1)
@@ -175,9 +190,10 @@ def move(drive):
 
 
 @LINKS
-def test_pymodbus_moves_an_ismk(serial_line, link):
+def test_pymodbus_homes_and_moves_an_ismk(serial_line, link):
     with modbus(serial_line, link) as client:
         drive = Station(client, 1, low_word_first=True)
+        home(drive, serial_line, "k1")
         move(drive)
         other = Station(client, 3, low_word_first=True)
         assert abs(other.read32(ISMK["position"])) < 100, "the other iSMK has not moved"
