@@ -285,6 +285,12 @@ TEST_F(SyncUnit, ALateCallerGetsOnePulseAndTheCount) {
   EXPECT_EQ(esc.clock().sync(0).count, 6U);
 }
 
+TEST_F(SyncUnit, AbsurdCyclesDoNotTakeTheProcessor) {
+  activate(system() + 1000, 1, 0, 0x03);
+  EXPECT_LE(pulses(10ms).size(), 1000U);
+  EXPECT_GT(esc.clock().sync(0).count, 9'900'000U);
+}
+
 TEST_F(SyncUnit, TheApplicationMayControlIt) {
   line.put<std::uint8_t>(0, reg::cyclic_unit_control, 1);
   EXPECT_EQ(line.write(0, reg::sync_activation, {3}).counter, 0U);

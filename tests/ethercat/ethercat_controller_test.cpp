@@ -25,6 +25,15 @@ TEST(Registers, DefaultsAfterPowerOn) {
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::dl_status), 0x5613);
 }
 
+TEST(Registers, AllOfThemCanBeRead) {
+  Line line(1);
+  for (std::uint16_t address = 0; address < reg::process_memory; address += 64) {
+    EXPECT_EQ(line.read(0, address, 64).counter, 1U);
+  }
+  // Beyond the eighth sync manager there is nothing.
+  EXPECT_EQ(line.read(0, 0x0840, 8).data, Bytes(8));
+}
+
 TEST(Registers, AlControlWaitsForTheApplication) {
   Line line(1);
   EXPECT_EQ(line.write(0, reg::al_control, {2, 0}).counter, 1U);

@@ -12,6 +12,8 @@ constexpr std::uint16_t least_speed_counter_start = 0x0080;
 constexpr std::uint16_t greatest_speed_counter_start = 0x3FFF;
 constexpr std::uint16_t speed_counter_margin = 0x007F;  // the difference stays this far below the start value
 
+constexpr std::uint64_t closest_deadlines = 10'000;  // ns
+
 // x * rate / 2^32, rounded down, without overflow for any x that fits and |rate| < 2^31; `fraction` is added first and
 // left over.
 std::int64_t scaled(std::int64_t x, std::int64_t rate, std::uint32_t& fraction) {
@@ -196,7 +198,10 @@ unsigned DistributedClock::poll_sync(Time now) {
 Time DistributedClock::next_sync(Time now) const {
   Time next = never;
   for (const Sync& sync : sync_) {
-    if (sync.pending) next = std::min(next, when(sync.next, now));
+    if (!sync.pending) continue;
+    // A cycle of nanoseconds is a master's mistake; it does not get a deadline for each of them.
+    const std::uint64_t soonest = sync.count == 0 ? sync.next : std::max(sync.next, sync.last + closest_deadlines);
+    next = std::min(next, when(soonest, now));
   }
   return next;
 }

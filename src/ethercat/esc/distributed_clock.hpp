@@ -76,6 +76,7 @@ class DistributedClock {
   bool sync_level(unsigned n, Time now) const;
   // Makes the pulses that are due. Returns bit n for SYNCn.
   unsigned poll_sync(Time now);
+  // When to poll next. Pulses closer than 10 us are polled together.
   Time next_sync(Time now) const;
 
  private:

@@ -23,8 +23,8 @@ class Esc {
  public:
   static constexpr std::size_t memory_size = 0x3000;
   static constexpr unsigned ports = 2;
-  static constexpr unsigned fmmus = 8;
-  static constexpr unsigned sync_managers = 8;
+  static constexpr unsigned fmmus = reg::fmmus;
+  static constexpr unsigned sync_managers = reg::sync_managers;
 
   // `sii` is the content of the slave information memory.
   explicit Esc(std::span<std::uint8_t> sii, SiiInterface::Timing timing = {}) : sii_(sii, timing) {}

@@ -164,7 +164,7 @@ void Esc::refresh_block(std::uint32_t block) {
       if (clock_.sync(1).pending) store(&memory_[reg::next_sync1], clock_.sync(1).next);
       break;
     default:
-      if (block < reg::sync_manager / 16 || block >= reg::receive_time_port / 16) break;
+      if (block < reg::sync_manager / 16 || block >= reg::sync_manager / 16 + sync_managers / 2) break;
       for (unsigned n = 2 * (block - reg::sync_manager / 16), end = n + 2; n < end; ++n) {
         memory_[reg::sync_manager + 8 * n + 5] = sync_managers_[n].status();
       }

@@ -14,7 +14,7 @@ inline constexpr auto live_register_blocks = [] {
                                  reg::speed_counter_start, reg::cyclic_unit_control, reg::sync_start_time}) {
     blocks[address / 16] = true;
   }
-  for (unsigned address = reg::sync_manager; address < reg::receive_time_port; address += 16) {
+  for (unsigned address = reg::sync_manager; address < reg::sync_manager + 8 * reg::sync_managers; address += 16) {
     blocks[address / 16] = true;
   }
   return blocks;

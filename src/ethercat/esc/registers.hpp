@@ -67,6 +67,8 @@ inline constexpr std::uint16_t sii_data = 0x0508;
 
 inline constexpr std::uint16_t fmmu = 0x0600;          // 16 bytes each
 inline constexpr std::uint16_t sync_manager = 0x0800;  // 8 bytes each
+inline constexpr unsigned fmmus = 8;
+inline constexpr unsigned sync_managers = 8;
 
 // Distributed clock
 inline constexpr std::uint16_t receive_time_port = 0x0900;  // 4 bytes each
