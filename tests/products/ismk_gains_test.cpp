@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <gtest/gtest.h>
 #include <numbers>
+#include <vector>
 
 #include "ismk_rig.hpp"
 #include "products/ismk/gains.hpp"
@@ -158,6 +159,44 @@ TEST(IsmkGains, NotchesByTheirCode) {  // L1716-1741
   EXPECT_EQ(frequencies(), (std::array<float, 4>{700.0F, 800.0F}));
   rig.set(0x60F9, 4, 3);
   EXPECT_EQ(frequencies(), (std::array<float, 4>{700.0F, 800.0F, 900.0F, 1000.0F}));
+  rig.set(0x250B, 2, 1751);
+  EXPECT_EQ(frequencies(), (std::array<float, 4>{700.0F, 800.0F, 0.0F, 1000.0F}));
+}
+
+// Whatever is written to the loops while the axis runs, in whatever order: the numbers stay numbers.
+TEST(IsmkGains, NoValueMakesTheLoopsLoseTheirNumbers) {
+  std::vector<const dictionary::Entry*> entries;
+  for (const dictionary::Entry& entry : products::Ismk::table) {
+    const bool loops = entry.index == 0x60F9 || entry.index == 0x60FB || entry.index == 0x250B ||
+                       (entry.index == 0x2340 && entry.sub >= 4) || (entry.index == 0x2FF0 && entry.sub >= 0x0A);
+    if (loops && entry.writable()) entries.push_back(&entry);
+  }
+  ASSERT_GT(entries.size(), 30U);
+  std::uint32_t seed = 12345;
+  const auto random = [&seed] { return seed = seed * 1664525U + 1013904223U, seed >> 8; };
+  IsmkRig rig;
+  rig.set(0x6060, 0, 3);
+  rig.set(0x60FF, 0, std::llround(products::ismk::velocity_dec_from_rpm(200.0)));
+  int enabled = 0;
+  for (int i = 0; i < 4000; ++i) {
+    if (i % 100 == 0) {
+      rig.control(0x86);
+      rig.run_ms(2);
+      enabled += rig.enable() ? 1 : 0;
+    }
+    const dictionary::Entry& entry = *entries[random() % entries.size()];
+    const std::int64_t low = entry.has_range ? entry.minimum : dictionary::minimum_of(entry.type);
+    const std::int64_t high = entry.has_range ? entry.maximum : dictionary::maximum_of(entry.type);
+    const std::int64_t value = random() % 4 == 0
+                                   ? (random() % 2 == 0 ? low : high)
+                                   : low + static_cast<std::int64_t>(random() % 1000) * (high - low) / 1000;
+    rig.set(entry.index, entry.sub, value);
+    rig.run_ms(1);
+    ASSERT_TRUE(std::isfinite(rig.device.drive().loops().torque_reference))
+        << std::hex << entry.index << "h:" << int{entry.sub} << " = " << value;
+    ASSERT_TRUE(std::isfinite(rig.device.drive().loops().velocity_counts_per_s));
+  }
+  EXPECT_GT(enabled, 20);
 }
 
 // --- Bandwidth by frequency response

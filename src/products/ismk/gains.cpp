@@ -93,7 +93,7 @@ drive::Gains loop_gains(const Gains& gains, const Tuning& tuning, const drive::M
   const std::size_t notches = notches_of_code[tuning.notch_control & 3U];
   for (std::size_t i = 0; i < notches; ++i) {
     const auto hz = static_cast<float>(i == 0 ? tuning.notch_frequency_hz : gains.notch_frequency_hz[i - 1]);
-    loops.notches[i] = {hz, notch_relative_width * hz, notch_depth};
+    if (hz <= highest_notch_hz) loops.notches[i] = {hz, notch_relative_width * hz, notch_depth};
   }
   return loops;
 }

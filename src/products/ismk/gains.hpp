@@ -34,6 +34,8 @@ inline constexpr float current_bandwidth_hz = 2000.0F;  // L3415
 // Width by frequency, and gain at the centre, of a notch: not printed.
 inline constexpr float notch_relative_width = 0.5F;
 inline constexpr float notch_depth = 0.05F;
+// A notch needs some samples in its period: above this, at 4 kHz, it is off, although 250Bh goes up to 2000 Hz.
+inline constexpr float highest_notch_hz = 1750.0F;
 
 // How many of the four notches 60F9h sub 4 bits 0 and 1 switch on, the first ones: none, the single filter of 60F9h sub
 // 3, with the second of automatic setting, all (L1724, L1739-1741: "BCD code").

@@ -39,8 +39,11 @@ std::uint16_t to_kvp(double kvp) { return static_cast<std::uint16_t>(std::lround
 }  // namespace
 
 void LoopTuning::reset(double rotor_inertia_kgm2) {
-  *this = {};
   rotor_inertia_kgm2_ = inertia_kgm2_ = rotor_inertia_kgm2;
+  estimate_ = {};
+  learning_ = 0;
+  identified_ = recognising_ = analysing_ = false;
+  analysis_.stop();
 }
 
 void LoopTuning::objects_loaded(Objects& objects, const drive::MotorData& motor) {

@@ -85,12 +85,11 @@ class LoopTuning {
   double rotor_inertia_kgm2_ = 1e-5;
   double inertia_kgm2_ = 1e-5;
   double bandwidth_hz_ = 24.0;  // Velocity_BW, before rounding: what kvp is kept to when the inertia changes
-  bool identified_ = false;
   drive::InertiaEstimate estimate_{};
-
-  std::uint8_t learning_ = 0;  // Auto_Tuning_Control as the estimator was begun with
-  std::uint32_t windows_ = 0;
+  std::uint32_t windows_ = 0;  // of the estimator, when it was asked last
   drive::InertiaEstimator estimator_{};
+  std::uint8_t learning_ = 0;  // Auto_Tuning_Control as the estimator was begun with
+  bool identified_ = false;
   bool recognising_ = false;
   bool analysing_ = false;
   drive::ResonanceAnalysis analysis_{};
