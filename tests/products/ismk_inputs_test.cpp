@@ -590,5 +590,27 @@ TEST(IsmkInputs, LimitAlarmOnlyAfterHoming) {
   }
 }
 
+// Homing means to meet the switch: no alarm, though home was known before.
+TEST(IsmkInputs, NoLimitAlarmWhileHoming) {
+  IsmkRig rig;
+  set(rig, 0x2010, 0x19, 0);
+  wire(rig, di1, true);
+  assign(rig, di1, 0x0020);
+  rig.run_ms(3);
+  home(rig);
+  set(rig, 0x6098, 0, 17);
+  ASSERT_TRUE(rig.enable());
+  rig.control(0x1F);
+  rig.run_ms(300);
+  ASSERT_LT(rpm(rig), -50.0);
+  wire(rig, di1, false);
+  EXPECT_EQ(rig.get(0x2602), 0);
+  EXPECT_EQ(state(rig), PowerState::operation_enabled);
+  rig.run_ms(200);
+  wire(rig, di1, true);
+  ASSERT_GE(rig.run_until([&] { return rig.device.drive().homed(); }, 3000.0), 0);
+  EXPECT_EQ(rig.get(0x2602), 0);
+}
+
 }  // namespace
 }  // namespace servodrome

@@ -166,6 +166,18 @@ void speed_limit(IsmkRig& rig) {
   set(rig, 0x6071, 0, -100);
   rig.run_ms(20);
   EXPECT_FALSE(out(rig));
+  // Only in torque mode: a position loop that wants to make up for an error faster is none.
+  rig.control(0x06);
+  rig.run_ms(1000);
+  set(rig, 0x6065, 0, 0x7FFFFFFF);
+  set(rig, 0x6081, 0, dec(500.0));
+  enable_in(rig, 1);
+  rig.plant.lock_rotor(true);
+  set(rig, 0x607A, 0, rig.get(0x6063) + 600000);
+  rig.control(0x1F);
+  rig.run_ms(400);
+  EXPECT_TRUE(rig.device.drive().loops().velocity_limited);
+  EXPECT_FALSE(out(rig));
 }
 
 void enabled(IsmkRig& rig) {
