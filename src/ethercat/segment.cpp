@@ -18,11 +18,11 @@ constexpr std::uint8_t locally_administered = 0x02;  // of the first byte of the
 }
 
 // What a frame meets that leaves `slave` by its port 1.
-Segment::Way Segment::way_behind(std::size_t slave) const {
+inline Segment::Way Segment::way_behind(std::size_t slave) const {
   if (slaves_[slave].esc->loop_closed(1)) return Way::turns;
   if (slave + 1 == slaves_.size()) return ring_cable_ ? Way::open : Way::ends;
-  const Slave& next = slaves_[slave + 1];
-  return next.cable && next.powered && !next.esc->loop_closed(0) ? Way::open : Way::ends;
+  const Esc& next = *slaves_[slave + 1].esc;
+  return next.link(0) && !next.loop_closed(0) ? Way::open : Way::ends;
 }
 
 // What a frame meets that leaves `slave` by its port 0.

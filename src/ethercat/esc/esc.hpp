@@ -120,8 +120,10 @@ class Esc {
     std::uint32_t length;
     std::uint16_t physical;
     std::uint8_t sync_manager;  // that holds all of it, or none
-    bool whole_buffer;          // it is all of a three-buffer channel in its direction
+    // If it is all of a three-buffer channel in its direction: its length. Else a length no datagram has.
+    std::uint32_t whole_buffer;
   };
+  static constexpr std::uint32_t no_whole_buffer = 0xFFFFFFFF;
   static constexpr std::uint8_t no_sync_manager = 0xFF;
 
   void execute(Datagram& datagram);
@@ -178,7 +180,8 @@ class Esc {
   std::array<Mapping, fmmus> writing_{};
   std::uint8_t reading_count_ = 0;
   std::uint8_t writing_count_ = 0;
-  bool whole_bytes_ = true;  // all FMMUs are, and no reading one touches a writing one's memory
+  // All FMMUs are of whole bytes, no reading one touches a writing one's memory, and nothing is write-protected.
+  bool whole_bytes_ = true;
 
   DistributedClock clock_;
   SiiInterface sii_;

@@ -206,7 +206,7 @@ bool Esc::write_mapped(const Mapping& mapping, const Datagram& datagram, std::ui
   if (part.length == 0) return false;
   const std::uint8_t* data = datagram.data + part.in_frame;
   const std::uint32_t address = mapping.physical + part.in_area;
-  if (mapping.sync_manager == no_sync_manager || memory_[reg::write_protection] != 0) {
+  if (mapping.sync_manager == no_sync_manager) {
     return write_memory(address, part.length, [data](std::uint32_t offset, std::uint8_t* bytes, std::uint32_t count) {
       std::memcpy(bytes, data + offset, count);
     });
@@ -232,32 +232,28 @@ void Esc::exchange_logical(Datagram& datagram, bool reads, bool writes) {
   bool written = false;
   bool read = false;
   if (writes) {
-    const bool unprotected = memory_[reg::write_protection] == 0;
-    for (unsigned i = 0; i < writing_count_; ++i) {
-      const Mapping& mapping = writing_[i];
-      const std::uint32_t ahead = mapping.logical - logical;
-      if (mapping.whole_buffer && unprotected && ahead < length && mapping.length <= length - ahead) {
-        const std::uint32_t place = sync_managers_[mapping.sync_manager].write_whole();
-        copy_few(&memory_[place], datagram.data + ahead, mapping.length);
-        written_by_master(mapping.sync_manager);
+    for (const Mapping *mapping = writing_.data(), *end = mapping + writing_count_; mapping != end; ++mapping) {
+      const std::uint32_t ahead = mapping->logical - logical;
+      if (std::uint64_t{ahead} + mapping->whole_buffer <= length) {
+        SyncManager& channel = sync_managers_[mapping->sync_manager];
+        copy_few(&memory_[channel.write_whole()], datagram.data + ahead, mapping->whole_buffer);
+        written_by_master(mapping->sync_manager);
         written = true;
       } else {
-        written |= write_mapped(mapping, datagram, logical, length);
+        written |= write_mapped(*mapping, datagram, logical, length);
       }
     }
   }
   if (reads) {
-    for (unsigned i = 0; i < reading_count_; ++i) {
-      const Mapping& mapping = reading_[i];
-      const std::uint32_t ahead = mapping.logical - logical;
-      if (mapping.whole_buffer && ahead < length && mapping.length <= length - ahead &&
-          sync_managers_[mapping.sync_manager].valid) {
-        const std::uint32_t place = sync_managers_[mapping.sync_manager].read_whole();
-        copy_few(datagram.data + ahead, &memory_[place], mapping.length);
-        read_by_master(mapping.sync_manager);
+    for (const Mapping *mapping = reading_.data(), *end = mapping + reading_count_; mapping != end; ++mapping) {
+      const std::uint32_t ahead = mapping->logical - logical;
+      SyncManager& channel = sync_managers_[mapping->sync_manager % sync_managers];
+      if (std::uint64_t{ahead} + mapping->whole_buffer <= length && channel.valid) {
+        copy_few(datagram.data + ahead, &memory_[channel.read_whole()], mapping->whole_buffer);
+        read_by_master(mapping->sync_manager);
         read = true;
       } else {
-        read |= read_mapped(mapping, datagram, logical, length);
+        read |= read_mapped(*mapping, datagram, logical, length);
       }
     }
   }
@@ -333,23 +329,24 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
 
 void Esc::configure_mappings() {
   reading_count_ = writing_count_ = 0;
-  whole_bytes_ = true;
+  whole_bytes_ = (memory_[reg::write_protection] & 1) == 0;
   // Highest first: where two read the same byte, the one with the lowest number has the last word.
   for (unsigned n = fmmus; n-- > 0;) {
     const Fmmu& fmmu = fmmus_[n];
     if (!fmmu.active) continue;
     whole_bytes_ = whole_bytes_ && fmmu.whole_bytes();
-    Mapping mapping{fmmu.logical, clipped(fmmu.logical, fmmu.length), fmmu.physical, no_sync_manager, false};
+    Mapping mapping{fmmu.logical, clipped(fmmu.logical, fmmu.length), fmmu.physical, no_sync_manager, no_whole_buffer};
     for (unsigned channel = 0; channel < sync_managers; ++channel) {
       if (!sync_managers_[channel].contains_user_area(fmmu.physical, fmmu.length)) continue;
       mapping.sync_manager = static_cast<std::uint8_t>(channel);
       break;
     }
     const auto whole = [&](bool master_writes) {
-      if (mapping.sync_manager == no_sync_manager || mapping.length != fmmu.length) return false;
+      if (mapping.sync_manager == no_sync_manager || mapping.length != fmmu.length) return no_whole_buffer;
       const SyncManager& channel = sync_managers_[mapping.sync_manager];
-      return channel.mode == SyncManager::Mode::buffered && channel.master_writes == master_writes &&
-             channel.start == fmmu.physical && channel.length == fmmu.length;
+      const bool is = channel.mode == SyncManager::Mode::buffered && channel.master_writes == master_writes &&
+                      channel.start == fmmu.physical && channel.length == fmmu.length;
+      return is ? mapping.length : no_whole_buffer;
     };
     if (fmmu.reads) {
       mapping.whole_buffer = whole(false);

@@ -263,6 +263,7 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
       registers_unlocked_ = frame_end_work_ = true;
       break;
     case reg::write_enable:
+      configure_mappings();
       if (!wrote(reg::write_enable)) break;
       memory_unlocked_ = frame_end_work_ = true;
       break;
