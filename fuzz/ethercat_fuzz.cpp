@@ -57,6 +57,25 @@ constexpr auto table = dictionary::make_table<[] {
 
 struct Events final : SlaveEvents {};
 
+// A file of 700 bytes, its name an F.
+struct Files final : FoeFiles {
+  FoeError open(std::string_view name, std::uint32_t, bool) override {
+    return name == "F" ? FoeError::none : FoeError::not_found;
+  }
+  FoeError read(std::uint32_t position, std::span<std::uint8_t> into, std::size_t& count) override {
+    if (position > content.size()) std::abort();
+    count = std::min(into.size(), content.size() - position);
+    std::copy_n(content.begin() + position, count, into.begin());
+    return FoeError::none;
+  }
+  FoeError write(std::uint32_t position, std::span<const std::uint8_t> data, bool) override {
+    if (position + data.size() > content.size()) return FoeError::disk_full;
+    std::copy(data.begin(), data.end(), content.begin() + position);
+    return FoeError::none;
+  }
+  std::array<std::uint8_t, 700> content{};
+};
+
 std::array<std::uint8_t, 128> sii_image() {
   std::array<std::uint8_t, 128> image{};
   image[0] = 0x08;
@@ -65,10 +84,14 @@ std::array<std::uint8_t, 128> sii_image() {
 }
 
 struct Device {
-  Device() { dictionary.load_defaults(dictionary::Area::all, 0); }
+  Device() {
+    dictionary.load_defaults(dictionary::Area::all, 0);
+    slave.set_files(&files);
+  }
 
   Objects objects;
   Events events;
+  Files files;
   Profile profile;
   std::array<std::uint8_t, 128> sii = sii_image();
   Esc esc{sii};

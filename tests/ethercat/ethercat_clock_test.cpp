@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cstdlib>
+#include <map>
 
 #include "esc_rig.hpp"
 
@@ -166,6 +167,44 @@ TEST(DcStartup, EverySlaveWithin100nsOfTheReference) {
       EXPECT_LE(line.get<std::uint32_t>(i, reg::system_time_difference) & 0x7FFFFFFF, 20U) << one.name;
     }
   }
+}
+
+TEST(DcStartup, Sync0OfAllSlavesAtTheSameTime) {
+  constexpr std::size_t slaves = 16;
+  Line line(slaves, 450ns);
+  for (std::size_t i = 0; i < slaves; ++i) {
+    line.escs[i]->clock().set_oscillator(static_cast<std::int32_t>(i % 2 == 0 ? 1 : -1) * 100'000, line.now);
+  }
+  DcMaster master(line);
+  master.start();
+  const std::uint64_t first = line.escs[0]->clock().system_time(line.now) + 5'000'000;
+  for (std::size_t i = 0; i < slaves; ++i) {
+    line.put<std::uint64_t>(i, reg::sync_start_time, first);
+    line.put<std::uint32_t>(i, reg::sync0_cycle, 1'000'000);
+    line.put<std::uint8_t>(i, reg::sync_activation, 3);
+  }
+  // The times of the pulses outside, by pulse.
+  std::map<std::uint64_t, std::vector<Time>> pulses;
+  for (int cycle = 0; cycle < 300; ++cycle) {
+    master.distribute();
+    const Time end = line.now + 1ms;
+    for (std::size_t i = 0; i < slaves; ++i) {
+      Esc& esc = *line.escs[i];
+      for (Time at = esc.next_deadline(line.now); at < end; at = esc.next_deadline(at)) {
+        if (esc.poll(at) == 1) pulses[esc.clock().sync(0).last].push_back(at);
+      }
+    }
+    line.now = end;
+  }
+  ASSERT_GE(pulses.size(), 290U);
+  Time widest{0};
+  for (const auto& [system, times] : pulses) {
+    if (times.size() < slaves) continue;  // at the edge of the last cycle
+    const auto [least, greatest] = std::minmax_element(times.begin(), times.end());
+    widest = std::max(widest, *greatest - *least);
+  }
+  EXPECT_LE(widest, 100ns);
+  std::printf("SYNC0 of %zu slaves within %lld ns\n", slaves, static_cast<long long>(widest.count()));
 }
 
 TEST(DcStartup, WithoutTheCompensationTheyDriftApart) {

@@ -179,6 +179,13 @@ TEST_F(Image, BootstrapMailbox) {
   EXPECT_EQ(Bytes(image.begin() + 40, image.begin() + 48), words({0x1000, 1024, 0x1400, 512}));
 }
 
+TEST_F(Image, FileAccess) {
+  profile.file_access = true;
+  write_sii_image(device_description(), profile, device_table, image);
+  EXPECT_EQ(load_u16(&image[2 * 0x1C]), 0x000C);
+  EXPECT_EQ(Parsed(image).of(30)[6], 1);
+}
+
 // Through the registers, as a master reads it.
 TEST_F(Image, ReadThroughTheController) {
   Esc esc(image, {.read = Time{0}, .write = Time{0}});

@@ -24,6 +24,7 @@ constexpr std::size_t version_word = 0x3F;
 constexpr std::size_t categories_word = 0x40;
 
 constexpr std::uint16_t protocol_coe = 0x0004;
+constexpr std::uint16_t protocol_foe = 0x0008;
 
 // Categories (ETG.1000.6 table 17).
 constexpr std::uint16_t category_strings = 10;
@@ -167,7 +168,8 @@ void put_general(Writer& writer, const SiiDescription& description, const Profil
   writer.u8(0);
   // CoE: SDO, SDO information, PDO assignment and configuration, complete access.
   writer.u8(0x0F | (profile.complete_access ? 0x20U : 0U));
-  writer.zeros(5);  // no FoE, EoE, SoE; DS402 channels and class are not used any more
+  writer.u8(profile.file_access ? 1U : 0U);
+  writer.zeros(4);  // no EoE, SoE; DS402 channels and class are not used any more
   writer.u8(0x08);  // identification by AL status code
   writer.u16(static_cast<std::uint16_t>(description.current_ma));
   writer.zeros(2);
@@ -263,7 +265,7 @@ std::size_t write_sii_image(const SiiDescription& description, const Profile& pr
   writer.go_to_word(mailbox_word);
   areas(profile.mailbox_out, profile.mailbox_in);
   writer.go_to_word(protocols_word);
-  writer.u16(protocol_coe);
+  writer.u16(protocol_coe | (profile.file_access ? protocol_foe : 0U));
   writer.go_to_word(size_word);
   writer.u16(static_cast<unsigned>(image.size() / 128 - 1));  // in KiBit, less one
   writer.go_to_word(version_word);

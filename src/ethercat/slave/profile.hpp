@@ -32,6 +32,7 @@ struct Profile {
   std::uint16_t greatest_outputs = 256;  // bytes of process data
   std::uint16_t greatest_inputs = 256;
 
+  bool file_access = false;  // FoE, as the SII image and the ESI file say; see Slave::set_files
   bool complete_access = true;
   // A mapped length other than the object's is taken: the object's low bits, or zeros above them.
   bool mapped_length_may_differ = false;

@@ -25,10 +25,7 @@ void Slave::start(Time now) {
   error_ = identifies_ = false;
   code_ = AlStatusCode::none;
   operational_until_ = never;
-  emergency_count_ = 0;
-  mailbox_.reset();
-  sdo_.reset();
-  information_.reset();
+  reset_mailbox();
   esc_.settle(~0U);
   report();
   set_sync_parameter(sync_parameter::types_supported, profile_.synchronisation);
@@ -70,6 +67,14 @@ void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, con
 
 // ---- Mailbox ----
 
+void Slave::reset_mailbox() {
+  mailbox_.reset();
+  sdo_.reset();
+  information_.reset();
+  foe_.reset();
+  emergency_count_ = 0;
+}
+
 void Slave::serve_mailbox() {
   mailbox_.follow_master();
   Message message;
@@ -92,14 +97,26 @@ void Slave::serve_mailbox() {
     }
     Mailbox::Request request;
     if (!mailbox_.receive(request)) return;
-    if (request.data.empty()) {
-      mailbox_.send_error(MailboxError::invalid_size);
-    } else if (request.type != MailboxType::coe) {
-      mailbox_.send_error(MailboxError::unsupported_protocol);
-    } else {
-      serve_coe(request, message);
-    }
+    serve(request, message);
     mailbox_.done();
+  }
+}
+
+void Slave::serve(const Mailbox::Request& request, Message& reply) {
+  const bool coe = request.type == MailboxType::coe && state_ != AlState::bootstrap;
+  const bool foe = request.type == MailboxType::foe && foe_.offered();
+  if (request.data.empty()) {
+    mailbox_.send_error(MailboxError::invalid_size);
+  } else if (coe) {
+    serve_coe(request, reply);
+  } else if (!foe) {
+    mailbox_.send_error(MailboxError::unsupported_protocol);
+  } else if (request.data.size() < FoeServer::least_request) {
+    mailbox_.send_error(MailboxError::size_too_short);
+  } else {
+    const std::size_t packet = esc_.sync_manager(Mailbox::out).length - mailbox_header_size - FoeServer::least_request;
+    foe_.receive(request.data, packet, reply);
+    if (reply.length != 0) mailbox_.send(reply);
   }
 }
 

@@ -3,6 +3,7 @@
 #include "dictionary/dictionary.hpp"
 #include "ethercat/esc/esc.hpp"
 #include "ethercat/slave/communication_objects.hpp"
+#include "ethercat/slave/foe_server.hpp"
 #include "ethercat/slave/mailbox.hpp"
 #include "ethercat/slave/process_image.hpp"
 #include "ethercat/slave/sdo_information.hpp"
@@ -37,6 +38,9 @@ class Slave final : dictionary::Listener {
  public:
   Slave(Esc& esc, dictionary::Dictionary& dictionary, const Profile& profile, SlaveEvents& events, SlaveMemory memory);
 
+  // Offers FoE. The files outlive the slave.
+  void set_files(FoeFiles* files) { foe_.set_files(files); }
+
   // After the controller's power-on. The dictionary holds its defaults or saved values.
   void start(Time now);
 
@@ -68,6 +72,8 @@ class Slave final : dictionary::Listener {
   // 1C32h sub-index 1.
   enum class SyncType : std::uint16_t { free_run = 0, sync_manager = 1, dc_sync0 = 2, dc_sync1 = 3 };
 
+  void reset_mailbox();
+
   // state_machine.cpp
   void al_control_written(Time now);
   AlStatusCode change_state(AlState to, Time now);
@@ -93,6 +99,7 @@ class Slave final : dictionary::Listener {
 
   // mailbox
   void serve_mailbox();
+  void serve(const Mailbox::Request& request, Message& reply);
   void serve_coe(const Mailbox::Request& request, Message& reply);
 
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
@@ -107,6 +114,7 @@ class Slave final : dictionary::Listener {
   Mailbox mailbox_;
   SdoServer sdo_;
   SdoInformation information_;
+  FoeServer foe_;
   ProcessImage outputs_;
   ProcessImage inputs_;
 

@@ -123,10 +123,7 @@ void Slave::enter(AlState to, AlStatusCode cause, Time now) {
   const AlState from = state_;
   state_ = to;
   if (to == AlState::init || from == AlState::init || from == AlState::bootstrap) {
-    mailbox_.reset();
-    sdo_.reset();
-    information_.reset();
-    emergency_count_ = 0;
+    reset_mailbox();
   }
   if (to == AlState::safe_operational && from == AlState::pre_operational) start_exchange();
   if (to != AlState::operational) esc_.stop_process_data_watchdog();
