@@ -27,7 +27,8 @@ inline std::uint32_t load_u32(const std::uint8_t* place) { return load<std::uint
 inline void store_u16(std::uint8_t* place, unsigned value) { store(place, static_cast<std::uint16_t>(value)); }
 inline void store_u32(std::uint8_t* place, std::uint32_t value) { store(place, value); }
 
-// memcpy for the few bytes a slave has in a process data frame: without a call, in two moves that may overlap.
+// memcpy for the few bytes a drive has in a process data frame: without a call, in two moves that may overlap.
+inline constexpr std::size_t most_few_bytes = 32;
 inline void copy_few(std::uint8_t* to, const std::uint8_t* from, std::size_t count) {
   struct Sixteen {
     std::uint64_t half[2];
@@ -38,9 +39,7 @@ inline void copy_few(std::uint8_t* to, const std::uint8_t* from, std::size_t cou
     store(to, first);
     store(to + count - sizeof(T), last);
   };
-  if (count > 32) {
-    std::memcpy(to, from, count);
-  } else if (count >= 16) {
+  if (count >= 16) {
     two(Sixteen{});
   } else if (count >= 8) {
     two(std::uint64_t{});

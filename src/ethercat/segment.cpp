@@ -8,6 +8,7 @@ struct Segment::Travel {
   Time time;
   std::size_t last = 0;  // slave the processing ended at
   Way end = Way::ends;   // how it went on there
+  bool executable = false;
   bool corrupted = false;
   bool destroyed = false;
   bool latches = false;
@@ -42,6 +43,7 @@ void Segment::pass_damaged(std::size_t slave, Travel& travel) {
   } else if (at.corrupts_next) {
     at.corrupts_next = false;
     travel.corrupted = true;
+    travel.executable = false;
     at.esc->count_invalid_frame(0);
     at.esc->count_processing_unit_error();
   } else if (travel.kind == FrameKind::malformed) {
@@ -54,21 +56,24 @@ void Segment::pass_damaged(std::size_t slave, Travel& travel) {
 void Segment::run_forward(std::size_t first, Travel& travel) {
   bool marks = false;
   unsigned effects = 0;
+  const std::size_t last = slaves_.size() - 1;
   for (std::size_t slave = first;; ++slave) {
     Slave& at = slaves_[slave];
+    Esc& esc = *at.esc;
     const Way way = way_behind(slave);  // before the frame itself changes it
-    const bool processes_only = at.esc->processes_only();
-    if (travel.kind == FrameKind::ethercat && !travel.corrupted && !at.corrupts_next) {
-      const unsigned effect = at.esc->process(travel.frame, travel.time);
+    marks |= esc.processes_only();
+    if (travel.executable && !at.corrupts_next) {
+      const unsigned effect = esc.process(travel.frame, travel.time);
       effects |= effect;
-      if ((effect & Esc::effect_receive_times) != 0) at.esc->latch_port_time(0, travel.time);
+      if ((effect & Esc::effect_receive_times) != 0) esc.latch_port_time(0, travel.time);
     } else {
       pass_damaged(slave, travel);
     }
-    marks |= processes_only;
-    travel.last = slave;
-    travel.end = way;
-    if (way != Way::open || travel.destroyed || slave + 1 == slaves_.size()) break;
+    if (way != Way::open || travel.destroyed || slave == last) {
+      travel.last = slave;
+      travel.end = way;
+      break;
+    }
     travel.time += slaves_[slave + 1].forward;
   }
   travel.latches = (effects & Esc::effect_receive_times) != 0;
@@ -91,6 +96,7 @@ Segment::Passage Segment::process(std::span<std::uint8_t> bytes, Time now, Port 
   travel.time = now;
   const bool whole = encapsulation == Encapsulation::ethernet;
   travel.kind = whole ? parse_ethernet(bytes, travel.frame) : parse_payload(bytes, travel.frame);
+  travel.executable = travel.kind == FrameKind::ethercat;
   if (slaves_.empty()) return {};
 
   if (entry == Port::primary) {

@@ -302,6 +302,63 @@ TEST(Fmmus, BitsAgainstAModel) {
   }
 }
 
+// The short ways for whole bytes and whole buffers against the general one, which an FMMU of single bits elsewhere
+// calls for: the same settings, the same frames, the same answers and memory.
+TEST(Fmmus, EveryWayGivesTheSame) {
+  std::uint32_t seed = 11;
+  const auto random = [&seed](std::uint32_t n) {
+    seed = seed * 1664525U + 1013904223U;
+    return (seed >> 10) % n;
+  };
+  unsigned counted = 0;
+  for (int round = 0; round < 300; ++round) {
+    Line lines[2]{Line(1), Line(1)};
+    const unsigned outputs = 1 + random(40);
+    const unsigned inputs = 1 + random(40);
+    const unsigned out_at = random(64);
+    const unsigned in_at = random(64);
+    const unsigned cut = random(3) == 0 ? random(outputs) : 0;  // an FMMU of a part of its channel
+    for (Line& line : lines) {
+      line.set_sync_manager(0, 2, 0x1100, outputs, 0x64);
+      line.set_sync_manager(0, 3, 0x1300, inputs, 0x20);
+      line.set_fmmu(0, 0, 0x1000 + out_at, outputs - cut, 0x1100, 2);
+      line.set_fmmu(0, 1, 0x1000 + in_at, inputs, 0x1300, 1);
+    }
+    lines[1].set_fmmu(0, 2, 0x9000, 1, 0x1F00, 1, 0, 0);
+    for (int frame = 0; frame < 40; ++frame) {
+      const Command command = std::array{Command::lrw, Command::lrw, Command::lrd, Command::lwr}[random(4)];
+      const std::uint32_t address = random(4) == 0 ? 0x1000 + random(100) : 0x1000;
+      const Bytes data = counting(1 + random(random(4) == 0 ? 30 : 130), static_cast<std::uint8_t>(random(256)));
+      const bool writes_inputs = random(3) != 0;
+      const bool reads_outputs = random(3) == 0;
+      const auto value = static_cast<std::uint8_t>(random(256));
+      Answer answers[2];
+      Bytes taken[2];
+      for (int i = 0; i < 2; ++i) {
+        Esc& esc = *lines[i].escs[0];
+        if (writes_inputs) {
+          const auto buffer = esc.open_for_writing(3);
+          std::fill(buffer.begin(), buffer.end(), value);
+          esc.close_writing(3);
+        }
+        answers[i] = lines[i].send(command, address, data);
+        if (reads_outputs) {
+          const auto buffer = esc.open_for_reading(2);
+          taken[i].assign(buffer.begin(), buffer.end());
+          esc.close_reading(2);
+        }
+      }
+      ASSERT_EQ(answers[0].data, answers[1].data) << round;
+      ASSERT_EQ(answers[0].counter, answers[1].counter) << round;
+      ASSERT_EQ(taken[0], taken[1]) << round;
+      ASSERT_EQ(lines[0].escs[0]->attention(), lines[1].escs[0]->attention());
+      ASSERT_EQ(lines[0].read(0, 0x0810, 16).data, lines[1].read(0, 0x0810, 16).data);
+      counted += answers[0].counter;
+    }
+  }
+  EXPECT_GT(counted, 10000U);
+}
+
 TEST(Fmmus, ReadsRegistersToo) {
   Line line(1);
   line.set_sync_manager(0, 1, 0x1080, 8, 0x22);

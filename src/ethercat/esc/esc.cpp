@@ -43,6 +43,9 @@ void Esc::execute(Datagram& datagram) {
       break;
     case Command::bwr: pass(), exchange(datagram, false, true, false); break;
     case Command::brw: pass(), exchange(datagram, true, true, true); break;
+    case Command::lrw:
+      if (!one_buffer_each_ || !exchange_buffers(datagram)) exchange_logical(datagram, true, true);
+      break;
     case Command::lrd: exchange_logical(datagram, true, false); break;
     case Command::lwr: exchange_logical(datagram, false, true); break;
     case Command::armw: {
@@ -65,11 +68,7 @@ unsigned Esc::process(Frame& frame, Time now) {
   effects_ = 0;
   const std::uint16_t event_mask = load_u16(&memory_[reg::ecat_event_mask]);
   for (Datagram& datagram : frame.datagrams()) {
-    if (datagram.command == Command::lrw) {  // nearly all there is to do in operation
-      exchange_logical(datagram, true, true);
-    } else {
-      execute(datagram);
-    }
+    execute(datagram);
     if (event_mask != 0) datagram.raise_interrupt(ecat_event_request() & event_mask);
   }
   if (frame_end_work_) end_frame();

@@ -120,10 +120,7 @@ class Esc {
     std::uint32_t length;
     std::uint16_t physical;
     std::uint8_t sync_manager;  // that holds all of it, or none
-    // If it is all of a three-buffer channel in its direction: its length. Else a length no datagram has.
-    std::uint32_t whole_buffer;
   };
-  static constexpr std::uint32_t no_whole_buffer = 0xFFFFFFFF;
   static constexpr std::uint8_t no_sync_manager = 0xFF;
 
   void execute(Datagram& datagram);
@@ -131,6 +128,7 @@ class Esc {
   void exchange(Datagram& datagram, bool reads, bool writes, bool combines);
   void exchange_logical(Datagram& datagram, bool reads, bool writes);
   bool combine_plain_registers(Datagram& datagram);
+  bool exchange_buffers(Datagram& datagram);
   void exchange_bits(Datagram& datagram, bool reads, bool writes);
   bool read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
   bool write_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
@@ -182,6 +180,8 @@ class Esc {
   std::uint8_t writing_count_ = 0;
   // All FMMUs are of whole bytes, no reading one touches a writing one's memory, and nothing is write-protected.
   bool whole_bytes_ = true;
+  // There is one of each, and they are a whole three-buffer channel of few bytes: what most slaves are in operation.
+  bool one_buffer_each_ = false;
 
   DistributedClock clock_;
   SiiInterface sii_;

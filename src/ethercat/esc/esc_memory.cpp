@@ -220,6 +220,27 @@ bool Esc::write_mapped(const Mapping& mapping, const Datagram& datagram, std::ui
   return true;
 }
 
+// An LRW of a slave with one buffer in each direction, both of them all within the datagram. False: it is not so
+// simple, and nothing was done.
+bool Esc::exchange_buffers(Datagram& datagram) {
+  const Mapping& writing = writing_[0];
+  const Mapping& reading = reading_[0];
+  const std::uint32_t logical = datagram.logical();
+  const std::uint32_t out = writing.logical - logical;
+  const std::uint32_t in = reading.logical - logical;
+  if (std::uint64_t{out} + writing.length > datagram.length) return false;
+  if (std::uint64_t{in} + reading.length > datagram.length) return false;
+  SyncManager& outputs = sync_managers_[writing.sync_manager];
+  SyncManager& inputs = sync_managers_[reading.sync_manager];
+  if (!inputs.valid) return false;
+  copy_few(&memory_[outputs.write_whole()], datagram.data + out, writing.length);
+  written_by_master(writing.sync_manager);
+  copy_few(datagram.data + in, &memory_[inputs.read_whole()], reading.length);
+  read_by_master(reading.sync_manager);
+  datagram.count(gain(true, true, true));
+  return true;
+}
+
 void Esc::exchange_logical(Datagram& datagram, bool reads, bool writes) {
   if (!whole_bytes_) {
     exchange_bits(datagram, reads, writes);
@@ -232,30 +253,10 @@ void Esc::exchange_logical(Datagram& datagram, bool reads, bool writes) {
   bool written = false;
   bool read = false;
   if (writes) {
-    for (const Mapping *mapping = writing_.data(), *end = mapping + writing_count_; mapping != end; ++mapping) {
-      const std::uint32_t ahead = mapping->logical - logical;
-      if (std::uint64_t{ahead} + mapping->whole_buffer <= length) {
-        SyncManager& channel = sync_managers_[mapping->sync_manager];
-        copy_few(&memory_[channel.write_whole()], datagram.data + ahead, mapping->whole_buffer);
-        written_by_master(mapping->sync_manager);
-        written = true;
-      } else {
-        written |= write_mapped(*mapping, datagram, logical, length);
-      }
-    }
+    for (unsigned i = 0; i < writing_count_; ++i) written |= write_mapped(writing_[i], datagram, logical, length);
   }
   if (reads) {
-    for (const Mapping *mapping = reading_.data(), *end = mapping + reading_count_; mapping != end; ++mapping) {
-      const std::uint32_t ahead = mapping->logical - logical;
-      SyncManager& channel = sync_managers_[mapping->sync_manager % sync_managers];
-      if (std::uint64_t{ahead} + mapping->whole_buffer <= length && channel.valid) {
-        copy_few(datagram.data + ahead, &memory_[channel.read_whole()], mapping->whole_buffer);
-        read_by_master(mapping->sync_manager);
-        read = true;
-      } else {
-        read |= read_mapped(*mapping, datagram, logical, length);
-      }
-    }
+    for (unsigned i = 0; i < reading_count_; ++i) read |= read_mapped(reading_[i], datagram, logical, length);
   }
   datagram.count(gain(read, written, reads && writes));
 }
@@ -335,27 +336,14 @@ void Esc::configure_mappings() {
     const Fmmu& fmmu = fmmus_[n];
     if (!fmmu.active) continue;
     whole_bytes_ = whole_bytes_ && fmmu.whole_bytes();
-    Mapping mapping{fmmu.logical, clipped(fmmu.logical, fmmu.length), fmmu.physical, no_sync_manager, no_whole_buffer};
+    Mapping mapping{fmmu.logical, clipped(fmmu.logical, fmmu.length), fmmu.physical, no_sync_manager};
     for (unsigned channel = 0; channel < sync_managers; ++channel) {
       if (!sync_managers_[channel].contains_user_area(fmmu.physical, fmmu.length)) continue;
       mapping.sync_manager = static_cast<std::uint8_t>(channel);
       break;
     }
-    const auto whole = [&](bool master_writes) {
-      if (mapping.sync_manager == no_sync_manager || mapping.length != fmmu.length) return no_whole_buffer;
-      const SyncManager& channel = sync_managers_[mapping.sync_manager];
-      const bool is = channel.mode == SyncManager::Mode::buffered && channel.master_writes == master_writes &&
-                      channel.start == fmmu.physical && channel.length == fmmu.length;
-      return is ? mapping.length : no_whole_buffer;
-    };
-    if (fmmu.reads) {
-      mapping.whole_buffer = whole(false);
-      reading_[reading_count_++] = mapping;
-    }
-    if (fmmu.writes) {
-      mapping.whole_buffer = whole(true);
-      writing_[writing_count_++] = mapping;
-    }
+    if (fmmu.reads) reading_[reading_count_++] = mapping;
+    if (fmmu.writes) writing_[writing_count_++] = mapping;
   }
   for (unsigned r = 0; r < reading_count_; ++r) {
     for (unsigned w = 0; w < writing_count_; ++w) {
@@ -364,6 +352,14 @@ void Esc::configure_mappings() {
       if (overlap(reading.physical, reading.length, writing.physical, writing.length).length != 0) whole_bytes_ = false;
     }
   }
+  const auto is_buffer = [this](const Mapping& mapping, bool master_writes) {
+    if (mapping.sync_manager == no_sync_manager || mapping.length > most_few_bytes) return false;
+    const SyncManager& channel = sync_managers_[mapping.sync_manager];
+    return channel.mode == SyncManager::Mode::buffered && channel.master_writes == master_writes &&
+           channel.start == mapping.physical && channel.length == mapping.length;
+  };
+  one_buffer_each_ = whole_bytes_ && writing_count_ == 1 && reading_count_ == 1 && is_buffer(writing_[0], true) &&
+                     is_buffer(reading_[0], false);
 }
 
 }  // namespace servodrome::ethercat
