@@ -135,7 +135,7 @@ struct Machine {
   void wait(Time span) {
     for (const Time end = now + span; now < end;) {
       Time next = end;
-      for (const Device& device : devices) next = std::min(next, device.slave.next_deadline(now));
+      for (Device& device : devices) next = std::min(next, device.slave.next_deadline(now));
       now = std::max(next, now + Time{1});
       poll();
     }

@@ -324,6 +324,17 @@ TEST_F(SyncUnit, ALateCallerGetsOnePulseAndTheCount) {
   EXPECT_EQ(esc.clock().sync(0).count, 6U);
 }
 
+TEST_F(SyncUnit, TheDeadlineFollowsTheClock) {
+  activate(system() + 1'000'000, 1'000'000, 0, 0x03);
+  const Time before = esc.next_deadline(line.now);
+  line.put<std::uint64_t>(0, reg::system_time_offset, 100'000);
+  EXPECT_EQ(esc.next_deadline(line.now), before - 100us);
+  esc.clock().set_oscillator(100'000, line.now);
+  EXPECT_LT(esc.next_deadline(line.now), before - 100us);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0);
+  EXPECT_EQ(esc.next_deadline(line.now), never);
+}
+
 TEST_F(SyncUnit, AbsurdCyclesDoNotTakeTheProcessor) {
   activate(system() + 1000, 1, 0, 0x03);
   EXPECT_LE(pulses(10ms).size(), 1000U);

@@ -52,6 +52,7 @@ void DistributedClock::anchor(Time now) {
   phase_ += phase_ > 0 ? -done : done;
   anchor_local_ = local;
   anchor_ = now;
+  next_known_ = false;
 }
 
 void DistributedClock::set_oscillator(std::int32_t error_ppb, Time now) {
@@ -167,7 +168,10 @@ bool DistributedClock::start_sync(const SyncSettings& settings, Time now) {
   return plausible;
 }
 
-void DistributedClock::stop_sync() { sync_ = {}; }
+void DistributedClock::stop_sync() {
+  sync_ = {};
+  next_known_ = false;
+}
 
 bool DistributedClock::sync_level(unsigned n, Time now) const {
   const Sync& sync = sync_[n];
@@ -176,6 +180,8 @@ bool DistributedClock::sync_level(unsigned n, Time now) const {
 }
 
 unsigned DistributedClock::poll_sync(Time now) {
+  if (now < next_sync(now)) return 0;
+  next_known_ = false;
   unsigned fired = 0;
   for (unsigned n = 0; n < sync_.size(); ++n) {
     Sync& sync = sync_[n];
@@ -195,7 +201,8 @@ unsigned DistributedClock::poll_sync(Time now) {
   return fired;
 }
 
-Time DistributedClock::next_sync(Time now) const {
+Time DistributedClock::next_sync(Time now) {
+  if (next_known_) return next_;
   Time next = never;
   for (const Sync& sync : sync_) {
     if (!sync.pending) continue;
@@ -203,6 +210,8 @@ Time DistributedClock::next_sync(Time now) const {
     const std::uint64_t soonest = sync.count == 0 ? sync.next : std::max(sync.next, sync.last + closest_deadlines);
     next = std::min(next, when(soonest, now));
   }
+  next_ = next;
+  next_known_ = true;
   return next;
 }
 

@@ -31,7 +31,10 @@ class DistributedClock {
   // The earliest time at which the system time has reached `system`; `now` when it has already.
   Time when(std::uint64_t system, Time now) const;
 
-  void set_offset(std::uint64_t offset) { offset_ = offset; }
+  void set_offset(std::uint64_t offset) {
+    offset_ = offset;
+    next_known_ = false;
+  }
   std::uint64_t offset() const { return offset_; }
   void set_delay(std::uint32_t delay) { delay_ = delay; }
 
@@ -77,7 +80,7 @@ class DistributedClock {
   // Makes the pulses that are due. Returns bit n for SYNCn.
   unsigned poll_sync(Time now);
   // When to poll next. Pulses closer than 10 us are polled together.
-  Time next_sync(Time now) const;
+  Time next_sync(Time now);
 
  private:
   void anchor(Time now);
@@ -103,6 +106,8 @@ class DistributedClock {
 
   std::array<Sync, 2> sync_{};
   std::uint64_t pulse_length_ = 0;
+  Time next_{0};  // of both, in the caller's time
+  bool next_known_ = false;
 };
 
 }  // namespace servodrome::ethercat

@@ -244,7 +244,7 @@ unsigned Esc::poll(Time now) {
   return fired;
 }
 
-Time Esc::next_deadline(Time now) const {
+Time Esc::next_deadline(Time now) {
   const Time watchdogs = std::min(process_data_watchdog_.deadline(), pdi_watchdog_.deadline());
   return std::min({watchdogs, dl_control_until_, clock_.next_sync(now)});
 }

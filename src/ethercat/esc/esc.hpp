@@ -97,7 +97,7 @@ class Esc {
 
   // Pulses, watchdogs and delays that are due; no later than `next_deadline`. Returns bit n for SYNCn.
   unsigned poll(Time now);
-  Time next_deadline(Time now) const;
+  Time next_deadline(Time now);
 
   // The bytes of a register as they are now, for the application and for tests.
   std::uint8_t read_byte(std::uint16_t address, Time now);

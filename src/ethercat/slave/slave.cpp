@@ -57,7 +57,7 @@ void Slave::poll(Time now) {
   if (mailbox_runs()) serve_mailbox();
 }
 
-Time Slave::next_deadline(Time now) const { return std::min(esc_.next_deadline(now), operational_until_); }
+Time Slave::next_deadline(Time now) { return std::min(esc_.next_deadline(now), operational_until_); }
 
 void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {
   if (!mailbox_runs() || emergency_count_ == emergencies_.size()) return;

@@ -48,7 +48,7 @@ class Slave final : dictionary::Listener {
   void poll(Time now);
   // Is there anything for `poll` to do since a frame passed? For a caller with many slaves.
   bool wants_poll() const { return esc_.attention() != 0; }
-  Time next_deadline(Time now) const;
+  Time next_deadline(Time now);
 
   // The objects have new values: they go into the inputs in free run, where no signal of the bus asks for them.
   void process_image_updated();
