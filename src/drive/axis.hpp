@@ -107,6 +107,9 @@ struct Configuration {
   double torque_mode_velocity_positive = 0.0;      // counts/s, 0: the motor's greatest speed
   double torque_mode_velocity_negative = 0.0;
   SpeedWindows speed_windows{};
+  // In profile position, from target reached to the next motion, this direct current holds the motor in place of the
+  // position loop. A amplitude; 0: the position loop does.
+  float standstill_current_a = 0.0F;
   std::uint32_t smoothing_ms = 0;    // moving average of the demand in the profile modes; 0: none
   float homing_torque_limit = 0.0F;  // fraction of rated torque; 0: the drive's
   Counts homing_blind_window = 0;    // an index so close behind the switch is not taken for home

@@ -276,6 +276,7 @@ void Drive::cycle(const Feedback& feedback) {
     axis_.raised = Cause::none;
   }
   smooth_demand();
+  hold_by_current();
   set_limits();
   write_actuation();
   // A motor in short circuit is out of the loops' reach; they must not wind up against it.
@@ -387,6 +388,17 @@ void Drive::limit_switches(Counts before) {
     axis_.follow_generator(axis_.demand.loop);
   }
   with_mode(*this, [&](auto& mode) { mode.interrupt(axis_); });
+}
+
+// A stepper's way of holding, for products that have it: nothing hunts at standstill.
+void Drive::hold_by_current() {
+  const float current_a = axis_.configuration.standstill_current_a;
+  const bool may = current_a > 0.0F && mode_ == Mode::profile_position && state_ == PowerState::operation_enabled &&
+                   stage_ == Stage::on && !stopping_ && !pending_.active && axis_.generator.standing();
+  held_by_current_ = may && (held_by_current_ || (axis_.objects.statusword & statusword::target_reached) != 0);
+  if (!held_by_current_) return;
+  axis_.demand.loop = Loop::locked;
+  axis_.demand.lock_current_a = current_a;
 }
 
 // The moving average of the demand in the modes that have a profile.

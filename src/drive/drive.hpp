@@ -162,6 +162,7 @@ class Drive final : public dictionary::Listener {
   void limit_switches(Counts before);
   void finish_identification();
   void smooth_demand();
+  void hold_by_current();
   void set_limits();
   void write_actuation();
   std::uint32_t status_sources() const;
@@ -201,7 +202,8 @@ class Drive final : public dictionary::Listener {
   PendingTransition pending_{};
   bool stopping_ = false;  // the generator runs a stop instead of the mode
   bool halted_ = false;
-  bool limit_stop_ = false;        // a limit switch is the reason of the stop
+  bool limit_stop_ = false;  // a limit switch is the reason of the stop
+  bool held_by_current_ = false;
   bool releasing_torque_ = false;  // the stop's first part: the torque of profile torque mode goes to zero
   Stop stop_ = Stop::power_off;
   Loop stop_loop_ = Loop::position;

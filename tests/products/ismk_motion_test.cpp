@@ -366,6 +366,44 @@ TEST(IsmkTorque, SpeedIsLimitedBy607F) {
   EXPECT_NEAR(rpm(rig), 800.0, 40.0);
 }
 
+// --- Step stop (L1555-1562)
+
+// A load turns a shaft that a direct current holds by asin(load / greatest torque), electrically, and no controller
+// takes that back; with the position loop it does.
+TEST(IsmkStepStop, HoldsAtTheTargetAsAStepperDoes) {
+  for (const bool step_stop : {true, false}) {
+    plant::Parameters parameters = test::ismk_plant();
+    parameters.load.coulomb_friction_nm = parameters.load.static_friction_nm = 0.0;
+    parameters.load.viscous_friction_nms = 0.01;
+    Enabled rig(1, parameters);
+    const drive::MotorData& motor = rig.device.drive().configuration().motor;
+    rig.set(0x2340, 1, step_stop ? 1 : 0);
+    rig.set(0x2340, 2, 400);
+    rig.profile(600, 100);
+    rig.move_ms(65536);
+    rig.run_ms(100);
+    ASSERT_TRUE((rig.status() & target_reached) != 0);
+    ASSERT_NEAR(static_cast<double>(position(rig)), 65536.0, 20.0);
+
+    const double most = 400.0 / 2048.0 * static_cast<double>(motor.peak_current_a * motor.torque_constant_nm_per_a);
+    rig.plant.set_external_torque_nm(0.5 * most);
+    rig.run_ms(500);
+    const double turned = static_cast<double>(65536 - position(rig)) / 65536.0 * motor.pole_pairs * 360.0;
+    if (step_stop) {
+      EXPECT_NEAR(std::abs(turned), 30.0, 0.5) << "electrical degrees: asin 0.5";
+      EXPECT_EQ(rig.device.drive().loops().following_error_counts, 0);
+    } else {
+      EXPECT_NEAR(turned, 0.0, 0.5);
+    }
+    rig.plant.set_external_torque_nm(0.0);
+    rig.run_ms(500);
+    EXPECT_NEAR(static_cast<double>(position(rig)), 65536.0, 20.0) << "the direction of the current stood still";
+    rig.move_ms(0);
+    rig.run_ms(100);
+    EXPECT_NEAR(static_cast<double>(position(rig)), 0.0, 20.0);
+  }
+}
+
 // Mode -4 of a drive without pulse terminals: enabled, and nothing moves (C2).
 TEST(IsmkPulse, StandsWhateverTheTargets) {
   Enabled rig(-4);

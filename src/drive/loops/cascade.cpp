@@ -172,6 +172,7 @@ void Cascade::disable() {
 }
 
 void Cascade::clear_controllers() {
+  locked_ = false;
   position_velocity_ = 0.0F;
   position_error_ = 0.0F;
   integral_ = 0.0F;
@@ -202,7 +203,8 @@ void Cascade::set_demand(const LoopDemand& demand) {
   if (demand.loop == previous) return;
   // The torque goes on where it is: the velocity controller's integral takes over what the torque loop gave, while the
   // torque loop's speed limiter starts from nothing.
-  if (demand.loop == Loop::off || previous == Loop::off) clear_controllers();
+  const auto has_controllers = [](Loop loop) { return loop != Loop::off && loop != Loop::locked; };
+  if (!has_controllers(demand.loop) || !has_controllers(previous)) clear_controllers();
   feed_forward_ = feed_forward;
   if (demand.loop == Loop::torque) {
     integral_ = 0.0F;
@@ -223,7 +225,7 @@ void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
   const bool active = enabled_ && demand_.loop != Loop::off;
   if ((tick & velocity_mask_) == 0) {
     measure_velocity(feedback.position_counts);
-    if (active) {
+    if (active && demand_.loop != Loop::locked) {
       if (demand_.loop == Loop::position && (tick & position_mask_) == 0) run_position_loop(feedback.position_counts);
       run_velocity_loop(feedback.position_counts);
     }
@@ -241,8 +243,14 @@ void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
     state_.mean_torque = torque_sum_ * per_position_cycle_;
     torque_sum_ = 0.0F;
   }
-  if (active) {
-    run_current_loop(current, angle, feedback.dc_link_v, actuation);
+  if (active && demand_.loop == Loop::locked) [[unlikely]] {
+    run_locked(feedback, phase, actuation);
+  } else if (active) {
+    // The voltage acts until the next sample: turn it to where the rotor is half-way there.
+    const SinCos ahead{angle.sine * half_tick_.cosine + angle.cosine * half_tick_.sine,
+                       angle.cosine * half_tick_.cosine - angle.sine * half_tick_.sine};
+    run_current_loop(current, {0.0F, current_reference_a_}, electrical_rad_per_s_, ahead, feedback.dc_link_v,
+                     actuation);
   } else {
     actuation.phase_voltage_v = {};
   }
@@ -378,13 +386,21 @@ float Cascade::torque_controller() {
   return torque;
 }
 
-void Cascade::run_current_loop(DirectQuadrature current, SinCos angle, float dc_link_v, Actuation& actuation) {
-  const float error_d = -current.d;
-  const float error_q = current_reference_a_ - current.q;
-  const float speed = electrical_rad_per_s_;
-  const float wanted_d = direct_.kp * error_d + direct_.integral_v - speed * quadrature_.inductance_h * current.q;
-  const float wanted_q =
-      quadrature_.kp * error_q + quadrature_.integral_v + speed * (direct_.inductance_h * current.d + flux_linkage_vs_);
+void Cascade::run_locked(const Feedback& feedback, std::uint32_t phase, Actuation& actuation) {
+  if (!locked_) lock_phase_ = phase;
+  locked_ = true;
+  const SinCos angle = sin_cos_turns(static_cast<float>(lock_phase_ >> 8) * (1.0F / 16777216.0F));
+  run_current_loop(to_rotor_frame(feedback.phase_current_a, angle), {demand_.lock_current_a, 0.0F}, 0.0F, angle,
+                   feedback.dc_link_v, actuation);
+}
+
+void Cascade::run_current_loop(DirectQuadrature current, DirectQuadrature reference, float rad_per_s, SinCos angle,
+                               float dc_link_v, Actuation& actuation) {
+  const float error_d = reference.d - current.d;
+  const float error_q = reference.q - current.q;
+  const float wanted_d = direct_.kp * error_d + direct_.integral_v - rad_per_s * quadrature_.inductance_h * current.q;
+  const float wanted_q = quadrature_.kp * error_q + quadrature_.integral_v +
+                         rad_per_s * (direct_.inductance_h * current.d + flux_linkage_vs_);
 
   // A sinusoidal phase voltage of up to 1/sqrt(3) of the DC link; d first, which keeps the field where it belongs.
   const float available = dc_link_v * one_over_sqrt3;
@@ -398,10 +414,7 @@ void Cascade::run_current_loop(DirectQuadrature current, SinCos angle, float dc_
   direct_.integral_v += direct_.ki * error_d + direct_.back_calculation * (voltage.d - wanted_d);
   quadrature_.integral_v += quadrature_.ki * error_q + quadrature_.back_calculation * (voltage.q - wanted_q);
 
-  // The voltage acts until the next sample: turn it to where the rotor is half-way there.
-  const SinCos ahead{angle.sine * half_tick_.cosine + angle.cosine * half_tick_.sine,
-                     angle.cosine * half_tick_.cosine - angle.sine * half_tick_.sine};
-  actuation.phase_voltage_v = to_phases(voltage, ahead);
+  actuation.phase_voltage_v = to_phases(voltage, angle);
 }
 
 }  // namespace servodrome::drive

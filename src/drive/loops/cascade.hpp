@@ -16,7 +16,8 @@ namespace servodrome::drive {
 
 class ResonanceAnalysis;
 
-enum class Loop : std::uint8_t { off, torque, velocity, position };
+// locked: a direct current in the direction that the rotor has now holds it, as a stepper motor's does.
+enum class Loop : std::uint8_t { off, torque, velocity, position, locked };
 
 // What the mode of operation asks for, set once per position-loop cycle and held until the next.
 // Torques are fractions of the motor's rated torque; velocities counts/s.
@@ -27,6 +28,7 @@ struct LoopDemand {
   float velocity = 0.0F;           // the reference of the velocity loop; feed-forward of the position loop
   float acceleration = 0.0F;       // counts/s^2: becomes torque by the motor data's inertia (not in the torque loop)
   float torque = 0.0F;             // the reference of the torque loop; feed-forward of the others
+  float lock_current_a = 0.0F;     // amplitude, of the locked loop
   float torque_limit_positive = 0.0F;  // >= 0
   float torque_limit_negative = 0.0F;  // >= 0
   // >= 0. Position and velocity loop clip the velocity reference to it. The torque loop takes torque back, and brakes,
@@ -102,7 +104,10 @@ class Cascade {
   void hand_over(float proportional_before);
   float velocity_controller();
   float torque_controller();
-  void run_current_loop(DirectQuadrature current, SinCos angle, float dc_link_v, Actuation& actuation);
+  void run_locked(const Feedback& feedback, std::uint32_t phase, Actuation& actuation);
+  // In a frame that turns with `rad_per_s`; the voltage is applied at `angle` of that frame.
+  void run_current_loop(DirectQuadrature current, DirectQuadrature reference, float rad_per_s, SinCos angle,
+                        float dc_link_v, Actuation& actuation);
 
   // One axis of the current loop: a discrete PI whose zero lies on the winding's pole.
   struct CurrentController {
@@ -116,11 +121,13 @@ class Cascade {
   // Running state
   std::uint32_t tick_ = 0;
   bool enabled_ = false;
-  bool measuring_ = false;      // edge_position_ is valid
-  std::uint8_t notch_end_ = 0;  // behind the last notch that is on
-  bool moved_ = false;          // the encoder counted in the last velocity period
-  Counts edge_position_ = 0;    // the edge of a count last crossed
-  float torque_sum_ = 0.0F;     // of the measured torque in this position-loop cycle
+  bool locked_ = false;
+  std::uint32_t lock_phase_ = 0;  // 2^-32 turns: the electrical angle of the locked current
+  bool measuring_ = false;        // edge_position_ is valid
+  std::uint8_t notch_end_ = 0;    // behind the last notch that is on
+  bool moved_ = false;            // the encoder counted in the last velocity period
+  Counts edge_position_ = 0;      // the edge of a count last crossed
+  float torque_sum_ = 0.0F;       // of the measured torque in this position-loop cycle
   LowPass velocity_filter_;
   LowPass torque_filter_;
   LowPass command_filter_;  // applied only with command_filter_on_

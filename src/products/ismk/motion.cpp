@@ -68,6 +68,11 @@ void MotionControl::configure(const Objects& objects, drive::Configuration& conf
                                  .reached_counts_per_s = own.target_speed_window / velocity_dec_per_inc_s,
                                  .zero_counts_per_ms = objects.io.zero_speed_window_inc_per_ms,
                                  .zero_ms = own.zero_speed_time_ms};
+  // The text has "disables" for both values (L1560-1561): 1 is taken for enabling.
+  if (own.step_stop_mode != 0) {
+    const auto share = static_cast<float>(std::abs(own.step_stop_current / peak_current_dec));
+    configuration.standstill_current_a = std::min(share, 1.0F) * motor.peak_current_a;
+  }
   configuration.smoothing_ms = own.smoothing_ms;
   configuration.locks_to_sync = own.sync_clock_mode != 0;
   const double top_speed = objects.drive.max_profile_velocity / velocity_dec_per_inc_s;
