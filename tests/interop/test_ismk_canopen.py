@@ -219,6 +219,37 @@ def test_torque_of_two_sizes(drives):
         drive.command(0x06, "Ready")
 
 
+def test_tables_by_inputs(drive):
+    """5.2.3 and 5.4.3 (L1184-1216, L1315-1363): inputs choose what 2020h holds; the bus only enables."""
+
+    def inputs(first, second):
+        drive.bench.put(f"axes/{drive.name}/inputs", {"DI0": first, "DI1": second})
+
+    inputs(False, False)
+    drive.write(0x6081, speed(300))
+    for number, target in enumerate((0, 40000, -20000, 70000)):
+        drive.write(0x2020, target, 1 + number)
+        drive.write(0x2020, speed(300), 5 + number)
+    drive.write(0x2010, 0x0400, 3)  # input 1: position index 0
+    drive.write(0x2010, 0x0800, 4)  # input 2: position index 1
+    home(drive, 35)
+    drive.write(0x6060, POSITION)
+    drive.command(0x2F, "Enabled")
+    for first, second, target in ((True, False, 40000), (True, True, 70000), (False, True, -20000), (False, False, 0)):
+        inputs(first, second)
+        wait_for(lambda t=target: abs(drive.read(0x6063) - t) <= 327, f"position {target}")
+
+    for number, rpm in enumerate((0, 60, -120, 240)):
+        drive.write(0x2020, speed(rpm), 5 + number)
+    drive.write(0x2010, 0x0100, 3)  # speed index 0
+    drive.write(0x2010, 0x0200, 4)  # speed index 1
+    drive.write(0x6060, SPEED)
+    for first, second, rpm in ((True, False, 60), (False, True, -120), (True, True, 240), (False, False, 0)):
+        inputs(first, second)
+        wait_for(lambda v=rpm: abs(drive.read(0x606C) - speed(v)) < speed(5), f"{rpm} rpm")
+    drive.command(0x06, "Ready")
+
+
 def test_storing_and_restarting(drive):
     drive.write(0x6083, 12345)
     drive.write(0x6081, 12345)
