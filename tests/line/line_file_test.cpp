@@ -43,13 +43,16 @@ TEST(LineFile, TheBuiltInLineIsTheDefaultFile) {
   ASSERT_EQ(line.buses.size(), 1U);
   EXPECT_EQ(line.buses[0].links, std::vector<std::string>{"socketcand:127.0.0.1:29536/can0"});
   EXPECT_EQ(line.buses[0].bit_rate, 1'000'000U);
-  ASSERT_EQ(line.axes.size(), 2U);
-  EXPECT_EQ(line.axes[0].name, "ismc");
-  EXPECT_EQ(line.axes[0].product->name, "ismc");
-  EXPECT_EQ(line.axes[0].node_id, 1);
-  EXPECT_EQ(line.axes[1].name, "reference");
-  EXPECT_EQ(line.axes[1].product->name, "generic402");
-  EXPECT_EQ(line.axes[1].node_id, 2);
+  ASSERT_EQ(line.serial_buses.size(), 1U);
+  EXPECT_EQ(line.serial_buses[0].links, std::vector<std::string>{"tcp:127.0.0.1:1502"});
+  const std::vector<std::pair<std::string, std::string>> axes{
+      {"ismc", "ismc"}, {"reference", "generic402"}, {"pronet", "pronet"}, {"ismk", "ismk"}};
+  ASSERT_EQ(line.axes.size(), axes.size());
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    EXPECT_EQ(line.axes[i].name, axes[i].first);
+    EXPECT_EQ(line.axes[i].product->name, axes[i].second);
+    EXPECT_EQ(line.axes[i].node_id, i + 1);
+  }
 }
 
 TEST(LineFile, AModelBringsItsMotor) {
