@@ -27,11 +27,20 @@ if(SERVODROME_SANITIZE)
   target_link_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${SERVODROME_SANITIZE}>)
 endif()
 
-# servodrome_library(NAME [PORTABLE] SOURCES ... [DEPENDS ...])
+# Sources whose headers (JSON, HTTP, command line) take longer to compile than they do, several at a time, where
+# SERVODROME_UNITY is on.
+function(servodrome_compile_together target)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${SERVODROME_UNITY} UNITY_BUILD_BATCH_SIZE 8)
+endfunction()
+
+# servodrome_library(NAME [PORTABLE | HEAVY] SOURCES ... [DEPENDS ...])
 # PORTABLE libraries also run on a microcontroller: no exceptions, no run-time type information.
 function(servodrome_library name)
-  cmake_parse_arguments(arg "PORTABLE" "" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(arg "PORTABLE;HEAVY" "" "SOURCES;DEPENDS" ${ARGN})
   add_library(servodrome_${name} STATIC ${arg_SOURCES})
+  if(arg_HEAVY)
+    servodrome_compile_together(servodrome_${name})
+  endif()
   add_library(servodrome::${name} ALIAS servodrome_${name})
   set_target_properties(servodrome_${name} PROPERTIES EXPORT_NAME ${name})
   target_include_directories(servodrome_${name} PUBLIC

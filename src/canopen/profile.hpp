@@ -68,7 +68,7 @@ struct Profile {
   // SDO
   bool sdo_segmented = true;                       // else 0504 0001h
   bool sdo_block = true;                           // else 0504 0001h
-  Time sdo_timeout = std::chrono::seconds(1);      // between frames of one transfer, then 0504 0000h; 0: waits forever
+  Time sdo_timeout = std::chrono::seconds(5);      // between frames of one transfer, then 0504 0000h; 0: waits forever
   bool sdo_download_response_echoes_data = false;  // bytes 4..7 repeat the request instead of being 0
   bool sdo_expedited_upload_sign_extends = false;  // unused bytes repeat the highest bit instead of being 0
 

@@ -19,19 +19,19 @@ def client(line):
 
 
 def test_scan(client):
-    found = json.loads(client("scan", "--json"))
-    nodes = found["nodes"] if isinstance(found, dict) else found
-    assert [node["node"] for node in nodes] == [1, 2]
-    assert "Sapphire" in client("scan")
+    found = json.loads(client("scan", "--timeout", "5", "--json"))
+    assert [node["node"] for node in found["nodes"]] == [1, 2]
+    assert "Sapphire" in client("scan", "--timeout", "5")
 
 
 def test_get_and_set(client, bench):
-    client("set", "--node", "2", "6083", "123456")
-    assert "123456" in client("get", "--node", "2", "6083")
+    client("set", "--timeout", "30", "--node", "2", "6083", "123456")
+    assert "123456" in client("get", "--timeout", "30", "--node", "2", "6083")
     assert bench.get("axes/reference/objects/6083/0")["value"] == 123456
-    assert "0602" in client("get", "--node", "1", "5FFF", status=1)
+    assert "0602" in client("get", "--timeout", "30", "--node", "1", "5FFF", status=1)
 
 
+@pytest.mark.once
 def test_home_and_move(client, bench):
     client("home", "--node", "2", "--method", "24", "--speed", "500000", "--zero-speed", "50000")
     before = bench.true_position("reference")
@@ -39,11 +39,13 @@ def test_home_and_move(client, bench):
     wait_for(lambda: abs(bench.true_position("reference") - before - COUNTS) <= 3, "the move")
 
 
+@pytest.mark.once
 def test_prove(client):
     table = client("prove")
     assert "ismc" in table.lower() or "sapphire" in table.lower()
 
 
+@pytest.mark.once
 def test_prove_fails_when_a_drive_does(client, bench):
     bench.put("axes/reference/plant", {"locked_rotor": True})
     client("prove", "--timeout", "5", status=1)
@@ -126,7 +128,7 @@ def test_nmt(client, bench):
 
 def test_output_that_cannot_be_written_is_a_failure(line):
     with open("/dev/full", "wb") as full:
-        scan = subprocess.run([PROGRAM, "scan", "--bus", line.links["can0"][0]], stdout=full, stderr=subprocess.PIPE)
+        scan = subprocess.run([PROGRAM, "scan", "--timeout", "5", "--bus", line.links["can0"][0]], stdout=full, stderr=subprocess.PIPE)
     assert scan.returncode == 1 and b"output" in scan.stderr
 
 

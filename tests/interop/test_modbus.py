@@ -8,7 +8,7 @@ import threading
 
 import pytest
 import serial
-from line import Line, servodrome, wait_for
+from line import PATIENCE, Line, servodrome, wait_for
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException
 
@@ -93,9 +93,9 @@ def port_of(line):
 def modbus(line, link):
     """A pymodbus client of the line."""
     if link == "pty":
-        client = ModbusSerialClient(pty_of(line), baudrate=115200, parity="N", timeout=2, retries=0)
+        client = ModbusSerialClient(pty_of(line), baudrate=115200, parity="N", timeout=PATIENCE, retries=0)
     else:
-        client = ModbusTcpClient("127.0.0.1", port=port_of(line), timeout=10, retries=0)
+        client = ModbusTcpClient("127.0.0.1", port=port_of(line), timeout=PATIENCE, retries=0)
     assert client.connect()
     try:
         yield client
@@ -205,7 +205,7 @@ def test_an_ismk_from_the_factory_speaks_the_ten_byte_protocol(start_serial_line
     def frame(text):
         return bytes.fromhex(text)
 
-    with serial.Serial(pty_of(line), 115200, timeout=2) as port:
+    with serial.Serial(pty_of(line), 115200, timeout=PATIENCE) as port:
 
         def ask(request):
             port.write(request)
@@ -222,6 +222,7 @@ def test_an_ismk_from_the_factory_speaks_the_ten_byte_protocol(start_serial_line
         drive = Station(client, 1, low_word_first=True)
         assert drive.read(0x86C0) == [0]
         drive.write(0x86C0, 1)  # and back (L2277)
+        client.comm_params.timeout_connect = 1  # for an answer that does not come
         with contextlib.suppress(ModbusException):
             assert client.read_holding_registers(0x86C0, count=1, device_id=1).isError()
     with modbus(line, "tcp") as client:
@@ -342,7 +343,7 @@ def test_four_drives_on_a_serial_line_and_a_can_bus(start_line, connect, tmp_pat
     thread.start()
     drives = [network.add_node(node) for node in (2, 4)]
     for node in drives:
-        node.sdo.RESPONSE_TIMEOUT = 10
+        node.sdo.RESPONSE_TIMEOUT = PATIENCE
         for word in (6, 7, 15):
             node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
         node.sdo.download(0x6060, 0, bytes([1]))
@@ -366,7 +367,7 @@ def test_the_commands_work_over_modbus(serial_line, link):
     bus = "modbus:" + serial_line.links["rs"][0 if link == "pty" else 1]
     ismk = ["--bus", bus, "--node", 1, "--product", "ismk"]
     reference = ["--bus", bus, "--node", 2]
-    stations = json.loads(servodrome("scan", "--bus", bus, "--last", 5, "--timeout", 0.5, "--json"))["nodes"]
+    stations = json.loads(servodrome("scan", "--bus", bus, "--last", 5, "--timeout", 3, "--json"))["nodes"]
     assert [(station["node"], station["name"]) for station in stations] == [
         (1, ""), (2, "generic402"), (3, ""), (4, "generic402")]
     assert "Statusword" in servodrome("get", *reference, "6041")
@@ -384,7 +385,7 @@ def test_the_commands_work_over_modbus(serial_line, link):
 def test_the_commands_work_with_the_ten_byte_protocol(start_serial_line):
     line = start_serial_line(FACTORY_ISMK)
     bus = ["--bus", "serial10:" + line.links["rs"][0]]
-    assert json.loads(servodrome("scan", *bus, "--last", 2, "--timeout", 0.5, "--json"))["nodes"][0]["node"] == 1
+    assert json.loads(servodrome("scan", *bus, "--last", 2, "--timeout", 3, "--json"))["nodes"][0]["node"] == 1
     servodrome("set", *bus, "6098", 33)
     assert json.loads(servodrome("get", *bus, "6098", "--json"))["value"] == 33
     assert "moved" in servodrome("move", *bus, "--by", 30000, "--velocity", round(300 * RPM))

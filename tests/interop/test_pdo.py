@@ -114,14 +114,16 @@ def test_event_timer(drive, network):
 
 
 def test_inhibit_time_keeps_changes_apart(drive, network):
-    """Two changes at once are one PDO now and one, with the last value, when the inhibit time of 1 s is over."""
+    """A change is a PDO now; two more are one, with the last value, when the inhibit time of 3 s is over."""
     quieten(drive)
-    identifier = set_tpdo(drive, 1, 255, [MODE_DISPLAY], inhibit=10_000)
+    identifier = set_tpdo(drive, 1, 255, [MODE_DISPLAY], inhibit=30_000)
     start(network, drive)
     network.settle(drive.node.id)
-    network.quiet(1.2)
+    network.quiet(3.2)
     network.seen.clear()
-    for mode in (3, 1, 6):
+    drive.write(0x6060, 3)
+    assert network.seen.wait(identifier)[-1] == b"\x03"
+    for mode in (1, 6):
         network.send(0x600 + drive.node.id, bytes([0x2F, 0x60, 0x60, 0, mode, 0, 0, 0]))
     assert network.seen.wait(identifier, 2)[-1] == b"\x06"
     assert len(network.seen.of(identifier)) == 2

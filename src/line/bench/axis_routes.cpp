@@ -36,7 +36,7 @@ Json switch_power(Call& call) {
   return Json{{"powered", axis.powered()}};
 }
 
-constexpr std::array routes{
+constexpr std::array axis_table{
     Route{Method::get, "/api/v1/axes", list_axes},
     Route{Method::get, "/api/v1/axes/{}", show_axis},
     Route{Method::post, "/api/v1/axes/{}/power", switch_power},
@@ -44,6 +44,6 @@ constexpr std::array routes{
 
 }  // namespace
 
-std::span<const Route> axis_routes() { return routes; }
+std::span<const Route> axis_routes() { return axis_table; }
 
 }  // namespace servodrome::line::bench

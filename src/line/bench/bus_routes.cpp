@@ -140,7 +140,7 @@ Json end_disturbance(Call& call) {
   return view_of(call.line, named);
 }
 
-constexpr std::array routes{
+constexpr std::array bus_table{
     Route{Method::get, "/api/v1/buses", list_buses},
     Route{Method::get, "/api/v1/buses/{}", show_bus},
     Route{Method::post, "/api/v1/buses/{}/disturb", disturb},
@@ -149,6 +149,6 @@ constexpr std::array routes{
 
 }  // namespace
 
-std::span<const Route> bus_routes() { return routes; }
+std::span<const Route> bus_routes() { return bus_table; }
 
 }  // namespace servodrome::line::bench

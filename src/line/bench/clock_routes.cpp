@@ -37,7 +37,7 @@ Json advance(Call& call) {
 
 Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", SERVODROME_VERSION}, {"api", 1}}; }
 
-constexpr std::array routes{
+constexpr std::array clock_table{
     Route{Method::get, "/api/v1/clock", show_clock},
     Route{Method::post, "/api/v1/clock/advance", advance},
     Route{Method::get, "/api/v1/version", show_version},
@@ -45,6 +45,6 @@ constexpr std::array routes{
 
 }  // namespace
 
-std::span<const Route> clock_routes() { return routes; }
+std::span<const Route> clock_routes() { return clock_table; }
 
 }  // namespace servodrome::line::bench

@@ -118,7 +118,7 @@ Json take_back(Call& call) {
   return show_faults(call);
 }
 
-constexpr std::array routes{
+constexpr std::array fault_table{
     Route{Method::get, "/api/v1/axes/{}/faults", show_faults},
     Route{Method::post, "/api/v1/axes/{}/faults", inject},
     Route{Method::delete_, "/api/v1/axes/{}/faults", take_back},
@@ -126,6 +126,6 @@ constexpr std::array routes{
 
 }  // namespace
 
-std::span<const Route> fault_routes() { return routes; }
+std::span<const Route> fault_routes() { return fault_table; }
 
 }  // namespace servodrome::line::bench

@@ -190,7 +190,7 @@ Json write_object(Call& call) {
   return nullptr;
 }
 
-constexpr std::array routes{
+constexpr std::array object_table{
     Route{Method::get, "/api/v1/axes/{}/objects", list_objects},
     Route{Method::get, "/api/v1/axes/{}/objects/{}/{}", read_object},
     Route{Method::put, "/api/v1/axes/{}/objects/{}/{}", write_object},
@@ -198,6 +198,6 @@ constexpr std::array routes{
 
 }  // namespace
 
-std::span<const Route> object_routes() { return routes; }
+std::span<const Route> object_routes() { return object_table; }
 
 }  // namespace servodrome::line::bench

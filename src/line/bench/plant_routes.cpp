@@ -130,7 +130,7 @@ Json change_plant(Call& call) {
   return show_plant(call);
 }
 
-constexpr std::array routes{
+constexpr std::array plant_table{
     Route{Method::get, "/api/v1/axes/{}/inputs", show_inputs},
     Route{Method::put, "/api/v1/axes/{}/inputs", force_inputs},
     Route{Method::get, "/api/v1/axes/{}/plant", show_plant},
@@ -139,6 +139,6 @@ constexpr std::array routes{
 
 }  // namespace
 
-std::span<const Route> plant_routes() { return routes; }
+std::span<const Route> plant_routes() { return plant_table; }
 
 }  // namespace servodrome::line::bench

@@ -12,6 +12,9 @@
 
 namespace servodrome::links {
 
+// A link that takes nothing for so long is lost.
+inline constexpr auto send_timeout = std::chrono::seconds(1);
+
 // The master's end of a CAN link, for host tools. Not for use from several threads at once.
 class CanClient {
  public:

@@ -12,8 +12,6 @@
 namespace servodrome::links {
 namespace {
 
-constexpr auto send_timeout = std::chrono::seconds(1);
-
 std::error_code system_error(int reason) { return {reason, std::generic_category()}; }
 
 }  // namespace

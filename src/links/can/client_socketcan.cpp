@@ -9,11 +9,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
-namespace {
-
-constexpr auto send_timeout = std::chrono::seconds(1);
-
-}  // namespace
+namespace {}  // namespace
 
 SocketcanClient::SocketcanClient(const SocketcanName& name) : name_(name), socket_(open_socketcan(name.interface)) {}
 

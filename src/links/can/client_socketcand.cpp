@@ -12,8 +12,6 @@
 namespace servodrome::links {
 namespace {
 
-constexpr auto send_timeout = std::chrono::seconds(1);
-
 struct AddressDeleter {
   void operator()(addrinfo* list) const { ::freeaddrinfo(list); }
 };

@@ -8,7 +8,7 @@
 namespace servodrome::links {
 namespace {
 
-struct Open {
+struct OpenCanLink {
   CanBus& bus;
   boost::asio::io_context& io;
   LineHost& host;
@@ -33,7 +33,7 @@ struct Open {
 
 std::unique_ptr<CanLink> open_can_link(const CanLinkName& name, CanBus& bus, boost::asio::io_context& io,
                                        LineHost& host) {
-  return std::visit(Open{bus, io, host}, name);
+  return std::visit(OpenCanLink{bus, io, host}, name);
 }
 
 }  // namespace servodrome::links

@@ -7,7 +7,7 @@
 namespace servodrome::links {
 namespace {
 
-struct Open {
+struct OpenSerialLink {
   SerialLine& line;
   modbus::Units& units;
   boost::asio::io_context& io;
@@ -33,7 +33,7 @@ struct Open {
 
 std::unique_ptr<SerialLink> open_serial_link(const SerialLinkName& name, SerialLine& line, modbus::Units& units,
                                              boost::asio::io_context& io, LineHost& host) {
-  return std::visit(Open{line, units, io, host}, name);
+  return std::visit(OpenSerialLink{line, units, io, host}, name);
 }
 
 }  // namespace servodrome::links
