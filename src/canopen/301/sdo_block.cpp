@@ -1,4 +1,6 @@
 // SDO block download and upload (CiA 301 7.2.4.3.9 to 7.2.4.3.15).
+#include <algorithm>
+
 #include "canopen/301/sdo_server.hpp"
 #include "canopen/301/sdo_wire.hpp"
 #include "canopen/crc16.hpp"
@@ -10,6 +12,8 @@ using namespace sdo;
 
 namespace {
 constexpr std::uint32_t segment_bytes = 7;
+// The rest of a sub-block that does not come is asked for after this, before clients lose their patience.
+constexpr Time block_repeat_time = std::chrono::milliseconds(500);
 constexpr bool is_block_size(unsigned size) { return size >= 1 && size <= largest_block; }
 }  // namespace
 
@@ -68,7 +72,7 @@ void SdoServer::block_download_segment(const Frame& request) {
   if (last || sequence == block_size_) {
     acknowledge_sub_block();
   } else if (profile_.sdo_timeout != Time{0}) {
-    repeat_at_ = link_.now() + profile_.sdo_timeout / 2;
+    repeat_at_ = link_.now() + std::min<Time>(profile_.sdo_timeout / 2, block_repeat_time);
     link_.wake_at(repeat_at_);
   }
 }
