@@ -86,7 +86,8 @@ void Drive::load_touch_probe() {
 
 void Drive::power_on(const Feedback& feedback) {
   axis_.homed = false;
-  axis_.offset = 0;
+  axis_.offset =
+      policy_.single_turn_encoder ? static_cast<Counts>(feedback.single_turn_counts) - feedback.position_counts : 0;
   dc_link_cycles_ = 0;
   brake_closed_cycles_ = 0;
   outputs_ = {};

@@ -149,6 +149,8 @@ struct Policy {
 
   Interpolation interpolation = Interpolation::buffered;
 
+  bool single_turn_encoder = false;  // after power-on the position is that within the turn
+
   // Homing
   std::span<const Method> homing_methods;
   std::int8_t home_offset_sign = -1;  // position at home = sign * 607Ch

@@ -324,7 +324,7 @@ class LineFileReader {
       reader.complain(
           "serial",
           fmt::format("a `{}` cannot be set to the bit rate and format of \"{}\"", axis.product->name, bus.name),
-          "docs/line-file.md has those of each product");
+          "docs/line-file.md has those of each product under `format`");
     }
     if (serial.station != 0 && !port.has_own_station) {
       reader.complain("station", fmt::format("the station of a `{}` is its node-ID", axis.product->name),

@@ -147,6 +147,7 @@ void limit(IsmkRig& rig, std::uint16_t code, int sign, std::int64_t bit_of_60fd,
   EXPECT_NEAR(rpm(rig), 0.0, 0.5);
   EXPECT_EQ(state(rig), PowerState::operation_enabled);
   EXPECT_NE(rig.status() & 0x800, 0) << "internal limit";
+  EXPECT_EQ(rig.status() & 0x400, 0) << "the target speed is not reached (L1220-1227)";
   EXPECT_EQ(rig.get(0x2010, latched), met);
   // By 6085h: 300 rpm at 610 rps/s is 8 ms and 1340 counts, begun within two cycles of 330 counts.
   EXPECT_NEAR(static_cast<double>(std::abs(rig.plant.position_counts() - met)), 1670.0, 340.0);
@@ -160,6 +161,13 @@ void limit(IsmkRig& rig, std::uint16_t code, int sign, std::int64_t bit_of_60fd,
   rig.run_ms(200);
   EXPECT_NEAR(rpm(rig), sign * 300.0, 6.0);
   EXPECT_EQ(rig.get(0x2010, latched), met) << "released, not met";
+  // Off the switch the way is free, and the same target is followed without being written again.
+  wire(rig, di1, false);
+  rig.run_ms(60);
+  EXPECT_NEAR(rpm(rig), 0.0, 0.5);
+  wire(rig, di1, true);
+  rig.run_ms(200);
+  EXPECT_NEAR(rpm(rig), sign * 300.0, 6.0);
 }
 
 void positive_limit(IsmkRig& rig) { limit(rig, 0x0010, 1, 2, 0x1B); }

@@ -366,6 +366,34 @@ TEST(IsmkTorque, SpeedIsLimitedBy607F) {
   EXPECT_NEAR(rpm(rig), 800.0, 40.0);
 }
 
+// The encoder counts within a turn (L332).
+TEST(IsmkPosition, StartsWithinTheTurnAfterPowerOn) {
+  plant::Parameters parameters = test::ismk_plant();
+  parameters.encoder.start_position_counts = 3 * 65536 + 3392;
+  IsmkRig rig(parameters, test::ismk_settings());
+  rig.run_ms(5);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), 3392.0, 2.0);
+}
+
+// A set-point without speed takes the place of a running move all the same: the axis comes to rest.
+TEST(IsmkPosition, ASetPointWithoutSpeedBreaksTheMoveOff) {
+  Enabled rig(1);
+  rig.profile(600, 100);
+  rig.set(0x607A, 0, 10 * 65536);
+  rig.control(0x2F);
+  rig.control(0x3F);
+  rig.run_ms(200);
+  const Counts before = position(rig);
+  rig.set(0x6081, 0, 0);
+  rig.set(0x607A, 0, 8 * 65536);
+  rig.control(0x2F);
+  rig.control(0x3F);
+  rig.run_ms(1000);
+  EXPECT_FALSE(rig.device.drive().in_motion());
+  EXPECT_LT(position(rig), before + 65536);
+  EXPECT_EQ(rig.status() & target_reached, 0);
+}
+
 // --- Step stop (L1555-1562)
 
 // A load turns a shaft that a direct current holds by asin(load / greatest torque), electrically, and no controller

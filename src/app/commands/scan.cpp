@@ -52,6 +52,13 @@ struct Station {
   std::string kind;
 };
 
+void check_range(const Options& options) {
+  if (options.last != 0 && options.first > options.last) {
+    throw Failure::wrong_use(
+        fmt::format("--first {} lies behind --last {}; give the lower number first", options.first, options.last));
+  }
+}
+
 std::vector<Station> scan_modbus(const Options& options, const std::string& link) {
   host::ModbusClient client = open_modbus_client(options.bus, link, {.timeout = options.bus.timeout(), .retries = 0});
   const auto last = static_cast<std::uint8_t>(options.last != 0 ? options.last : modbus::highest_station);
@@ -108,6 +115,7 @@ void scan_serial(Options options, BusKind kind, const std::string& link) {
 
 void run(const Options& given) {
   Options options = given;
+  check_range(options);
   if (const auto [kind, link] = bus_kind(options.bus); kind != BusKind::can) {
     scan_serial(options, kind, link);
     return;

@@ -171,8 +171,10 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   const Trajectory::Result result =
       chained ? axis.generator.continue_to(target, set_point.end_velocity, limits, set_point.shape)
               : axis.generator.move_to(target, set_point.end_velocity, limits, set_point.shape);
-  // A profile without velocity or acceleration leads nowhere: the axis keeps its target until it is given a usable one.
+  // A profile without velocity or acceleration leads nowhere: what was running is broken off, and the axis rests short
+  // of its target until it is given a usable one.
   running_ = result != Trajectory::Result::bad_limits && result != Trajectory::Result::bad_state;
+  if (!running_) axis.come_to_rest(axis.shape());
   target_ = target;
   running_set_point_ = set_point;
   passing_ = false;

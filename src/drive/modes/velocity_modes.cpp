@@ -8,6 +8,8 @@ namespace servodrome::drive {
 
 void ProfileVelocity::enter(Axis& axis) {
   planned_ = false;
+  interrupted_ = false;
+  blocked_by_ = Signal::none;
   slipping_ = false;
   windows_.restart();
   axis.limited = false;
@@ -41,6 +43,7 @@ void ProfileVelocity::step(Axis& axis) {
                         objects.motion_profile_type,
                         objects.max_profile_velocity,
                         axis.active(Signal::invert_direction)};
+  if (blocked_by_ != Signal::none && !axis.active(blocked_by_)) planned_ = false;  // the way is free again
   if (!planned_ || request != request_) {
     const RampShape shape = request.target == 0 ? axis.velocity_stop_shape() : axis.shape();
     // Standing still with nothing asked for is no motion that could be planned wrongly.
@@ -49,6 +52,8 @@ void ProfileVelocity::step(Axis& axis) {
     }
     request_ = request;
     planned_ = true;
+    interrupted_ = false;
+    blocked_by_ = Signal::none;
     const double target_velocity = axis.units.velocity_to_counts(request.target);
     const double wanted = request.inverted ? -target_velocity : target_velocity;
     const double allowed = axis.max_velocity(true);
@@ -64,9 +69,17 @@ void ProfileVelocity::step(Axis& axis) {
   observe(axis);
 }
 
+// A limit ended the motion.
+void ProfileVelocity::interrupt(Axis& axis) {
+  interrupted_ = true;
+  for (const Signal limit : {Signal::negative_limit, Signal::positive_limit}) {
+    if (axis.active(limit)) blocked_by_ = limit;
+  }
+}
+
 void ProfileVelocity::observe(Axis& axis) {
   const double goal = axis.generator.velocity();
-  windows_.update(axis, goal, axis.generator.finished());
+  windows_.update(axis, goal, axis.generator.finished() && !interrupted_);
   slipping_ = axis.policy.slippage_supported &&
               std::abs(axis.shown_velocity() - goal) > axis.objects.max_slippage * axis.units.velocity;
 }

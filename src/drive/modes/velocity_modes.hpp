@@ -37,7 +37,7 @@ class ProfileVelocity {
   void observe(Axis& axis);  // what the statusword shows; also while a stop runs instead of `step`
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis&) {}
+  void interrupt(Axis& axis);
   double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
   std::uint16_t status(const Axis& axis) const;
 
@@ -56,6 +56,8 @@ class ProfileVelocity {
 
   Request request_{};
   bool planned_ = false;
+  bool interrupted_ = false;          // stands for a limit, with the request not met
+  Signal blocked_by_ = Signal::none;  // the limit switch in the way
   bool slipping_ = false;
   VelocityWindows windows_{};
 };
