@@ -16,6 +16,7 @@ def test_both_nodes_boot_up_after_power_on(line, network):
 
 @pytest.mark.parametrize("command", [0x81, 0x82], ids=["reset_node", "reset_communication"])
 def test_nmt_reset_ends_in_boot_up_and_pre_operational(drive, network, command):
+    network.settle(drive.node.id)
     network.seen.clear()
     network.send(0x000, [command, drive.node.id])
     assert network.seen.wait(0x700 + drive.node.id) == [b"\x00"]
@@ -66,6 +67,7 @@ def test_node_guarding_toggles(drive, network):
     def answers():
         return [bytes(frame.data) for frame in network.seen.of(identifier) if not frame.is_remote_frame]
 
+    network.settle(drive.node.id)  # its boot-up may come after this master
     network.seen.clear()
     expected = []
     for state in (0x7F, 0xFF, 0x7F):
