@@ -25,7 +25,7 @@ void InertiaEstimator::begin(const Settings& settings) {
   *this = {};
   settings_ = settings;
   rad_per_count_ = 2.0 * std::numbers::pi / settings.counts_per_revolution;
-  window_cycles_ = std::max(8U, static_cast<std::uint32_t>(settings.window_s / settings.cycle_s + 0.5));
+  window_cycles_ = std::max(8U, static_cast<std::uint32_t>(std::lround(settings.window_s / settings.cycle_s)));
 }
 
 void InertiaEstimator::interrupt() {

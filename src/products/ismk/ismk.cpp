@@ -19,8 +19,13 @@ constexpr std::uint16_t encoder_turns_valid = 10;  // of 2690h (L3350)
 }  // namespace
 
 const Model& Ismk::rating() const {
+  static constexpr std::size_t factory_rating = [] {
+    std::size_t i = 0;
+    while (ismk::ratings[i].name != ismk::default_rating) ++i;
+    return i;
+  }();
   const Model* model = find_model(ismk::ratings, settings().model);
-  return model != nullptr ? *model : *find_model(ismk::ratings, ismk::default_rating);
+  return model != nullptr ? *model : ismk::ratings[factory_rating];
 }
 
 std::uint32_t Ismk::chosen_bit_rate() const {
