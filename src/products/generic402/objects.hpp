@@ -4,6 +4,7 @@
 #include "drive/cia402_section.hpp"
 #include "modbus/rtu_server.hpp"
 #include "products/generic402/policy.hpp"
+#include "products/identity.hpp"
 
 namespace servodrome::products::generic402 {
 
@@ -57,8 +58,6 @@ struct Objects {
   Manufacturer manufacturer{};
 };
 
-inline constexpr std::uint32_t device_type = 0x00020192;
-inline constexpr std::uint32_t vendor_id = 0x53455256;     // "SERV", of no vendor
 inline constexpr std::uint32_t product_code = 0x34303252;  // "402R"
 inline constexpr std::uint32_t revision_number = 0x00010000;
 
@@ -195,11 +194,11 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.add(text_constant(0x100A, "Manufacturer software version", "1.0"));
   builder.append(drive::cia402_section, offsetof(Objects, drive));
   builder.append(drive::supported_homing_methods(drive::cia402_methods));
-  builder.add(number_constant(0x67FF, 0, ObjectCode::var, "Single device type", Type::unsigned32, device_type));
+  builder.add(number_constant(0x67FF, 0, ObjectCode::var, "Single device type", Type::unsigned32, servo_drive));
   builder.append(manufacturer_section, offsetof(Objects, manufacturer));
   builder.remove(0x1002).remove(0x6090).remove(0x6093).remove(0x6094);
 
-  builder.set_default(0x1000, 0, device_type);
+  builder.set_default(0x1000, 0, servo_drive);
   builder.set_default(0x1018, 1, vendor_id)
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);

@@ -4,6 +4,7 @@
 
 #include "canopen/301/communication_section.hpp"
 #include "drive/cia402_section.hpp"
+#include "products/identity.hpp"
 #include "products/ismc/policy.hpp"
 
 namespace servodrome::products::ismc {
@@ -54,8 +55,6 @@ struct Objects {
 };
 
 // 1018h and 1000h are not in the manual (G50). Vendor and product numbers are this project's choice.
-inline constexpr std::uint32_t device_type = 0x00020192;      // CiA 402, servo drive
-inline constexpr std::uint32_t vendor_id = 0x53455256;        // "SERV", of no vendor
 inline constexpr std::uint32_t product_code = 0x49534D43;     // "ISMC"
 inline constexpr std::uint32_t revision_number = 0x00010006;  // manual V1.6
 
@@ -163,7 +162,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.pick(drive::cia402_section, cia402_objects, offsetof(Objects, drive));
   builder.append(manufacturer_section, offsetof(Objects, manufacturer));
 
-  builder.set_default(0x1000, 0, device_type);
+  builder.set_default(0x1000, 0, servo_drive);
   builder.set_default(0x1018, 1, vendor_id)
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);

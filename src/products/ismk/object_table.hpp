@@ -4,14 +4,13 @@
 
 #include "canopen/301/communication_section.hpp"
 #include "drive/cia402_section.hpp"
+#include "products/identity.hpp"
 #include "products/ismk/sections.hpp"
 
 // The object dictionary of the iSMK, AA variant: chapter 7 (L1890-2263), chapter 9 (L2640-3257) and the objects that
 // other chapters name. What the manual does not number (PDO parameters, identity) is as README.md says.
 namespace servodrome::products::ismk {
 
-inline constexpr std::uint32_t device_type = 0x00020192;   // CiA 402, servo drive
-inline constexpr std::uint32_t vendor_id = 0x53455256;     // "SERV", of no vendor
 inline constexpr std::uint32_t product_code = 0x49534D4B;  // "ISMK"
 inline constexpr std::uint32_t revision_number = 0x00010000;
 
@@ -46,7 +45,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.append(section::buses, offsetof(Objects, buses));
   builder.append(section::device, offsetof(Objects, device));
 
-  builder.set_default(0x1000, 0, device_type);
+  builder.set_default(0x1000, 0, servo_drive);
   builder.set_default(0x1018, 1, vendor_id)
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);

@@ -5,6 +5,7 @@
 #include "canopen/301/communication_section.hpp"
 #include "canopen/profile.hpp"
 #include "drive/cia402_section.hpp"
+#include "products/identity.hpp"
 #include "products/pronet/parameters.hpp"
 #include "products/pronet/policy.hpp"
 
@@ -38,8 +39,6 @@ struct Objects {
 };
 
 // 1000h and 1018h are not printed (C43).
-inline constexpr std::uint32_t device_type = 0x00020192;      // CiA 402, servo drive
-inline constexpr std::uint32_t vendor_id = 0x53455256;        // "SERV", of no vendor
 inline constexpr std::uint32_t product_code = 0x50524E54;     // "PRNT"
 inline constexpr std::uint32_t revision_number = 0x00010004;  // manual V1.04
 inline constexpr std::uint16_t dsp_edition = 0x0104;          // 321Eh, likewise
@@ -181,7 +180,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   }
   builder.count = kept;
 
-  builder.set_default(0x1000, 0, device_type);
+  builder.set_default(0x1000, 0, servo_drive);
   builder.set_default(0x1018, 1, vendor_id)
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);
