@@ -1,5 +1,6 @@
 #include "app/drive_link.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
@@ -38,6 +39,19 @@ const line::Product* named_product(const BusOptions& options) {
   for (const line::Product& known : line::all_products()) names.push_back(known.name);
   throw Failure::wrong_use(fmt::format("--product {}: there is no such product; {}", options.product,
                                        line::suggestion(options.product, names)));
+}
+
+// Of a protocol that only one product has, its drives need not be named.
+const line::Product* product_that_speaks(products::SerialProtocol protocol) {
+  const line::Product* found = nullptr;
+  for (const line::Product& product : line::all_products()) {
+    if (product.serial == nullptr) continue;
+    const auto& protocols = product.serial->protocols;
+    if (std::find(protocols.begin(), protocols.end(), protocol) == protocols.end()) continue;
+    if (found != nullptr) return nullptr;
+    found = &product;
+  }
+  return found;
 }
 
 bool is_tcp(const std::string& link) {
@@ -153,7 +167,7 @@ void DriveLink::open_serial10(const BusOptions& options, const std::string& link
   serial10_ = std::make_unique<host::Serial10Client>(open_serial10_client(options, link, serial10_options));
   if (options.node_id > 127) throw Failure::wrong_use(fmt::format("--node {}: ids are 1..127", options.node_id));
   const auto id = static_cast<std::uint8_t>(options.node_id != 0 ? options.node_id : serial10::universal_id);
-  if (product_ == nullptr) product_ = line::find_product(line::all_products(), "ismk");  // whose protocol this is
+  if (product_ == nullptr) product_ = product_that_speaks(products::SerialProtocol::serial10);
   objects_ = std::make_unique<host::Serial10Objects>(*serial10_, id);
 }
 

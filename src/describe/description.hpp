@@ -38,7 +38,7 @@ struct Description {
   std::string vendor_name;
   std::string product_name;
   std::string order_code;
-  std::vector<unsigned> bit_rates_kbit;  // of 10, 20, 50, 125, 250, 500, 800, 1000
+  std::vector<unsigned> bit_rates_kbit;  // an EDS tells 10, 20, 50, 125, 250, 500, 800 and 1000
   std::uint8_t granularity_bits = 8;     // of PDO mapping, where the table lets it be changed
   bool simple_boot_up_master = false;
   bool simple_boot_up_slave = true;

@@ -3,6 +3,8 @@
 #include <array>
 #include <map>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
@@ -24,62 +26,47 @@ std::span<const dictionary::Entry> table_of() {
   return model.dictionary().table();
 }
 
-describe::Description describe_ismc() {
+// Order codes are not printed: they are the products' names on a line.
+template <typename Model>
+describe::Description description_of(const char* vendor, const char* product, const char* order_code,
+                                     std::vector<unsigned> bit_rates_kbit, const char* file, const char* text) {
   describe::Description description;
-  description.vendor_name = "ISMC";
-  description.product_name = "Sapphire";  // ISMC manual L3001
-  description.order_code = "ismc";        // not printed; the name on a line
-  description.bit_rates_kbit = {20, 50, 125, 250, 500, 800, 1000};
-  description.table = table_of<products::Ismc>();
-  description.file.name = "ISMC.eds";  // ISMC manual L2871
-  description.file.description = "ISMC servo drive, CANopen, as servodrome simulates it";
+  description.vendor_name = vendor;
+  description.product_name = product;
+  description.order_code = order_code;
+  description.bit_rates_kbit = std::move(bit_rates_kbit);
+  description.table = table_of<Model>();
+  description.file.name = file;
+  description.file.description = text;
   description.file.created_by = "servodrome";
   description.file.modified_by = "servodrome";
   return description;
 }
 
-describe::Description describe_pronet() {
-  describe::Description description;
-  description.vendor_name = "ESTUN";
-  description.product_name = "ProNet";
-  description.order_code = "pronet";                       // not printed; the name on a line
-  description.bit_rates_kbit = {50, 125, 250, 500, 1000};  // and 100, which CiA 306 does not know (L2042)
+describe::Description describe_ismc() {  // ISMC manual L2871, L3001
+  return description_of<products::Ismc>("ISMC", "Sapphire", "ismc", {20, 50, 125, 250, 500, 800, 1000}, "ISMC.eds",
+                                        "ISMC servo drive, CANopen, as servodrome simulates it");
+}
+
+describe::Description describe_pronet() {  // ProNet manual L2042
+  auto description =
+      description_of<products::Pronet>("ESTUN", "ProNet", "pronet", {50, 100, 125, 250, 500, 1000}, "ProNet.eds",
+                                       "ESTUN ProNet servo drive, CANopen, as servodrome simulates it");
   description.dummy_usage = {false, true, true, true, true, true, true};  // 0002h to 0007h (L2375-2380)
-  description.table = table_of<products::Pronet>();
-  description.file.name = "ProNet.eds";
-  description.file.description = "ESTUN ProNet servo drive, CANopen, as servodrome simulates it";
-  description.file.created_by = "servodrome";
-  description.file.modified_by = "servodrome";
   return description;
 }
 
 describe::Description describe_generic402() {
-  describe::Description description;
-  description.vendor_name = "Servodrome";
-  description.product_name = "Generic CiA 402 drive";
-  description.order_code = "generic402";
-  description.bit_rates_kbit = {10, 20, 50, 125, 250, 500, 800, 1000};
+  auto description = description_of<products::Generic402>("Servodrome", "Generic CiA 402 drive", "generic402",
+                                                          {10, 20, 50, 125, 250, 500, 800, 1000}, "generic402.eds",
+                                                          "Reference drive with everything CiA 402-2 has");
   description.lss_supported = true;
-  description.table = table_of<products::Generic402>();
-  description.file.name = "generic402.eds";
-  description.file.description = "Reference drive with everything CiA 402-2 has";
-  description.file.created_by = "servodrome";
-  description.file.modified_by = "servodrome";
   return description;
 }
 
-describe::Description describe_ismk() {
-  describe::Description description;
-  description.vendor_name = "Kinco";
-  description.product_name = "iSMK";
-  description.order_code = "ismk";
-  description.bit_rates_kbit = {10, 50, 125, 250, 500, 1000};  // iSMK manual L3211
-  description.table = table_of<products::Ismk>();
-  description.file.name = "iSMK.eds";
-  description.file.description = "Kinco iSMK integrated servo, variant AA, as servodrome simulates it";
-  description.file.created_by = "servodrome";
-  description.file.modified_by = "servodrome";
-  return description;
+describe::Description describe_ismk() {  // iSMK manual L3211
+  return description_of<products::Ismk>("Kinco", "iSMK", "ismk", {10, 50, 125, 250, 500, 1000}, "iSMK.eds",
+                                        "Kinco iSMK integrated servo, variant AA, as servodrome simulates it");
 }
 
 constexpr std::array generic402_protocols{products::SerialProtocol::modbus_rtu};
@@ -109,9 +96,8 @@ const std::array products{
             6,
             {0, 1, 2},
             describe_ismc},
-    // Terminals CN1_14 to CN1_17 and CN1_39 to CN1_42; POT, NOT and the reference switch where Pn509 and Pn510 have
-    // them
-    // from the factory.
+    // Terminals CN1_14 to CN1_17 and CN1_39 to CN1_42; POT, NOT and the reference switch are where Pn509 and Pn510 have
+    // them from the factory.
     Product{"pronet",
             "ESTUN ProNet servo drive, CANopen",
             make<products::Pronet>,
