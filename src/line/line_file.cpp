@@ -267,6 +267,7 @@ class LineFileReader {
     }
     reader.read("node", axis.node_id, 1, 127);
     reader.read("bit_rate", axis.bit_rate, 10'000, 1'000'000);
+    check_bit_rate(reader, axis);
     const unsigned node = node_in_force(axis);
     if (node == 0 || !axis.bus) return;
     for (const AxisSettings& other : settings_.axes) {
@@ -275,6 +276,18 @@ class LineFileReader {
                       fmt::format("node {} is free", free_node(*axis.bus)));
       return;
     }
+  }
+
+  // A drive may be set to another bit rate than its bus, but not to one that it does not have.
+  void check_bit_rate(TableReader& reader, const AxisSettings& axis) {
+    if (axis.product == nullptr || axis.product->describe == nullptr || (axis.bit_rate == 0 && !axis.bus)) return;
+    const std::uint32_t rate = axis.bit_rate != 0 ? axis.bit_rate : settings_.buses[*axis.bus].bit_rate;
+    const std::vector<unsigned> rates = axis.product->describe().bit_rates_kbit;
+    const bool known = std::any_of(rates.begin(), rates.end(), [rate](unsigned kbit) { return kbit * 1000 == rate; });
+    if (known) return;
+    reader.complain(axis.bit_rate != 0 ? "bit_rate" : "bus",
+                    fmt::format("a `{}` cannot be set to {} bit/s", axis.product->name, rate),
+                    fmt::format("it has {} kbit/s", fmt::join(rates, ", ")));
   }
 
   std::optional<std::size_t> find_serial_bus(std::string_view name) const {
