@@ -1,0 +1,128 @@
+#include "drive/with_mode.hpp"
+
+// What stands between a mode's demand and the loops: limits, smoothing, holding at standstill.
+namespace servodrome::drive {
+
+// Outside homing a limit switch ends every motion towards it; away from it the axis may move. So does a software limit
+// in the modes that have no target position, early enough to stand at it. `before`: where the demand was before this
+// cycle.
+void Drive::limit_switches(Counts before) {
+  if (!policy_.limit_switches_stop || mode_ == Mode::homing || axis_.demand.loop == Loop::torque) return;
+  const double velocity = axis_.generator.velocity();
+  const double quick = quick_stop_deceleration();
+  bool blocked = (axis_.active(Signal::negative_limit) && velocity < 0.0) ||
+                 (axis_.active(Signal::positive_limit) && velocity > 0.0);
+  if (axis_.demand.loop == Loop::velocity && velocity != 0.0) {
+    const Axis::Room room = axis_.room();
+    const double way = quick > 0.0 ? velocity * velocity / (2.0 * quick) : 0.0;
+    const bool near = (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * axis_.cycle_s;
+    axis_.stopped_at = !near ? 0 : velocity < 0.0 ? -1 : 1;
+    blocked |= near;
+  }
+  if (!blocked) return;
+  if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
+  if (std::abs(axis_.velocity()) > 4.0 * quick * axis_.cycle_s) {
+    begin_stop(Stop::quick_stop_ramp);
+    limit_stop_ = true;
+  } else {
+    axis_.generator.reset(before);
+    axis_.follow_generator(axis_.demand.loop);
+  }
+  with_mode(*this, [&](auto& mode) { mode.interrupt(axis_); });
+}
+
+// A stepper's way of holding, for products that have it: nothing hunts at standstill.
+void Drive::hold_by_current() {
+  const float current_a = axis_.configuration.standstill_current_a;
+  const bool may = current_a > 0.0F && mode_ == Mode::profile_position && state_ == PowerState::operation_enabled &&
+                   stage_ == Stage::on && !stopping_ && !pending_.active && axis_.generator.standing();
+  held_by_current_ = may && (held_by_current_ || (axis_.objects.statusword & statusword::target_reached) != 0);
+  if (!held_by_current_) return;
+  axis_.demand.loop = Loop::locked;
+  axis_.demand.lock_current_a = current_a;
+}
+
+// The moving average of the demand in the modes that have a profile.
+void Drive::smooth_demand() {
+  const std::uint32_t cycles = axis_.cycles(axis_.configuration.smoothing_ms);
+  const bool profiled = (mode_bit(mode_) & (mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity))) != 0;
+  LoopDemand& demand = axis_.demand;
+  const bool smoothed = cycles > 1 && profiled && stage_ == Stage::on && !short_circuit_ &&
+                        (demand.loop == Loop::position || demand.loop == Loop::velocity);
+  if (!smoothed) {
+    smoothed_loop_ = Loop::off;
+    return;
+  }
+  const bool position = demand.loop == Loop::position;
+  constexpr double unit = 65536.0;  // of a count, or of a count per second
+  const std::int64_t value =
+      position ? demand.position * 65536 + std::llround(static_cast<double>(demand.position_fraction) * unit)
+               : std::llround(static_cast<double>(demand.velocity) * unit);
+  const std::size_t length = std::min<std::size_t>(cycles, MovingAverage::longest);
+  if (smoothed_loop_ != demand.loop || smoothing_.length() != length) {
+    smoothing_.begin(value, length);
+    smoothed_value_ = value;
+    smoothed_velocity_ = demand.velocity;
+    smoothed_loop_ = demand.loop;
+  }
+  const std::int64_t mean = smoothing_.update(value);
+  const float before = smoothed_velocity_;
+  if (position) {
+    demand.position = mean >> 16;
+    demand.position_fraction = static_cast<float>(static_cast<double>(mean & 0xFFFF) / unit);
+    smoothed_velocity_ = static_cast<float>(static_cast<double>(mean - smoothed_value_) / unit / axis_.cycle_s);
+  } else {
+    smoothed_velocity_ = static_cast<float>(static_cast<double>(mean) / unit);
+  }
+  smoothed_value_ = mean;
+  demand.velocity = smoothed_velocity_;
+  demand.acceleration = (smoothed_velocity_ - before) / static_cast<float>(axis_.cycle_s);
+}
+
+void Drive::set_limits() {
+  const Objects& objects = axis_.objects;
+  const MotorData& motor = axis_.configuration.motor;
+  LoopDemand& demand = axis_.demand;
+  const float by_current = static_cast<float>(objects.max_current * axis_.units.current) * motor.rated_current_a *
+                           motor.torque_constant_nm_per_a / motor.rated_torque_nm;
+  const float common = std::min(static_cast<float>(objects.max_torque) * 0.001F, by_current);
+  demand.torque_limit_positive = std::min(static_cast<float>(objects.positive_torque_limit) * 0.001F, common);
+  demand.torque_limit_negative = std::min(static_cast<float>(objects.negative_torque_limit) * 0.001F, common);
+  if (axis_.units.velocity_inverted) std::swap(demand.torque_limit_positive, demand.torque_limit_negative);
+  if (mode_ == Mode::homing && homing_mode_.pressing()) {
+    // Against a hard stop no more torque than is needed to notice it.
+    const float pressing = 1.1F * axis_.configuration.homing_stall_torque;
+    demand.torque_limit_positive = std::min(demand.torque_limit_positive, pressing);
+    demand.torque_limit_negative = std::min(demand.torque_limit_negative, pressing);
+  }
+  demand.integral_off = axis_.active(Signal::integral_off);
+  if (mode_ == Mode::homing && homing_mode_.active() && axis_.configuration.homing_torque_limit > 0.0F) {
+    demand.torque_limit_positive = std::min(demand.torque_limit_positive, axis_.configuration.homing_torque_limit);
+    demand.torque_limit_negative = std::min(demand.torque_limit_negative, axis_.configuration.homing_torque_limit);
+  }
+  const auto most = static_cast<float>(axis_.max_velocity(false));
+  demand.velocity_limit_positive = demand.velocity_limit_negative = most;
+  if (demand.loop == Loop::torque) {
+    const Configuration& configuration = axis_.configuration;
+    if (configuration.torque_mode_velocity_positive > 0.0) {
+      demand.velocity_limit_positive = std::min(most, static_cast<float>(configuration.torque_mode_velocity_positive));
+    }
+    if (configuration.torque_mode_velocity_negative > 0.0) {
+      demand.velocity_limit_negative = std::min(most, static_cast<float>(configuration.torque_mode_velocity_negative));
+    }
+    if (policy_.limit_switches_stop) {
+      if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
+      if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
+    }
+    // The speed from which the axis still comes to rest before its software limit.
+    const Axis::Room room = axis_.room();
+    const auto approach = [quick = quick_stop_deceleration(), most](double way) {
+      if (way <= 0.0) return 0.0F;
+      return quick > 0.0 ? static_cast<float>(std::sqrt(2.0 * quick * way)) : most;
+    };
+    demand.velocity_limit_positive = std::min(demand.velocity_limit_positive, approach(room.above));
+    demand.velocity_limit_negative = std::min(demand.velocity_limit_negative, approach(room.below));
+  }
+}
+
+}  // namespace servodrome::drive
