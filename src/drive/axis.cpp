@@ -16,7 +16,8 @@ bool Axis::at_position_limit() const { return at_limit(true) || at_limit(false);
 
 bool Axis::held_by_position_limit() const {
   const double velocity = generator.velocity();
-  return (at_limit(false) && velocity <= 0.0) || (at_limit(true) && velocity >= 0.0);
+  return ((at_limit(false) || stopped_at < 0) && velocity <= 0.0) ||
+         ((at_limit(true) || stopped_at > 0) && velocity >= 0.0);
 }
 
 // `positive`: at the end of large counts.

@@ -57,7 +57,7 @@ struct Monitors {
   float power_stage_hot_c = 95.0F;
   float motor_hot_c = 130.0F;
   float encoder_hot_c = 95.0F;
-  float warning_margin_c = 10.0F;  // a warning is shown so far below a hot threshold
+  float warning_margin_c = 10.0F;  // a warning is shown so far below a hot threshold; 0: none is
   float over_speed_rpm = 0.0F;     // 0: 1.2 x the motor's greatest speed, or 6080h where it is lower
   double velocity_error = 0.0;     // counts/s
   std::uint32_t velocity_error_ms = 1000;
@@ -164,6 +164,7 @@ struct Axis {
   std::span<const SignalEdge> edges{};  // since the last cycle, encoder counts
   const CascadeState* loops = nullptr;
   bool limited = false;          // statusword bit 11
+  int stopped_at = 0;            // -1, +1: the software limit at small or large counts ended the motion
   bool synchronised = false;     // a SYNC came since the last cycle
   double sync_age = 0.0;         // how long before this cycle, in cycles
   bool new_set_point = false;    // a cyclic set-point was written since the last cycle

@@ -119,7 +119,7 @@ void Supervision::temperatures(const Axis& axis, const Feedback& feedback) {
   const auto hot = [&](float value, float threshold, Cause cause) {
     if (threshold <= 0.0F) return;
     if (value > threshold) present_.set(cause);
-    if (value > threshold - monitors.warning_margin_c) warning_ = true;
+    if (monitors.warning_margin_c > 0.0F && value > threshold - monitors.warning_margin_c) warning_ = true;
   };
   hot(feedback.power_stage_temperature_c, monitors.power_stage_hot_c, Cause::power_stage_hot);
   hot(feedback.winding_temperature_c, monitors.motor_hot_c, Cause::motor_hot);

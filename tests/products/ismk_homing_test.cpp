@@ -296,5 +296,25 @@ TEST(IsmkHoming, SoftLimitsActAfterHomingOnly) {
   EXPECT_NEAR(reaches(true, 0, 0), 50000.0, rest);
 }
 
+// Speed modes stand at the soft limit with bit 11, until they are told to go the other way (L1145).
+TEST(IsmkHoming, SoftLimitsHoldSpeedModes) {
+  Homing rig(simple_world(20000), 0, 0);
+  rig.set(0x607D, 1, 10000);
+  rig.set(0x607D, 2, -10000);
+  rig.start(35);
+  EXPECT_TRUE(rig.finish());
+  rig.set(0x6060, 0, 3);
+  rig.control(0x0F);
+  for (const double rpm : {-300.0, 300.0}) {
+    rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(rpm)));
+    rig.run_ms(30);
+    EXPECT_EQ(rig.status() & 0x0800, 0) << "on the way";
+    rig.run_ms(500);
+    EXPECT_NE(rig.status() & 0x0800, 0);
+    EXPECT_EQ(rig.status() & 0x0400, 0) << "the speed is not reached";
+    EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), rpm > 0 ? 10000.0 : -10000.0, 700.0);
+  }
+}
+
 }  // namespace
 }  // namespace servodrome

@@ -217,6 +217,16 @@ TYPED_TEST(PowerStates, FaultResetIsAnEdgeAndOnlyInFault) {
     axis.run_ms(1);
     EXPECT_EQ(this->state(axis), from == PowerState::fault ? PowerState::switch_on_disabled : from);
   }
+  // Whatever the other bits say: in the table of commands bit 7 is 0 (CiA 402-2 table 9).
+  for (const std::uint16_t word : std::to_array<std::uint16_t>({0x86, 0x8F, 0x80})) {
+    for (const PowerState from : {PowerState::switch_on_disabled, PowerState::operation_enabled}) {
+      typename TestFixture::Axis axis;
+      this->bring_to(axis, from);
+      axis.control(word);
+      axis.run_ms(1);
+      EXPECT_EQ(this->state(axis), from) << word;
+    }
+  }
   typename TestFixture::Axis axis;
   axis.run_ms(1);
   axis.control(0x80);

@@ -23,7 +23,8 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   change_mode();  // a mode that was written before acts with this controlword, not only from the next cycle on
   const bool reset_edge = (now & controlword::fault_reset) != 0 && (before & controlword::fault_reset) == 0;
   if (reset_edge) reset_faults();
-  handle_command(command_of(now));
+  // In the standard's table of commands bit 7 is 0 (CiA 402-2 table 9).
+  if ((now & controlword::fault_reset) == 0 || policy_.reset_word_is_a_command) handle_command(command_of(now));
   if (state_ == PowerState::operation_enabled) {
     with_mode(*this, [&](auto& mode) { mode.controlword(axis_, before, now); });
   }
@@ -108,6 +109,7 @@ void Drive::enter_state(PowerState to) {
   short_circuit_ = false;
   releasing_torque_ = false;
   axis_.limited = false;
+  axis_.stopped_at = 0;
   zero_speed_ = false;
   homing_mode_.abort();
   identification_.abort();

@@ -65,6 +65,7 @@ drive::Configuration Ismk::configuration() {
   configuration.monitors.under_voltage_v = own.device.under_voltage_v;
   configuration.monitors.chopper_on_v = configuration.monitors.chopper_off_v = 1e9F;  // there is none inside (L315)
   configuration.monitors.motor_hot_c = own.device.motor_hot_c;
+  configuration.monitors.warning_margin_c = 0.0F;  // no warnings are listed
   if (own.device.brake_present != 0) {
     configuration.brake_release_ms = configuration.brake_engage_ms = own.device.brake_delay_ms;
   }

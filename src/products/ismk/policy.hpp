@@ -93,7 +93,8 @@ constexpr drive::Policy make_policy() {
   policy.modes_without_halt = mode_bit(Mode::profile_torque);  // L1098
   policy.brake_engages_before_power_off = true;                // L1500-1513
   policy.faults = faults;
-  policy.single_turn_encoder = true;  // L332
+  policy.single_turn_encoder = true;      // L332
+  policy.reset_word_is_a_command = true;  // 86h resets and ends in Ready (L1056, L2159)
   policy.set_point_queue = 1;
   policy.target_tracking = 1u << 12;                       // 103Fh (L1113)
   policy.shaped_modes = mode_bit(Mode::profile_position);  // L1811

@@ -85,6 +85,7 @@ drive::Configuration Pronet::configuration() const {
   configuration.motor = settings().motor;
   const drive::MotorData& motor = configuration.motor;
   configuration.gains = drive::default_gains(motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
+  configuration.monitors.warning_margin_c = 0.0F;  // warnings are those of the alarm list
   configuration.monitors.brake_resistor_ms = 500;
   configuration.monitors.limit_switch_levels = true;
   const pronet::Encoder encoder = pronet::encoder_of(motor.counts_per_revolution);
