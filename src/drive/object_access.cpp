@@ -40,7 +40,7 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
                                : (policy_.supported_modes & mode_bit(static_cast<Mode>(number))) != 0);
     case 0x6086: return legal(policy_.zero_values_are_faults || axis_.has_shape(static_cast<std::int16_t>(number)));
     case 0x6098:
-      return legal(policy_.homing_errors_are_faults || number == entry.default_value ||
+      return legal(axis_.monitors(Cause::homing_method) || number == entry.default_value ||
                    find_method(policy_.homing_methods, static_cast<std::int8_t>(number)) != nullptr);
     case 0x608F:
     case 0x6090:

@@ -141,6 +141,7 @@ struct Policy {
   bool jerk_limited_single_symmetric = false;
   bool acknowledge_blocks_change = false;   // with statusword bit 12 set not even bit 5 of the controlword is heard
   bool zero_values_are_faults = false;      // zero profile values raise the planning causes
+  bool zero_ramps_are_greatest = false;     // ... and ramps of zero stand for 60C5h and 60C6h
   std::uint32_t shaped_modes = 0xFFFFFFFF;  // mode_bit() of modes to which 6086h applies; the others ramp linearly
   OutOfLimits out_of_limits = OutOfLimits::clip;
   bool limit_switches_stop = true;  // outside homing, a limit switch ends motion towards it
@@ -154,8 +155,8 @@ struct Policy {
 
   // Homing
   std::span<const Method> homing_methods;
-  std::int8_t home_offset_sign = -1;  // position at home = sign * 607Ch
-  bool homing_errors_are_faults = false;
+  std::int8_t home_offset_sign = -1;       // position at home = sign * 607Ch
+  bool homing_errors_are_faults = false;   // those that the product has a row for
   bool homing_reached_means_home = false;  // statusword bit 10 at rest only with home found, else at every rest
   bool home_counts_at_rest = false;      // home is found at the end of homing, not at the latch; a new start forgets it
   bool homing_needs_its_inputs = false;  // without an input for a switch it looks for, homing is an error at once

@@ -6,6 +6,7 @@
 #include "drive/homing/cia402_methods.hpp"
 #include "drive/homing_axis.hpp"
 #include "products/ismc/homing_methods.hpp"
+#include "products/jmc_ec/homing_methods.hpp"
 
 namespace servodrome::drive::test {
 namespace {
@@ -42,7 +43,10 @@ struct Paths {
   std::string over_limit;  // home switch inactive, the limit switch is met first
 };
 
-void expect_paths(std::span<const Method> methods, std::span<const Paths> rows) {
+// A cam in the middle for every method, or a switch that stays active up to the end where the standard has it so.
+enum class Home : std::uint8_t { as_standard, cam };
+
+void expect_paths(std::span<const Method> methods, std::span<const Paths> rows, Home home = Home::as_standard) {
   for (const Paths& row : rows) {
     const Method* method = find_method(methods, static_cast<std::int8_t>(row.number));
     ASSERT_NE(method, nullptr) << row.number;
@@ -53,8 +57,8 @@ void expect_paths(std::span<const Method> methods, std::span<const Paths> rows) 
                 .home_to = 500,
                 .low_stop = -9000,
                 .high_stop = 9000};
-    if (number == 3 || number == 4) world.home_to = 9001;
-    if (number == 5 || number == 6) world.home_from = -9000;
+    if (home == Home::as_standard && (number == 3 || number == 4)) world.home_to = 9001;
+    if (home == Home::as_standard && (number == 5 || number == 6)) world.home_from = -9000;
     if (number < 0) world.low_stop = -3000, world.high_stop = 3000;
     const bool starts_positive = number == 3 || number == 4 || (number >= 7 && number <= 10);
     const Counts before = starts_positive ? -1500 : 1500;
@@ -106,6 +110,50 @@ TEST(HomingPaths, Ismc) {
       {34, "ps", "", ""},            // L2553-2557
   };
   expect_paths(products::ismc::homing_methods, rows);
+}
+
+TEST(HomingPaths, JmcEc) {
+  const Paths rows[] = {
+      {1, "Nspsr", "", ""},               // L4121-4130
+      {2, "Psnsr", "", ""},               // L4132-4142
+      {3, "Psnsr", "nsr", "PsNnsr"},      // L4144-4157
+      {4, "Ppsr", "nspsr", "PsNnspsr"},   // L4159-4172
+      {5, "Nspsr", "psr", "NsPpsr"},      // L4174-4187
+      {6, "Nnsr", "psnsr", "NsPpsnsr"},   // L4189-4202
+      {7, "Psnsr", "nsr", "PsNnsr"},      // L4204-4217
+      {8, "Ppsr", "nspsr", "PsNnspsr"},   // L4219-4232
+      {9, "Ppsnsr", "psnsr", "PsNnsr"},   // L4234-4247
+      {10, "Ppsr", "psr", "PsNspsr"},     // L4249-4262
+      {11, "Nspsr", "psr", "NsPpsr"},     // L4264-4277
+      {12, "Nnsr", "psnsr", "NsPpsnsr"},  // L4279-4294
+      {13, "Nnspsr", "nspsr", "NsPpsr"},  // L4296-4311
+      {14, "Nnsr", "nsr", "NsPsnsr"},     // L4313-4326
+      {17, "Nspsr", "", ""},              // L4336-4347
+      {18, "Psnsr", "", ""},              // L4349-4360
+      {19, "Psnsr", "nsr", "PsNnsr"},     // L4362-4369, as 3
+      {20, "Psr", "nspsr", "PsNnspsr"},   // L4371-4384
+      {21, "Nspsr", "psr", "NsPpsr"},     // L4386-4399
+      {22, "Nsr", "psnsr", "NsPpsnsr"},   // L4401-4414
+      {23, "Psnsr", "nsr", "PsNnsr"},     // L4416-4429
+      {24, "Psr", "nspsr", "PsNnspsr"},   // L4431-4444
+      {25, "Ppsnsr", "psnsr", "PsNsr"},   // L4446-4463
+      {26, "Ppsr", "psr", "PsNspsr"},     // L4465-4478
+      {27, "Nspsr", "psr", "NsPpsr"},     // L4480-4493
+      {28, "Nsr", "psnsr", "NsPpsnsr"},   // L4495-4508
+      {29, "Nnspsr", "nspsr", "NsPsr"},   // L4510-4525
+      {30, "Nnsr", "nsr", "NsPsnsr"},     // L4527-4540
+      {33, "nsr", "", ""},                // L4550-4559
+      {34, "psr", "", ""},                // L4561-4570
+  };
+  expect_paths(products::jmc_ec::homing_methods, rows, Home::cam);
+  // A start on the limit switch leaves it slowly at once (L4341, L4354).
+  const World on_limit{.negative_limit = -500, .positive_limit = 500};
+  for (const int number : {1, 17}) {
+    EXPECT_EQ(path(*find_method(products::jmc_ec::homing_methods, static_cast<std::int8_t>(number)), on_limit, -600),
+              "spsr");
+    EXPECT_EQ(path(*find_method(products::jmc_ec::homing_methods, static_cast<std::int8_t>(number + 1)), on_limit, 600),
+              "snsr");
+  }
 }
 
 TEST(HomingPaths, Cia402) {

@@ -16,7 +16,7 @@ void Homing::start(const Method& method, const HomingConfig& config, const Homin
   config_ = config;
   if (!is_well_formed(method)) {
     error_ = HomingError::internal;
-  } else {
+  } else if (!method.idle) {
     leg_ = is_active(Signal::home, inputs) ? method.start_active : std::uint8_t{0};
     phase_ = Phase::begin;
   }

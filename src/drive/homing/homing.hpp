@@ -71,7 +71,7 @@ struct HomingCommand {
 
 class Homing {
  public:
-  // Begins; the first command comes from the next step. What ran before is forgotten.
+  // Begins, unless the method is idle; the first command comes from the next step. What ran before is forgotten.
   void start(const Method& method, const HomingConfig& config, const HomingInputs& inputs);
 
   // The same by number; error() is unsupported_method if the table has none.

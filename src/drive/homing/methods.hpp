@@ -53,6 +53,8 @@ struct Method {
   std::uint8_t leg_count = 0;     // 0: no motion, the present position is home
   std::uint8_t start_active = 0;  // first leg if the home switch is active at the start; otherwise it is leg 0
   bool returns_to_latch = false;  // after the ramp to zero the axis moves back to the latched position
+  bool idle = false;              // may be chosen, and nothing happens: reserved numbers of some products
+  bool offset_applies = true;     // 607Ch
   std::array<Leg, max_legs> legs{};
 };
 
@@ -60,6 +62,7 @@ struct Method {
 constexpr bool is_well_formed(const Method& method) {
   if (method.leg_count > max_legs) return false;
   if (method.leg_count == 0) return method.start_active == 0 && !method.returns_to_latch;
+  if (method.idle) return false;
   if (method.start_active >= method.leg_count) return false;
   for (std::size_t i = 0; i < method.leg_count; ++i) {
     const Leg& leg = method.legs[i];
@@ -130,7 +133,10 @@ template <std::size_t count>
 constexpr Method make_method(std::int8_t number, const Leg (&legs)[count], std::uint8_t start_active = 0,
                              bool returns_to_latch = false) {
   static_assert(count <= max_legs);
-  Method method{number, static_cast<std::uint8_t>(count), start_active, returns_to_latch, {}};
+  Method method{.number = number,
+                .leg_count = static_cast<std::uint8_t>(count),
+                .start_active = start_active,
+                .returns_to_latch = returns_to_latch};
   for (std::size_t i = 0; i < count; ++i) {
     method.legs[i] = legs[i];
     if (legs[i].then != Then::latch && legs[i].next == no_leg) {
@@ -142,6 +148,15 @@ constexpr Method make_method(std::int8_t number, const Leg (&legs)[count], std::
 
 // A method without motion: the present position is home.
 constexpr Method present_position(std::int8_t number) { return Method{.number = number}; }
+
+// A number that may be chosen and does nothing.
+constexpr Method no_homing(std::int8_t number) { return Method{.number = number, .idle = true}; }
+
+// The same method, home being 0 whatever 607Ch says.
+constexpr Method without_offset(Method method) {
+  method.offset_applies = false;
+  return method;
+}
 
 // The same method for the other end of the axis.
 constexpr Method mirrored(std::int8_t number, Method method) {

@@ -39,8 +39,14 @@ void HomingMode::enter(Axis& axis) {
   given_up_ = false;
   error_ = false;
   standing_ = true;
-  acceleration_ = axis.objects.homing_acceleration * axis.units.acceleration;
+  acceleration_ = homing_acceleration(axis);
   axis.come_to_rest(RampShape::linear);
+}
+
+double HomingMode::homing_acceleration(const Axis& axis) {
+  std::uint32_t acceleration = axis.objects.homing_acceleration;
+  if (acceleration == 0 && axis.policy.zero_ramps_are_greatest) acceleration = axis.objects.max_acceleration;
+  return acceleration * axis.units.acceleration;
 }
 
 void HomingMode::controlword(Axis&, std::uint16_t before, std::uint16_t now) {
@@ -85,16 +91,17 @@ void HomingMode::start(Axis& axis) {
   if (method == nullptr || (uses_index(*method) && !axis.configuration.index_available)) {
     return fail(axis, Cause::homing_method);
   }
+  if (method->idle) return;
   if (axis.policy.homing_needs_its_inputs && !has_inputs_for(axis, *method)) return fail(axis, Cause::homing_method);
   HomingConfig config{
       .fast = std::min(objects.homing_speed_switch * axis.units.velocity, axis.max_velocity(false)),
       .slow = std::min(objects.homing_speed_zero * axis.units.velocity, axis.max_velocity(false)),
-      .acceleration = objects.homing_acceleration * axis.units.acceleration,
+      .acceleration = homing_acceleration(axis),
       .stall_torque = axis.configuration.homing_stall_torque,
       .stall_cycles = std::max<std::uint32_t>(1, axis.cycles(axis.configuration.homing_stall_ms)),
       .retraction = axis.configuration.homing_retraction,
       .timeout_cycles = axis.cycles(axis.configuration.homing_timeout_ms),
-      .end = axis.configuration.homing_end,
+      .end = method->offset_applies ? axis.configuration.homing_end : HomingEnd::as_method,
       .end_offset = -axis.units.to_counts(std::int64_t{axis.policy.home_offset_sign} * objects.home_offset),
       .blind_window = axis.configuration.homing_blind_window,
       .index_width = axis.configuration.motor.index_width_counts,
@@ -103,6 +110,7 @@ void HomingMode::start(Axis& axis) {
     return fail(axis, Cause::profile_value_zero);
   }
   acceleration_ = config.acceleration;
+  offset_applies_ = method->offset_applies;
   active_ = true;
   if (axis.policy.home_counts_at_rest) axis.homed = false;
   last_ = {};
@@ -146,7 +154,9 @@ void HomingMode::step(Axis& axis) {
     carry_out(axis, homing_.step(inputs(axis)));
     if (homing_.latched() && !had_latch) {
       // The machine's home is at the latch: there the position is the home offset with the product's sign.
-      const Counts home = axis.units.to_counts(std::int64_t{axis.policy.home_offset_sign} * axis.objects.home_offset);
+      const std::int64_t at_home =
+          offset_applies_ ? std::int64_t{axis.policy.home_offset_sign} * axis.objects.home_offset : 0;
+      const Counts home = axis.units.to_counts(at_home);
       const Counts offset = home - homing_.latch();
       axis.generator.shift(offset - axis.offset);
       axis.offset = offset;

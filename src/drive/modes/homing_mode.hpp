@@ -17,7 +17,12 @@ class HomingMode {
   void resume(Axis& axis);
   void interrupt(Axis&) {}
   void abort() { homing_.abort(), active_ = false, start_requested_ = false; }
-  double deceleration(const Axis& axis) const { return axis.objects.homing_acceleration * axis.units.acceleration; }
+  // A fault ends it: that is a homing error.
+  void fault() {
+    error_ = error_ || active_ || start_requested_;
+    abort();
+  }
+  double deceleration(const Axis& axis) const { return homing_acceleration(axis); }
   std::uint16_t status(const Axis& axis) const;
   bool running() const { return start_requested_ || active_ || !standing_; }  // until it stands, found or not
   bool pressing() const { return homing_.pressing(); }
@@ -25,6 +30,7 @@ class HomingMode {
   Counts index_distance() const { return homing_.index_distance(); }
 
  private:
+  static double homing_acceleration(const Axis& axis);  // counts/s^2
   void start(Axis& axis);
   void fail(Axis& axis, Cause cause);
   void carry_out(Axis& axis, const HomingCommand& command);
@@ -33,6 +39,7 @@ class HomingMode {
 
   Homing homing_{};
   HomingCommand last_{};
+  bool offset_applies_ = true;
   double acceleration_ = 0.0;
   bool start_requested_ = false;
   bool given_up_ = false;  // the start bit was taken away: ramp to zero

@@ -276,7 +276,7 @@ void Drive::react_to_fault(const FaultRow& fault) {
   if (fault.reaction == Reaction::angle_lost && stop != Stop::voltage_limit) stop = Stop::power_off;
   const bool reacting = state_ == PowerState::fault_reaction_active;
   state_ = PowerState::fault_reaction_active;
-  homing_mode_.abort();
+  homing_mode_.fault();
   identification_.abort();
   const bool controlled = fault.reaction == Reaction::option_code;
   if (stop == Stop::power_off && controlled && hold_for_brake()) {
