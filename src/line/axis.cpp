@@ -154,7 +154,7 @@ void Axis::on_error_state(links::ErrorState state, Time at) {
   if (!powered_) return;
   constexpr std::array states{canopen::BusState::error_active, canopen::BusState::error_passive,
                               canopen::BusState::bus_off};
-  device_->node().bus_state(states[static_cast<std::size_t>(state)], at);
+  device_->can_node()->bus_state(states[static_cast<std::size_t>(state)], at);
   send_waiting(at);
 }
 

@@ -22,6 +22,10 @@ struct FaultRow;
 namespace servodrome::canopen {
 class Node;
 }
+namespace servodrome::ethercat {
+class Esc;
+class Slave;
+}  // namespace servodrome::ethercat
 
 // A drive as it leaves the factory: dictionary, servo drive and bus stacks of one product, wired together. What a line
 // or a microcontroller's board support sees of it.
@@ -39,6 +43,12 @@ struct SerialSettings {
   Time silence{};
 };
 
+// What an EtherCAT slave has of its own on the line.
+struct EthercatSettings {
+  std::uint16_t station_alias = 0;  // configured station alias in its SII; 0: none
+  std::int32_t oscillator_ppb = 0;  // error of its oscillator, parts per billion
+};
+
 // What the commissioning of a real drive would set by switches, PC tool or nameplate.
 struct Settings {
   std::uint8_t node_id = 0;    // 0: the product's factory value
@@ -47,6 +57,7 @@ struct Settings {
   std::string_view model{};  // name of one of the product's models (model.hpp); empty: its default
   drive::MotorData motor{};
   SerialSettings serial{};
+  EthercatSettings ethercat{};
   dictionary::Medium* store = nullptr;       // non-volatile memory; nullptr: nothing is saved
   std::span<const std::byte> description{};  // the EDS text, for products that carry it (1021h)
 };
@@ -64,9 +75,11 @@ struct PastFault {
 };
 
 // The life of a device: `power_on`; then, for every base tick, the board calls `drive().tick(feedback, actuation)` and,
-// when that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. Frames arrive through `receive`,
-// in time order with the ticks; `poll` is due at `next_deadline`. Frames to send are fetched with `take`. The
-// RS485 port, for devices that have one, is handed its characters in the same order of time.
+// when that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. `poll` is due at `next_deadline`.
+// A device stands on one fieldbus. CAN: frames arrive through `receive`, in time order with the ticks, and those to
+// send are fetched with `take`. EtherCAT: frames pass the controller (ethercat::Segment), and `poll` is due after each
+// that the slave wants to hear of. The RS485 port, for devices that have one, is handed its characters in the same
+// order of time.
 class Device {
  public:
   virtual void power_on(const drive::Feedback& feedback,
@@ -74,19 +87,25 @@ class Device {
   virtual void power_off() = 0;
 
   virtual void cycle(Time now) = 0;
-  virtual void receive(const canopen::Frame& frame, Time now) = 0;
   virtual void poll(Time now) = 0;
-  virtual Time next_deadline() const = 0;
-  virtual bool take(canopen::Frame& frame) = 0;
+  virtual Time next_deadline() = 0;
+
+  // CAN. nullptr: the device is not on it, and has neither node-ID nor bit rate (0).
+  virtual canopen::Node* can_node() { return nullptr; }
+  virtual std::uint8_t node_id() const { return 0; }
+  virtual std::uint32_t bit_rate() const { return 0; }  // in force now, bit/s
+  virtual void receive(const canopen::Frame&, Time /*now*/) {}
+  virtual bool take(canopen::Frame&) { return false; }
+
+  // EtherCAT. nullptr: the device is not on it.
+  virtual ethercat::Slave* ethercat_slave() { return nullptr; }
+  virtual ethercat::Esc* ethercat_controller() { return nullptr; }
 
   // nullptr: the device has no RS485 port.
   virtual SerialPort* serial_port() { return nullptr; }
 
   virtual drive::Drive& drive() = 0;
   virtual dictionary::Dictionary& dictionary() = 0;
-  virtual canopen::Node& node() = 0;
-  virtual std::uint8_t node_id() const = 0;
-  virtual std::uint32_t bit_rate() const = 0;  // in force now, bit/s
 
   // The fault before the `n` last ones, 0 is the last; nullptr: so many are not remembered.
   virtual const PastFault* past_fault(std::size_t /*n*/) const { return nullptr; }

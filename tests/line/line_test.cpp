@@ -139,11 +139,11 @@ class Witness final : public products::Device {
     note('p', now);
     device_->poll(now);
   }
-  Time next_deadline() const override { return device_->next_deadline(); }
+  Time next_deadline() override { return device_->next_deadline(); }
   bool take(canopen::Frame& frame) override { return device_->take(frame); }
   drive::Drive& drive() override { return device_->drive(); }
   dictionary::Dictionary& dictionary() override { return device_->dictionary(); }
-  canopen::Node& node() override { return device_->node(); }
+  canopen::Node* can_node() override { return device_->can_node(); }
   std::uint8_t node_id() const override { return device_->node_id(); }
   std::uint32_t bit_rate() const override { return device_->bit_rate(); }
 

@@ -70,7 +70,7 @@ Json view_of(const Line& line, Axis& axis) {
   if (axis.powered()) {
     const drive::Drive& drive = device.drive();
     const drive::Mode mode = drive.mode();
-    view["nmt_state"] = word(device.node().nmt_state());
+    view["nmt_state"] = word(device.can_node()->nmt_state());
     view["state"] = drive::name(drive.state());
     view["mode"] = static_cast<int>(mode);
     view["mode_name"] = word(mode);

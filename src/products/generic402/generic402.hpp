@@ -3,6 +3,7 @@
 #include "products/can_device.hpp"
 #include "products/generic402/objects.hpp"
 #include "products/generic402/registers.hpp"
+#include "products/generic402/servo.hpp"
 
 namespace servodrome::products {
 
@@ -10,7 +11,7 @@ namespace servodrome::products {
 class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024> {
  public:
   static constexpr std::span<const dictionary::Entry> table{generic402::object_table};
-  static constexpr drive::Policy policy = generic402::make_policy();
+  static constexpr const drive::Policy& policy = generic402::policy;
   static constexpr dictionary::LengthAborts length_aborts{};
   static constexpr canopen::Profile profile{};
   static constexpr std::uint8_t factory_node_id = 2;
@@ -26,6 +27,7 @@ class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024>
 
  private:
   friend CanDevice;
+  friend ServoDevice;
 
   void open_serial_port();
   void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override;

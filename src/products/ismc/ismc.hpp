@@ -28,6 +28,7 @@ class Ismc final : public CanDevice<Ismc, ismc::Objects> {
 
  private:
   friend CanDevice;
+  friend ServoDevice;
 
   void prepare(dictionary::Area areas);
   drive::Configuration configuration() const;

@@ -58,6 +58,7 @@ class Ismk final : public CanDevice<Ismk, ismk::Objects> {
 
  private:
   friend CanDevice;
+  friend ServoDevice;
 
   void prepare(dictionary::Area areas);
   void loaded(dictionary::Area) { ismk::MotionControl::loaded(objects()); }

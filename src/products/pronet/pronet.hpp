@@ -46,6 +46,7 @@ class Pronet final : public CanDevice<Pronet, pronet::Objects> {
 
  private:
   friend CanDevice;
+  friend ServoDevice;
 
   void prepare(dictionary::Area areas);
   void loaded(dictionary::Area areas);

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <array>
+
+#include "ethercat/sii/image.hpp"
+#include "ethercat/slave/communication_section.hpp"
+#include "ethercat/slave/slave.hpp"
+#include "products/servo_device.hpp"
+
+namespace servodrome::products {
+
+// Sizes of what an EtherCAT device keeps in memory.
+struct EthercatSizes {
+  std::size_t mapped_objects = 48;  // per direction
+  std::size_t mailbox_bytes = 512;
+  std::size_t sdo_bytes = 1024;  // largest object that goes in segments
+  std::size_t sii_bytes = 2048;  // a multiple of 128
+};
+
+// An EtherCAT servo drive put together from a product's tables. Beyond what ServoDevice asks for, `Product` gives
+//   ethercat_profile                                                what the slave offers
+//   static ethercat::SiiDescription sii_description(const Settings&)    what its information memory says beyond that
+template <typename Product, typename ProductObjects, EthercatSizes Sizes = EthercatSizes{}>
+class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected ethercat::SlaveEvents {
+ private:
+  using Base = ServoDevice<Product, ProductObjects>;
+
+ public:
+  using Base::dictionary;
+  using Base::drive;
+  using typename Base::Communication;
+
+  explicit EthercatDevice(const Settings& its_settings)
+      : Base(its_settings), slave_(esc_, dictionary(), Product::ethercat_profile, *this, storage_.memory()) {
+    // Written once: it is non-volatile, and a master may change it.
+    ethercat::write_sii_image(Product::sii_description(its_settings), Product::ethercat_profile, Product::table, sii_);
+  }
+
+  void power_on(const drive::Feedback& feedback, Time now) override {
+    objects() = {};
+    load_objects(dictionary::Area::all);
+    drive().configure(product().configuration());
+    drive().power_on(feedback);
+    esc_.clock().set_oscillator(settings().ethercat.oscillator_ppb, now);
+    esc_.power_on(now);
+    slave_.start(now);
+  }
+  void power_off() override {}
+
+  void cycle(Time) override { slave_.process_image_updated(); }
+  void poll(Time now) override { slave_.poll(now); }
+  Time next_deadline() override { return slave_.next_deadline(esc_.now()); }
+
+  ethercat::Slave* ethercat_slave() override { return &slave_; }
+  ethercat::Esc* ethercat_controller() override { return &esc_; }
+  ethercat::Slave& slave() { return slave_; }
+  ethercat::Esc& esc() { return esc_; }
+  // The slave information memory as it is now.
+  std::span<const std::uint8_t> sii() const { return sii_; }
+
+ protected:
+  using Base::load_objects;
+  using Base::objects;
+  using Base::product;
+  using Base::save;
+  using Base::settings;
+
+  ~EthercatDevice() = default;
+
+  // --- ethercat::SlaveEvents
+  void state_changed(ethercat::AlState from, ethercat::AlState, ethercat::AlStatusCode, Time) override {
+    // No outputs come any more: 6007h says what to do (ETG.6010 clause 5.2).
+    if (from == ethercat::AlState::operational) drive().communication_lost();
+  }
+  void process_data(Time) override { drive().synchronise(); }
+
+  // --- drive::DriveEvents
+  void fault_raised(const drive::FaultRow& fault) override { report(fault.code, fault.error_register); }
+  void warning_raised(const drive::FaultRow& warning) override { report(warning.code, warning.error_register); }
+  void errors_gone(std::uint8_t remaining) override {
+    objects().communication.error_register = remaining;
+    slave_.emergency(0, remaining, {});
+  }
+
+  // An emergency over the mailbox, and 1001h.
+  void report(std::uint16_t code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data = {}) {
+    std::uint8_t& shown = objects().communication.error_register;
+    shown = static_cast<std::uint8_t>(shown | error_register);
+    slave_.emergency(code, shown, data);
+  }
+
+ private:
+  std::array<std::uint8_t, Sizes.sii_bytes> sii_{};
+  ethercat::Esc esc_{sii_};
+  ethercat::SlaveStorage<Sizes.mapped_objects, Sizes.mailbox_bytes, Sizes.sdo_bytes> storage_{};
+  ethercat::Slave slave_;
+};
+
+}  // namespace servodrome::products

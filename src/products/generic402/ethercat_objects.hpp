@@ -1,0 +1,60 @@
+#pragma once
+
+#include "ethercat/sii/image.hpp"
+#include "ethercat/slave/communication_section.hpp"
+#include "products/generic402/objects.hpp"
+
+// The reference drive's objects on EtherCAT: those of 1000h to 1FFFh are the other bus's, the rest is the same.
+namespace servodrome::products::generic402 {
+
+struct EthercatObjects {
+  ethercat::CommunicationObjects<4, 4, 16, 4> communication{};
+  drive::Objects drive{};
+  Manufacturer manufacturer{};
+};
+
+inline constexpr std::uint32_t ethercat_product_code = 0x34303245;  // "402E"
+
+inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
+  using namespace dictionary;  // NOLINT(google-build-using-namespace)
+  using Communication = decltype(EthercatObjects::communication);
+  TableBuilder<800> builder;
+  builder.append(ethercat::communication_section<Communication>, offsetof(EthercatObjects, communication));
+  builder.add(text_constant(0x1008, "Manufacturer device name", "Servodrome CiA 402 reference drive, EtherCAT"));
+  builder.add(text_constant(0x1009, "Manufacturer hardware version", "simulated"));
+  builder.add(text_constant(0x100A, "Manufacturer software version", "1.0"));
+  builder.append(drive::cia402_section, offsetof(EthercatObjects, drive));
+  builder.append(drive::supported_homing_methods(drive::cia402_methods));
+  builder.add(number_constant(0x67FF, 0, ObjectCode::var, "Single device type", Type::unsigned32, servo_drive));
+  builder.append(manufacturer_section, offsetof(EthercatObjects, manufacturer));
+  // Not there: what belongs to CANopen, and what the CAN variant leaves out as well.
+  for (const std::uint16_t index :
+       std::to_array<std::uint16_t>({0x1021, 0x1022, 0x2F00, 0x2F01, 0x6090, 0x6093, 0x6094})) {
+    builder.remove(index);
+  }
+  builder.set_default(0x1000, 0, servo_drive);
+  builder.set_default(0x1018, 1, vendor_id)
+      .set_default(0x1018, 2, ethercat_product_code)
+      .set_default(0x1018, 3, revision_number);
+  builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
+  const auto map = [&builder](std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
+    std::uint8_t sub = 0;
+    for (const std::uint32_t object : objects) builder.set_default(index, ++sub, object);
+    builder.set_default(index, 0, sub);
+  };
+  // One pair of PDOs that serves all cyclic modes and homing, and one for each of the ways masters use drives.
+  map(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60710010, 0x60600008, 0x00000008});
+  map(0x1601, {0x60400010, 0x607A0020});
+  map(0x1602, {0x60400010, 0x60FF0020});
+  map(0x1603, {0x60400010, 0x60710010});
+  map(0x1A00, {0x60410010, 0x60640020, 0x606C0020, 0x60770010, 0x60610008, 0x00000008});
+  map(0x1A01, {0x60410010, 0x60640020});
+  map(0x1A02, {0x60410010, 0x606C0020});
+  map(0x1A03, {0x60410010, 0x60770010});
+  builder.set_default(0x1C12, 0, 1).set_default(0x1C12, 1, 0x1600);
+  builder.set_default(0x1C13, 0, 1).set_default(0x1C13, 1, 0x1A00);
+  return builder;
+}>();
+static_assert(dictionary::is_valid_table(ethercat_object_table));
+
+}  // namespace servodrome::products::generic402

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstddef>
+
+#include "dictionary/store.hpp"
+#include "drive/drive.hpp"
+#include "products/device.hpp"
+
+namespace servodrome::products {
+
+// What the servo drives of all fieldbuses have in common: objects, dictionary, drive and non-volatile memory, put
+// together from a product's tables. `Product` derives from CanDevice<Product, ...> or EthercatDevice<Product, ...>,
+// which derive from this, and gives
+//   table, policy, length_aborts   the product as data
+//   void prepare(Area)             values of these areas that are not defaults: identity, nameplate
+//   void loaded(Area)              optional: values that follow from the saved ones
+//   drive::Configuration configuration() const      from the present objects and the motor
+// `ProductObjects` is a plain struct with members `communication` and `drive`.
+template <typename Product, typename ProductObjects>
+class ServoDevice : public Device, protected drive::DriveEvents, protected dictionary::Listener {
+ public:
+  using Communication = decltype(ProductObjects::communication);
+
+  ServoDevice(const ServoDevice&) = delete;
+  ServoDevice& operator=(const ServoDevice&) = delete;
+
+  drive::Drive& drive() override { return drive_; }
+  dictionary::Dictionary& dictionary() override { return dictionary_; }
+
+ protected:
+  explicit ServoDevice(const Settings& settings)
+      : settings_(settings),
+        dictionary_(Product::table, std::as_writable_bytes(std::span(&objects_, 1)), Product::length_aborts),
+        drive_(Product::policy, objects_.drive, offsetof(ProductObjects, drive)) {
+    drive_.set_events(this);
+    dictionary_.set_listener(dictionary::Owner::drive, &drive_);
+    dictionary_.set_listener(dictionary::Owner::product, this);
+  }
+  ~ServoDevice() = default;
+
+  const Settings& settings() const { return settings_; }
+  ProductObjects& objects() { return objects_; }
+  const ProductObjects& objects() const { return objects_; }
+  Product& product() { return static_cast<Product&>(*this); }
+  void reconfigure() { drive_.configure(product().configuration()); }
+
+  // Saves an area at once, as products do with values that a user need not store himself.
+  dictionary::AbortCode save(dictionary::Area areas) {
+    if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
+    return dictionary::Store(*settings_.store).save(dictionary_, areas);
+  }
+
+  // The objects of these areas have their saved values: for what follows from them.
+  void loaded(dictionary::Area) {}
+
+  // `node_id`: what defaults that depend on it are made with.
+  void load_objects(dictionary::Area areas, std::uint8_t node_id = 0) {
+    load_factory_values(areas, node_id);
+    if (settings_.store != nullptr && !dictionary::Store(*settings_.store).load(dictionary_, areas)) {
+      load_factory_values(areas, node_id);  // nothing saved, or the memory failed halfway
+    }
+    product().loaded(areas);
+  }
+
+  // --- dictionary::Listener for Owner::product
+  dictionary::AbortCode check(const dictionary::Entry&, std::span<const std::byte>) override {
+    return dictionary::AbortCode::none;
+  }
+
+ private:
+  void load_factory_values(dictionary::Area areas, std::uint8_t node_id) {
+    dictionary_.load_defaults(areas, node_id);
+    product().prepare(areas);
+  }
+
+  Settings settings_;
+  ProductObjects objects_{};
+  dictionary::Dictionary dictionary_;
+  drive::Drive drive_;
+};
+
+}  // namespace servodrome::products
