@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <span>
 
 #include "drive/cause_set.hpp"
@@ -110,9 +111,19 @@ struct Configuration {
   // In profile position, from target reached to the next motion, this direct current holds the motor in place of the
   // position loop. A amplitude; 0: the position loop does.
   float standstill_current_a = 0.0F;
-  std::uint32_t smoothing_ms = 0;    // moving average of the demand in the profile modes; 0: none
-  float homing_torque_limit = 0.0F;  // fraction of rated torque; 0: the drive's
-  Counts homing_blind_window = 0;    // an index so close behind the switch is not taken for home
+  std::uint32_t smoothing_ms = 0;  // moving average of the demand in the profile modes; 0: none
+  float position_lag_ms = 0.0F;    // time constant of a lag of position commands, homing's excepted; 0: none
+  // Limits of the drive's own, beside those of the objects, in the directions of the encoder.
+  float torque_limit_positive = std::numeric_limits<float>::max();  // fraction of rated
+  float torque_limit_negative = std::numeric_limits<float>::max();
+  float velocity_limit_positive = std::numeric_limits<float>::max();  // counts/s, of the velocity loop's reference
+  float velocity_limit_negative = std::numeric_limits<float>::max();
+  // Torque added in the position loop, fractions of rated: always, and while the axis moves or last moved that way.
+  float weight_torque = 0.0F;
+  float friction_torque_positive = 0.0F;
+  float friction_torque_negative = 0.0F;  // negative to help
+  float homing_torque_limit = 0.0F;       // fraction of rated torque; 0: the drive's
+  Counts homing_blind_window = 0;         // an index so close behind the switch is not taken for home
   HomingEnd homing_end = HomingEnd::as_method;
   float homing_stall_torque = 0.5F;  // fraction of rated torque
   std::uint32_t homing_stall_ms = 50;
@@ -121,6 +132,9 @@ struct Configuration {
 
   // The wires whose edges are those of the level that a cycle sees.
   std::uint32_t inputs_without_capture() const { return input_filter_cycles != 0 ? 0xFFFFFFFF : bus_inputs; }
+  bool knows_load() const {
+    return weight_torque != 0.0F || friction_torque_positive != 0.0F || friction_torque_negative != 0.0F;
+  }
   // A motor whose brake takes no time has none: it may coast without power.
   bool has_brake() const { return brake_release_ms != 0 || brake_engage_ms != 0; }
 };

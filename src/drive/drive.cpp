@@ -225,7 +225,13 @@ void Drive::cycle(const Feedback& feedback) {
   // A motor in short circuit is out of the loops' reach; they must not wind up against it.
   const bool controlled = energised() && !short_circuit_;
   if (controlled != cascade_.enabled()) controlled ? cascade_.enable(feedback) : cascade_.disable();
-  cascade_.set_demand(axis_.demand);
+  if (axis_.configuration.knows_load()) [[unlikely]] {
+    LoopDemand demand = axis_.demand;
+    demand.torque += known_load();
+    cascade_.set_demand(demand);
+  } else {
+    cascade_.set_demand(axis_.demand);
+  }
   axis_.objects.statusword = statusword();
   axis_.synchronised = false;
   edge_count_ = 0;

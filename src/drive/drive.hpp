@@ -16,6 +16,7 @@
 #include "drive/power/power_state.hpp"
 #include "drive/supervision.hpp"
 #include "drive/touch_probe.hpp"
+#include "drive/trajectory/lag_filter.hpp"
 #include "drive/trajectory/moving_average.hpp"
 #include "drive/tuning/inertia_identification.hpp"
 
@@ -98,6 +99,7 @@ class Drive final : public dictionary::Listener {
   Mode mode() const { return mode_; }
   std::uint16_t statusword() const;
   bool in_motion() const { return !axis_.generator.standing(); }
+  bool demand_smoothed() const { return !smoothing_pending_; }  // nothing of the demand is still to come
   bool energised() const { return stage_ != Stage::off; }
   bool brake_released() const { return stage_ == Stage::releasing_brake || stage_ == Stage::on; }
   bool homed() const { return axis_.homed; }
@@ -162,6 +164,7 @@ class Drive final : public dictionary::Listener {
   void limit_switches(Counts before);
   void finish_identification();
   void smooth_demand();
+  float known_load();  // torque, fraction of rated
   void hold_by_current();
   void set_limits();
   void write_actuation();
@@ -224,9 +227,12 @@ class Drive final : public dictionary::Listener {
   bool multi_turn_cleared_ = false;
 
   MovingAverage smoothing_{};
+  LagFilter lag_{};
   Loop smoothed_loop_ = Loop::off;   // of the demand that is averaged
   std::int64_t smoothed_value_ = 0;  // the mean, 2^-16 counts or counts/s
   float smoothed_velocity_ = 0.0F;   // counts/s
+  bool smoothing_pending_ = false;   // the smoothed demand is still on its way
+  int friction_direction_ = 0;       // of the last motion in the position loop
 
   Actuation outputs_{};  // everything but the phase voltages, set once per cycle
   std::uint32_t last_inputs_ = 0;

@@ -3,6 +3,14 @@
 // What stands between a mode's demand and the loops: limits, smoothing, holding at standstill.
 namespace servodrome::drive {
 
+namespace {
+
+constexpr std::uint32_t averaged_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity);
+constexpr std::uint32_t lagging_modes =
+    mode_bit(Mode::profile_position) | mode_bit(Mode::interpolated_position) | mode_bit(Mode::cyclic_sync_position);
+
+}  // namespace
+
 // Outside homing a limit switch ends every motion towards it; away from it the axis may move. So does a software limit
 // in the modes that have no target position, early enough to stand at it. `before`: where the demand was before this
 // cycle.
@@ -42,15 +50,19 @@ void Drive::hold_by_current() {
   axis_.demand.lock_current_a = current_a;
 }
 
-// The moving average of the demand in the modes that have a profile.
+// The moving average of the demand in the modes that have a profile, or the lag of a position command.
 void Drive::smooth_demand() {
-  const std::uint32_t cycles = axis_.cycles(axis_.configuration.smoothing_ms);
-  const bool profiled = (mode_bit(mode_) & (mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity))) != 0;
+  const Configuration& configuration = axis_.configuration;
   LoopDemand& demand = axis_.demand;
-  const bool smoothed = cycles > 1 && profiled && stage_ == Stage::on && !short_circuit_ &&
-                        (demand.loop == Loop::position || demand.loop == Loop::velocity);
-  if (!smoothed) {
+  const std::uint32_t mode = mode_bit(mode_);
+  const std::uint32_t cycles = axis_.cycles(configuration.smoothing_ms);
+  const bool averaged =
+      cycles > 1 && (mode & averaged_modes) != 0 && (demand.loop == Loop::position || demand.loop == Loop::velocity);
+  const bool lagging =
+      configuration.position_lag_ms > 0.0F && (mode & lagging_modes) != 0 && demand.loop == Loop::position;
+  if (stage_ != Stage::on || short_circuit_ || (!averaged && !lagging)) {
     smoothed_loop_ = Loop::off;
+    smoothing_pending_ = false;
     return;
   }
   const bool position = demand.loop == Loop::position;
@@ -58,25 +70,51 @@ void Drive::smooth_demand() {
   const std::int64_t value =
       position ? demand.position * 65536 + std::llround(static_cast<double>(demand.position_fraction) * unit)
                : std::llround(static_cast<double>(demand.velocity) * unit);
-  const std::size_t length = std::min<std::size_t>(cycles, MovingAverage::longest);
-  if (smoothed_loop_ != demand.loop || smoothing_.length() != length) {
-    smoothing_.begin(value, length);
+  const std::size_t length = averaged ? std::min<std::size_t>(cycles, MovingAverage::longest) : 0;
+  if (smoothed_loop_ != demand.loop || (averaged && smoothing_.length() != length)) {
+    if (averaged) smoothing_.begin(value, length);
+    lag_.begin(value);
     smoothed_value_ = value;
     smoothed_velocity_ = demand.velocity;
     smoothed_loop_ = demand.loop;
   }
-  const std::int64_t mean = smoothing_.update(value);
   const float before = smoothed_velocity_;
+  std::int64_t mean = 0;
+  if (averaged) {
+    mean = smoothing_.update(value);
+    const std::int64_t velocity = position ? mean - smoothed_value_ : mean;
+    smoothed_velocity_ = static_cast<float>(static_cast<double>(velocity) / unit / (position ? axis_.cycle_s : 1.0));
+  } else {
+    lag_.configure(static_cast<double>(configuration.position_lag_ms) * axis_.cycles_per_ms);
+    mean = lag_.update(value);
+    // The same lag, so that what a mode adds to the velocity is kept.
+    smoothed_velocity_ += static_cast<float>(lag_.gain()) * (demand.velocity - smoothed_velocity_);
+    if (mean == value) smoothed_velocity_ = demand.velocity;
+  }
+  smoothing_pending_ = mean != value;
   if (position) {
     demand.position = mean >> 16;
     demand.position_fraction = static_cast<float>(static_cast<double>(mean & 0xFFFF) / unit);
-    smoothed_velocity_ = static_cast<float>(static_cast<double>(mean - smoothed_value_) / unit / axis_.cycle_s);
-  } else {
-    smoothed_velocity_ = static_cast<float>(static_cast<double>(mean) / unit);
   }
   smoothed_value_ = mean;
   demand.velocity = smoothed_velocity_;
   demand.acceleration = (smoothed_velocity_ - before) / static_cast<float>(axis_.cycle_s);
+}
+
+// Weight and friction that the drive was told of. The direction of the last motion counts while the axis stands, so
+// that nothing jumps at the end of a motion.
+float Drive::known_load() {
+  const Configuration& configuration = axis_.configuration;
+  const LoopDemand& demand = axis_.demand;
+  if (demand.loop != Loop::position && !zero_speed_) {
+    friction_direction_ = 0;
+    return 0.0F;
+  }
+  if (demand.velocity != 0.0F) friction_direction_ = demand.velocity > 0.0F ? 1 : -1;
+  const float friction = friction_direction_ > 0   ? configuration.friction_torque_positive
+                         : friction_direction_ < 0 ? configuration.friction_torque_negative
+                                                   : 0.0F;
+  return configuration.weight_torque + friction;
 }
 
 void Drive::set_limits() {
@@ -123,6 +161,11 @@ void Drive::set_limits() {
     demand.velocity_limit_positive = std::min(demand.velocity_limit_positive, approach(room.above));
     demand.velocity_limit_negative = std::min(demand.velocity_limit_negative, approach(room.below));
   }
+  const Configuration& own = axis_.configuration;
+  demand.torque_limit_positive = std::min(demand.torque_limit_positive, own.torque_limit_positive);
+  demand.torque_limit_negative = std::min(demand.torque_limit_negative, own.torque_limit_negative);
+  demand.velocity_limit_positive = std::min(demand.velocity_limit_positive, own.velocity_limit_positive);
+  demand.velocity_limit_negative = std::min(demand.velocity_limit_negative, own.velocity_limit_negative);
 }
 
 }  // namespace servodrome::drive

@@ -88,6 +88,13 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   limiter_decay_ = velocity_kp_ > 0.0F ? std::min(limiter_ki_ / velocity_kp_, 1.0F) : 1.0F;
   position_kp_ = gains.position_kp;
   velocity_feed_forward_ = gains.velocity_feed_forward;
+  const float position_period_s = static_cast<float>(rates.position_loop_ticks) * tick_s;
+  velocity_forward_.configure(gains.velocity_feed_forward_filter_hz, position_period_s, forward_velocity_);
+  acceleration_forward_.configure(gains.acceleration_feed_forward_filter_hz, position_period_s, forward_acceleration_);
+  if (disturbance_share_ == 0.0F) forget_disturbance();
+  disturbance_share_ = gains.disturbance_share;
+  disturbance_.gain = low_pass_gain(gains.disturbance_filter_hz, velocity_period_s);
+  disturbance_.inertia = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * velocity_periods_per_s_;
   rest_.window_counts = gains.rest_window_counts;
   rest_.still_periods = static_cast<std::uint16_t>(standstill_s * velocity_periods_per_s_);
   rest_.least_push = velocity_period_s / push_s;
@@ -133,15 +140,16 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
 
 float Cascade::proportional_torque() const {
   const float error = setpoint_weight_ * state_.velocity_reference_counts_per_s - state_.velocity_counts_per_s;
-  return velocity_kp_ * error + feed_forward_;
+  return velocity_kp_ * error + feed_forward_ + compensation_;
 }
 
 // The torque that the gains of before gave, and those of now do not, is kept aside and fades. So does an integral that
 // has no gain any more to be taken back by.
 void Cascade::hand_over(float proportional_before) {
-  feed_forward_ = demand_.torque + demand_.acceleration * inertia_torque_;
+  feed_forward_ = demand_.torque + forward_acceleration_ * inertia_torque_;
+  compensation_ = disturbance_share_ * disturbance_.load;
   if (demand_.loop == Loop::position) {
-    position_velocity_ = position_kp_ * position_error_ + velocity_feed_forward_ * demand_.velocity;
+    position_velocity_ = position_kp_ * position_error_ + velocity_feed_forward_ * forward_velocity_;
   }
   if (!command_filter_on_) {
     const float wanted = demand_.loop == Loop::position ? position_velocity_ : demand_.velocity;
@@ -178,6 +186,7 @@ void Cascade::clear_controllers() {
   integral_ = 0.0F;
   handover_ = 0.0F;
   feed_forward_ = 0.0F;
+  forget_disturbance();
   current_reference_a_ = 0.0F;
   direct_.integral_v = 0.0F;
   quadrature_.integral_v = 0.0F;
@@ -193,14 +202,22 @@ void Cascade::clear_controllers() {
   state_.voltage_limited = false;
 }
 
+void Cascade::forget_disturbance() {
+  disturbance_.load = compensation_ = 0.0F;
+  disturbance_.velocity = state_.velocity_counts_per_s;
+}
+
 void Cascade::set_demand(const LoopDemand& demand) {
   const Loop previous = demand_.loop;
   demand_ = demand;
   demand_.torque_limit_positive = std::min(demand.torque_limit_positive, peak_torque_);
   demand_.torque_limit_negative = std::min(demand.torque_limit_negative, peak_torque_);
-  const float feed_forward = demand.torque + demand.acceleration * inertia_torque_;
+  if (demand.loop != previous) acceleration_forward_.settle(demand.acceleration);
+  forward_acceleration_ = acceleration_forward_.apply(demand.acceleration);
+  const float feed_forward = demand.torque + forward_acceleration_ * inertia_torque_;
   feed_forward_ = feed_forward;
   if (demand.loop == previous) return;
+  velocity_forward_.settle(demand.velocity);
   // The torque goes on where it is: the velocity controller's integral takes over what the torque loop gave, while the
   // torque loop's speed limiter starts from nothing.
   const auto has_controllers = [](Loop loop) { return loop != Loop::off && loop != Loop::locked; };
@@ -210,6 +227,7 @@ void Cascade::set_demand(const LoopDemand& demand) {
     integral_ = 0.0F;
     handover_ = 0.0F;
   } else if (previous == Loop::torque) {
+    forget_disturbance();
     integral_ = state_.torque_reference - feed_forward;
     handover_ = 0.0F;
     command_filter_.value = state_.velocity_counts_per_s;
@@ -304,7 +322,19 @@ void Cascade::run_position_loop(Counts position) {
   last_demand_fraction_ = demand_.position_fraction;
   error = rest_.position_error(error, standing);
   position_error_ = error;
-  position_velocity_ = position_kp_ * error + velocity_feed_forward_ * demand_.velocity;
+  forward_velocity_ = velocity_forward_.apply(demand_.velocity);
+  position_velocity_ = position_kp_ * error + velocity_feed_forward_ * forward_velocity_;
+}
+
+// While the axis rests, friction takes what torque there is: that says nothing of the load.
+void Cascade::observe_disturbance() {
+  const float velocity = state_.velocity_counts_per_s;
+  if (rest_.at_rest()) {
+    disturbance_.velocity = velocity;
+    return;
+  }
+  disturbance_.update(state_.torque_reference, velocity);
+  compensation_ = disturbance_share_ * disturbance_.load;
 }
 
 void Cascade::run_velocity_loop(Counts position) {
@@ -336,7 +366,11 @@ float Cascade::velocity_controller() {
   const float high = demand_.torque_limit_positive;
   const float measured = state_.velocity_counts_per_s;
   const float error = reference - measured;
-  const float sum = velocity_kp_ * (setpoint_weight_ * reference - measured) + integral_ + feed_forward_ + handover_;
+  float sum = velocity_kp_ * (setpoint_weight_ * reference - measured) + integral_ + feed_forward_ + handover_;
+  if (disturbance_share_ != 0.0F) {
+    observe_disturbance();
+    sum += compensation_;
+  }
   const float torque = clip(sum, low, high);
   state_.torque_limited = torque != sum;
   if (handover_ != 0.0F) {

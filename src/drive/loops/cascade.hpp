@@ -101,6 +101,8 @@ class Cascade {
   void settle_velocity(float velocity);
   // What the present gains make of the present errors, without the integral.
   float proportional_torque() const;
+  void observe_disturbance();
+  void forget_disturbance();
   void hand_over(float proportional_before);
   float velocity_controller();
   float torque_controller();
@@ -132,6 +134,10 @@ class Cascade {
   LowPass torque_filter_;
   LowPass command_filter_;  // applied only with command_filter_on_
   bool command_filter_on_ = false;
+  OptionalLowPass velocity_forward_;      // of the demand's velocity, with its output
+  OptionalLowPass acceleration_forward_;  // likewise
+  float forward_velocity_ = 0.0F;         // counts/s
+  float forward_acceleration_ = 0.0F;     // counts/s^2
   VelocityFeedback velocity_feedback_ = VelocityFeedback::first_order;
   float position_velocity_ = 0.0F;  // counts/s: velocity reference out of the position loop
   float position_error_ = 0.0F;     // counts, as the position loop saw it last
@@ -173,10 +179,13 @@ class Cascade {
   float limiter_decay_ = 0.0F;   // of the speed limiter's integral, per velocity period
   float position_kp_ = 0.0F;
   float velocity_feed_forward_ = 1.0F;
+  float disturbance_share_ = 0.0F;
+  float compensation_ = 0.0F;  // torque against the disturbance, fraction of rated
 
   std::array<Biquad, most_notches> notches_{};  // the first notch_end_ are applied
   Biquad velocity_low_pass_{};                  // VelocityFeedback::second_order
   VelocityObserver observer_{};
+  DisturbanceObserver disturbance_{};
   ResonanceAnalysis* analysis_ = nullptr;
 };
 

@@ -45,6 +45,36 @@ struct Biquad {
 Biquad make_notch(float frequency_hz, float width_hz, float depth, float period_s, const Biquad& previous = {});
 Biquad make_low_pass(float corner_hz, float damping, float period_s, const Biquad& previous = {});
 
+// A low pass that may be switched off: then it passes everything, to the bit.
+struct OptionalLowPass {
+  LowPass filter{};
+  bool on = false;
+
+  // Goes on from `present`, its output up to now, when it is switched on.
+  void configure(float corner_hz, float period_s, float present) {
+    if (!on) filter.value = present;
+    on = corner_hz > 0.0F;
+    filter.gain = low_pass_gain(corner_hz, period_s);
+  }
+  float apply(float input) { return on ? filter.apply(input) : input; }
+  void settle(float value) { filter.value = value; }
+};
+
+// Disturbance observer: the torque that does not go into acceleration is the load's. Torques as fractions of rated,
+// velocities in counts/s.
+struct DisturbanceObserver {
+  float inertia = 0.0F;  // torque by counts/s per period
+  float gain = 1.0F;     // of the low pass
+  float velocity = 0.0F;
+  float load = 0.0F;
+
+  // One period: the torque that acted in it, and the velocity after it.
+  void update(float torque, float velocity_now) {
+    load += gain * (torque - inertia * (velocity_now - velocity) - load);
+    velocity = velocity_now;
+  }
+};
+
 // Velocity observer: what the torque makes of the inertia, corrected by what was measured. It lags behind only what it
 // does not know, a load torque or a wrong inertia, which it learns as a disturbance. Velocities in counts/s.
 struct VelocityObserver {

@@ -41,12 +41,19 @@ struct Gains {
   float position_kp = 0.0F;                // 1/s
   float velocity_feed_forward = 1.0F;      // share of LoopDemand::velocity in the position loop
   float acceleration_feed_forward = 1.0F;  // share of inertia times LoopDemand::acceleration
+  // Corners of low passes on what the two feed-forwards are made of, the demand's velocity and acceleration; 0: off.
+  float velocity_feed_forward_filter_hz = 0.0F;
+  float acceleration_feed_forward_filter_hz = 0.0F;
   VelocityFeedback velocity_feedback = VelocityFeedback::first_order;
   float velocity_filter_hz = 0.0F;          // corner of the filter on the measured velocity; 0: off
   float velocity_command_filter_hz = 0.0F;  // corner of a low pass on the velocity reference; 0: off
   float velocity_integral_limit_a = 0.0F;   // most that the integral of the velocity loop gives, amplitude; 0: no limit
   float torque_filter_hz = 0.0F;            // corner of the low pass on the torque reference; 0: off
-  float rest_window_counts = 1.0F;          // position errors left alone at rest: see RestRule
+  // The load torque that torque and velocity tell of (with the inertia of the motor data), seen through a low pass; its
+  // share that is added to the torque. Share 0: off.
+  float disturbance_share = 0.0F;
+  float disturbance_filter_hz = 0.0F;
+  float rest_window_counts = 1.0F;  // position errors left alone at rest: see RestRule
   std::array<Notch, most_notches> notches{};
 };
 

@@ -58,6 +58,9 @@ struct RestRule {
     return integral + step;
   }
 
+  // The demand stands, and so does the axis.
+  bool at_rest() const { return demand_stands_ && still_ == still_periods; }
+
   void leave() { position_error(0.0F, false); }
 
  private:
