@@ -97,20 +97,25 @@ Segment::Passage Segment::process(std::span<std::uint8_t> bytes, Time now, Port 
   const bool whole = encapsulation == Encapsulation::ethernet;
   travel.kind = whole ? parse_ethernet(bytes, travel.frame) : parse_payload(bytes, travel.frame);
   travel.executable = travel.kind == FrameKind::ethercat;
-  if (slaves_.empty()) return {};
+  Passage passage;
+  if (!slaves_.empty()) passage = entry == Port::primary ? enter_front(travel) : enter_back(travel);
+  passage.kind = travel.kind;
+  return passage;
+}
 
-  if (entry == Port::primary) {
-    Slave& front = slaves_.front();
-    if (!front.cable || !front.powered || front.esc->loop_closed(0)) return {};
-    travel.time += front.forward;
-    run_forward(0, travel);
-    if (travel.corrupted || travel.destroyed || travel.end == Way::ends) return {};
-    if (travel.end == Way::open) return {Exit::secondary, travel.time};
-    if (travel.latches) latch_returning(0, travel);
-    for (std::size_t slave = travel.last + 1; slave-- > 0;) travel.time += slaves_[slave].backward;
-    return {Exit::primary, travel.time};
-  }
+inline Segment::Passage Segment::enter_front(Travel& travel) {
+  Slave& front = slaves_.front();
+  if (!front.cable || !front.powered || front.esc->loop_closed(0)) return {};
+  travel.time += front.forward;
+  run_forward(0, travel);
+  if (travel.corrupted || travel.destroyed || travel.end == Way::ends) return {};
+  if (travel.end == Way::open) return {Exit::secondary, travel.time};
+  if (travel.latches) latch_returning(0, travel);
+  for (std::size_t slave = travel.last + 1; slave-- > 0;) travel.time += slaves_[slave].backward;
+  return {Exit::primary, travel.time};
+}
 
+Segment::Passage Segment::enter_back(Travel& travel) {
   // Into port 1 of the last slave, through to port 0 without processing, until a port 0 has its loop closed.
   std::size_t slave = slaves_.size() - 1;
   const Slave& back = slaves_[slave];

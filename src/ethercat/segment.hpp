@@ -28,7 +28,8 @@ class Segment {
   };
   struct Passage {
     Exit exit = Exit::lost;
-    Time leaves{0};  // when the first bit is back at the master
+    Time leaves{0};                        // when the first bit is back at the master
+    FrameKind kind = FrameKind::ethercat;  // what came
   };
 
   // Does not own the slaves, which must outlive it. Controllers need a power_on before their first frame.
@@ -53,6 +54,8 @@ class Segment {
 
   Way way_behind(std::size_t slave) const;
   Way way_before(std::size_t slave) const;
+  Passage enter_front(Travel& travel);
+  Passage enter_back(Travel& travel);
   // From `first` on through the processing units. Returns where it turned or ended.
   void run_forward(std::size_t first, Travel& travel);
   void pass_damaged(std::size_t slave, Travel& travel);

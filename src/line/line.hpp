@@ -43,7 +43,7 @@ class Line final : public links::VirtualClock {
 
   // Lets everything up to and including `target` happen, in order of time: an axis is caught up to a frame's arrival
   // before it is given the frame. A target in the past does nothing.
-  void run_until(Time target);
+  void run_until(Time target) override;
 
   Time now() const override { return now_; }
   // To the next instant at which anything may happen on a bus, at most 1 ms.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "links/time.hpp"
 
@@ -13,13 +14,17 @@ class LineHost {
   virtual ~LineHost() = default;
   // The line's time at this instant: when a frame that has just been read came in.
   virtual Time now() = 0;
+  // The same, and everything the line does until then is done. For a bus whose frames are answered as they are read.
+  virtual Time catch_up() { return now(); }
+  // What who runs the line should know: a link was lost, or is back.
+  virtual void report(const std::string& /*message*/) {}
   // Something was queued on the bus: its next_event() may be earlier than it was.
   virtual void wake() = 0;
   // Wall-clock time (since 1970) of the line's time 0, for the timestamps a link hands out.
   virtual Time epoch() const { return Time{}; }
 };
 
-// Frames of a CAN bus, characters of a serial line, requests and responses of Modbus TCP.
+// Frames of a CAN bus or an EtherCAT segment, characters of a serial line, requests and responses of Modbus TCP.
 struct LinkCounters {
   std::uint64_t to_bus = 0;     // outside programs put on the bus
   std::uint64_t from_bus = 0;   // handed to outside programs

@@ -11,6 +11,10 @@ class VirtualClock {
   virtual Time now() const = 0;
   // Advances the line, and with it its buses, by its smallest step.
   virtual void step() = 0;
+  // Advances it up to `target`; one in the past does nothing.
+  virtual void run_until(Time target) {
+    while (now() < target) step();
+  }
 };
 
 }  // namespace servodrome::links

@@ -29,6 +29,10 @@ class EthercatClient {
   virtual std::string name() const = 0;
 };
 
+inline constexpr std::size_t most_ethercat_content = 1500;
+// Throws LinkError for more than that.
+void check_content_size(std::size_t size, const std::string& link);
+
 // Opens `raw:INTERFACE` or `udp:HOST:PORT` as a client (link_name.hpp). Throws LinkError. `mem:` is a
 // MemoryEthercatClient (memory_client.hpp).
 std::unique_ptr<EthercatClient> open_ethercat_client(std::string_view link);

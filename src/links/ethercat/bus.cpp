@@ -1,0 +1,95 @@
+#include "links/ethercat/bus.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace servodrome::links {
+
+std::size_t EthercatBus::attach(EthercatStation& station, Hop hop) {
+  const bool ring = cable(size());
+  stations_.push_back(&station);
+  slaves_.push_back({.esc = &station.esc(), .forward = hop.forward, .backward = hop.backward});
+  segment_ = ethercat::Segment(slaves_);
+  segment_.set_cable(size(), ring);
+  return size() - 1;
+}
+
+void EthercatBus::detach(std::size_t position) {
+  stations_.at(position) = nullptr;
+  slaves_[position].esc = &absent_;
+  segment_.set_powered(position, false, Time{});
+}
+
+EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, Port entry,
+                                       Encapsulation encapsulation) {
+  for (EthercatObserver* observer : observers_) {
+    observer->on_frame(frame, encapsulation, EthercatObserver::Direction::in, at);
+  }
+  const Blow blow = disturbance_ ? draw() : Blow{};
+  Passage passage;
+  if (!blow.drop) {
+    if (blow.corrupts_at) slaves_[*blow.corrupts_at].corrupts_next = true;
+    passage = {segment_.process(frame, at, entry, encapsulation), blow.delay};
+    passage.leaves += blow.delay;
+    // One that did not come there, behind a cut cable for instance, is as it was.
+    if (blow.corrupts_at && !std::exchange(slaves_[*blow.corrupts_at].corrupts_next, false)) ++counters_.corrupted;
+  }
+  if (blow.drop_answer) passage.exit = Exit::lost;
+  count(passage);
+  if (passage.exit != Exit::lost) {
+    for (EthercatObserver* observer : observers_) {
+      observer->on_frame(frame, encapsulation, EthercatObserver::Direction::out, passage.leaves);
+    }
+  }
+  return passage;
+}
+
+void EthercatBus::settle(Time at) {
+  for (std::size_t i = 0; i < slaves_.size(); ++i) {
+    if (slaves_[i].esc->attention() != 0 && slaves_[i].powered) stations_[i]->frame_passed(at);
+  }
+}
+
+void EthercatBus::count(const ethercat::Segment::Passage& passage) {
+  ++counters_.frames;
+  if (passage.exit == Exit::lost) ++counters_.lost;
+  if (passage.kind == ethercat::FrameKind::malformed) ++counters_.malformed;
+  if (passage.kind == ethercat::FrameKind::foreign) ++counters_.foreign;
+}
+
+void EthercatBus::disturb(const EthercatDisturbance& disturbance) {
+  disturbance_ = disturbance;
+  disturbed_frames_ = 0;
+  DisturbanceGenerator seeds(disturbance.seed);
+  drop_draws_ = DisturbanceGenerator(seeds.next());
+  drop_answer_draws_ = DisturbanceGenerator(seeds.next());
+  corrupt_draws_ = DisturbanceGenerator(seeds.next());
+  delay_draws_ = DisturbanceGenerator(seeds.next());
+}
+
+// Always draws from each generator as often, whatever comes of it.
+EthercatBus::Blow EthercatBus::draw() {
+  const EthercatDisturbance& what = *disturbance_;
+  Blow blow;
+  blow.drop = drop_draws_.chance(what.drop);
+  blow.drop_answer = drop_answer_draws_.chance(what.drop_answer);
+  const bool corrupts = corrupt_draws_.chance(what.corrupt);
+  const std::uint64_t place = corrupt_draws_.next();
+  const bool delays = delay_draws_.chance(what.delay);
+  if ((what.limit != 0 && disturbed_frames_ >= what.limit) || slaves_.empty()) return {};
+
+  if (corrupts) blow.corrupts_at = std::min<std::size_t>(what.position.value_or(place % size()), size() - 1);
+  if (delays) blow.delay = what.delay_time;
+  if (blow.drop || blow.drop_answer) ++counters_.dropped;
+  if (delays) ++counters_.delayed;
+  if (blow.drop || blow.drop_answer || corrupts || delays) ++disturbed_frames_;
+  return blow;
+}
+
+void EthercatBus::add_observer(EthercatObserver& observer) { observers_.push_back(&observer); }
+
+void EthercatBus::remove_observer(EthercatObserver& observer) {
+  observers_.erase(std::remove(observers_.begin(), observers_.end(), &observer), observers_.end());
+}
+
+}  // namespace servodrome::links

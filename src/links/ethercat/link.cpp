@@ -1,0 +1,36 @@
+#include "links/ethercat/link.hpp"
+
+#include "links/ethercat/raw_link.hpp"
+#include "links/ethercat/udp_link.hpp"
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+struct OpenEthercatLink {
+  EthercatBus& bus;
+  boost::asio::io_context& io;
+  LineHost& host;
+
+  std::unique_ptr<EthercatLink> operator()(const RawName& name) const {
+    return std::make_unique<RawLink>(name, bus, io, host);
+  }
+  std::unique_ptr<EthercatLink> operator()(const EthercatUdpName& name) const {
+    return std::make_unique<EthercatUdpLink>(name, bus, io, host);
+  }
+  std::unique_ptr<EthercatLink> operator()(const MemName&) const {
+    throw LinkError(
+        std::make_error_code(std::errc::invalid_argument),
+        "EtherCAT link \"mem:\" is for a master in the same process and cannot be opened for others; choose "
+        "raw: or udp: to let other programs in");
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<EthercatLink> open_ethercat_link(const EthercatLinkName& name, EthercatBus& bus,
+                                                 boost::asio::io_context& io, LineHost& host) {
+  return std::visit(OpenEthercatLink{bus, io, host}, name);
+}
+
+}  // namespace servodrome::links

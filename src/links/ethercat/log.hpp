@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "links/ethercat/bus.hpp"
+
+namespace servodrome::links {
+
+// Writes the frames of a bus to a pcap file (link type 1, Ethernet, nanoseconds): each as it came from the master and,
+// if it came back, as it did. What was in a UDP packet has an Ethernet header made up, with source addresses as a
+// master and a slave controller have them. At most 64 KiB wait in memory; then, and on flush() and destruction, they
+// are written. A write that fails (disk full) stops the log; failed() says so.
+class EthercatLog final : public EthercatObserver {
+ public:
+  // Creates or truncates the file; throws LinkError. `epoch`: wall-clock time of the line's time 0.
+  EthercatLog(const std::string& path, Time epoch);
+  EthercatLog(const EthercatLog&) = delete;
+  EthercatLog& operator=(const EthercatLog&) = delete;
+
+  void on_frame(std::span<const std::uint8_t> bytes, ethercat::Segment::Encapsulation encapsulation,
+                Direction direction, Time at) override;
+  void flush();
+  bool failed() const { return failed_; }
+
+ private:
+  void write(const void* bytes, std::size_t size);
+
+  Time epoch_;
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+  bool failed_ = false;
+};
+
+}  // namespace servodrome::links

@@ -1,0 +1,149 @@
+#include "links/ethercat/raw_link.hpp"
+
+#include <cerrno>
+#include <fmt/format.h>
+
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+using boost::system::error_code;
+
+constexpr auto retry_time = std::chrono::seconds(1);
+// Frames that a disturbance holds back; later ones are lost.
+constexpr std::size_t most_delayed = 256;
+// Rounds of `most_at_once` frames in a row before other links have their turn.
+constexpr int most_rounds = 4;
+
+}  // namespace
+
+RawLink::RawLink(const RawName& name, EthercatBus& bus, boost::asio::io_context& io, LineHost& host)
+    : name_(name), bus_(bus), io_(io), host_(host) {
+  sides_.push_back(std::make_unique<Side>(name.interface, EthercatBus::Port::primary, io));
+  if (name.secondary) sides_.push_back(std::make_unique<Side>(*name.secondary, EthercatBus::Port::secondary, io));
+  for (const auto& side : sides_) open(*side);
+  if (name.secondary) bus.set_cable(bus.size(), true);
+  counters_.clients = 1;
+}
+
+RawLink::~RawLink() {
+  *alive_ = false;
+  for (const auto& side : sides_) {
+    if (side->socket) side->readiness.release();  // the socket closes itself
+  }
+}
+
+void RawLink::open(Side& side) {
+  side.socket.emplace(side.interface, name());
+  side.readiness.assign(side.socket->descriptor());
+  wait_for_frames(side);
+}
+
+void RawLink::wait_for_frames(Side& side) {
+  const auto what =
+      name_.busy ? boost::asio::posix::stream_descriptor::wait_error : boost::asio::posix::stream_descriptor::wait_read;
+  side.readiness.async_wait(what, [this, &side, alive = alive_](error_code code) {
+    if (!*alive || code || !side.socket) return;
+    if (serve(side) == 0) {
+      if (const int reason = side.socket->take_error(); reason != 0) return lose(side, reason);
+    }
+    wait_for_frames(side);
+  });
+}
+
+bool RawLink::poll() {
+  std::size_t served = 0;
+  for (const auto& side : sides_) {
+    if (side->socket) served += serve(*side);
+  }
+  return served > 0;
+}
+
+// Returns how many frames there were.
+std::size_t RawLink::serve(Side& side) {
+  std::size_t total = 0;
+  for (int round = 0; round < most_rounds; ++round) {
+    std::span<std::uint8_t> frame = side.socket->frame(0);
+    if (frame.empty()) break;
+    const Time at = host_.catch_up();
+    std::size_t count = 0;
+    for (;;) {
+      const auto passage = bus_.pass(frame, at, side.port, EthercatBus::Encapsulation::ethernet);
+      if (passage.kind != ethercat::FrameKind::ethercat) ++counters_.malformed;
+      if (passage.exit != EthercatBus::Exit::lost) {
+        Side& exit = side_of(passage.exit);
+        if (passage.delay > Time{}) {
+          send_later(exit, frame, passage.delay);
+        } else {
+          exit.outgoing[exit.outgoing_count++] = {frame.data(), frame.size()};
+        }
+      }
+      ++count;
+      frame = count == most_at_once ? std::span<std::uint8_t>() : side.socket->frame(count);
+      if (frame.empty()) break;
+      bus_.settle(at);
+    }
+    for (const auto& exit : sides_) send(*exit);
+    bus_.settle(at);
+    side.socket->release(count);
+    counters_.to_bus += count;
+    total += count;
+  }
+  return total;
+}
+
+// The master's second port is that of another link when this one has none; what comes out there is this master's too.
+RawLink::Side& RawLink::side_of(EthercatBus::Exit exit) {
+  return *sides_[exit == EthercatBus::Exit::secondary && sides_.size() == 2 ? 1 : 0];
+}
+
+void RawLink::send(Side& side) {
+  const std::size_t count = std::exchange(side.outgoing_count, 0);
+  if (count == 0) return;
+  const std::size_t sent = side.socket ? side.socket->send(std::span(side.outgoing).first(count)) : 0;
+  counters_.from_bus += sent;
+  counters_.dropped += count - sent;
+}
+
+void RawLink::send_later(Side& side, std::span<const std::uint8_t> frame, Time delay) {
+  if (waiting_ == most_delayed) {
+    ++counters_.dropped;
+    return;
+  }
+  ++waiting_;
+  const auto timer = std::make_shared<boost::asio::steady_timer>(io_, delay);
+  timer->async_wait([this, &side, timer, alive = alive_,
+                     bytes = std::vector<std::uint8_t>(frame.begin(), frame.end())](error_code code) mutable {
+    if (!*alive || code) return;
+    --waiting_;
+    side.outgoing[side.outgoing_count++] = {bytes.data(), bytes.size()};
+    send(side);
+  });
+}
+
+void RawLink::lose(Side& side, int reason) {
+  side.readiness.release();
+  side.socket.reset();
+  counters_.clients = 0;
+  host_.report(fmt::format("EtherCAT link \"{}\": interface \"{}\" is lost ({}); waiting for it to come back", name(),
+                           side.interface, std::error_code(reason, std::generic_category()).message()));
+  try_again(side);
+}
+
+void RawLink::try_again(Side& side) {
+  side.retry.expires_after(retry_time);
+  side.retry.async_wait([this, &side, alive = alive_](error_code code) {
+    if (!*alive || code) return;
+    try {
+      open(side);
+    } catch (const LinkError&) {
+      side.socket.reset();
+      return try_again(side);
+    }
+    counters_.clients = 1;
+    host_.report(fmt::format("EtherCAT link \"{}\": interface \"{}\" is back", name(), side.interface));
+  });
+}
+
+}  // namespace servodrome::links

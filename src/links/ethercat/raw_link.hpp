@@ -1,0 +1,65 @@
+#pragma once
+
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "links/ethercat/link.hpp"
+#include "links/ethercat/packet_socket.hpp"
+
+namespace servodrome::links {
+
+// `raw:INTERFACE` and `raw:INTERFACE+INTERFACE`: the segment is plugged to an Ethernet interface, a ring to two. Frames
+// are served in the memory they were received in, and all that wait are sent back together. An interface that went down
+// or away is used again when it is back, which is tried once a second and told to the host.
+class RawLink final : public EthercatLink {
+ public:
+  RawLink(const RawName& name, EthercatBus& bus, boost::asio::io_context& io, LineHost& host);
+  ~RawLink() override;
+  RawLink(const RawLink&) = delete;
+  RawLink& operator=(const RawLink&) = delete;
+
+  std::string name() const override { return to_string(name_); }
+  const LinkCounters& counters() const override { return counters_; }
+  bool busy() const override { return name_.busy; }
+  bool poll() override;
+
+ private:
+  static constexpr std::size_t most_at_once = PacketSocket::most_frames;
+
+  // One interface: the master's port that leads to it.
+  struct Side {
+    Side(std::string its_interface, EthercatBus::Port its_port, boost::asio::io_context& io)
+        : interface(std::move(its_interface)), port(its_port), readiness(io), retry(io) {}
+
+    std::string interface;
+    EthercatBus::Port port;
+    std::optional<PacketSocket> socket;  // none while the interface is lost
+    boost::asio::posix::stream_descriptor readiness;
+    boost::asio::steady_timer retry;
+    std::array<iovec, most_at_once> outgoing{};  // frames that leave by this side
+    std::size_t outgoing_count = 0;
+  };
+
+  void open(Side& side);
+  void wait_for_frames(Side& side);
+  std::size_t serve(Side& side);
+  Side& side_of(EthercatBus::Exit exit);
+  void send(Side& side);
+  void send_later(Side& side, std::span<const std::uint8_t> frame, Time delay);
+  void lose(Side& side, int reason);
+  void try_again(Side& side);
+
+  RawName name_;
+  EthercatBus& bus_;
+  boost::asio::io_context& io_;
+  LineHost& host_;
+  std::vector<std::unique_ptr<Side>> sides_;
+  std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
+  std::size_t waiting_ = 0;  // frames that a disturbance delays
+  LinkCounters counters_;
+};
+
+}  // namespace servodrome::links

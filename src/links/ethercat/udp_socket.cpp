@@ -1,0 +1,72 @@
+#include "links/ethercat/udp_socket.hpp"
+
+#include <cerrno>
+#include <fmt/format.h>
+#include <memory>
+#include <netdb.h>
+#include <netinet/in.h>
+
+#include "links/link_error.hpp"
+
+namespace servodrome::links {
+namespace {
+
+using Addresses = std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)>;
+
+Addresses resolve(const Endpoint& endpoint, int flags, const std::string& link) {
+  addrinfo hints{};
+  hints.ai_family = AF_UNSPEC;
+  hints.ai_socktype = SOCK_DGRAM;
+  hints.ai_flags = flags | AI_NUMERICSERV;
+  addrinfo* found = nullptr;
+  const int failure = ::getaddrinfo(endpoint.host.c_str(), std::to_string(endpoint.port).c_str(), &hints, &found);
+  if (failure != 0) {
+    throw LinkError(std::make_error_code(std::errc::address_not_available),
+                    fmt::format("cannot open \"{}\": host \"{}\" is unknown ({}); write an address, such as 127.0.0.1",
+                                link, endpoint.host, ::gai_strerror(failure)));
+  }
+  return {found, &::freeaddrinfo};
+}
+
+FileDescriptor open_socket(const addrinfo& address) {
+  return FileDescriptor(::socket(address.ai_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+}
+
+[[noreturn]] void fail(const std::string& link, const std::string& advice) {
+  const std::error_code code(errno, std::generic_category());
+  throw LinkError(code, fmt::format("cannot open \"{}\": {}; {}", link, code.message(), advice));
+}
+
+}  // namespace
+
+FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link) {
+  const Addresses addresses = resolve(endpoint, AI_PASSIVE, link);
+  FileDescriptor socket = open_socket(*addresses);
+  if (!socket.is_open() || ::bind(socket.get(), addresses->ai_addr, addresses->ai_addrlen) != 0) {
+    if (errno == EADDRINUSE) {
+      fail(link, fmt::format("another program has UDP port {}; stop it or choose another port", endpoint.port));
+    }
+    if (errno == EACCES) fail(link, "choose a port above 1023");
+    fail(link, "the host must be an address of this computer, such as 127.0.0.1");
+  }
+  return socket;
+}
+
+FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link) {
+  const Addresses addresses = resolve(endpoint, 0, link);
+  FileDescriptor socket = open_socket(*addresses);
+  if (!socket.is_open() || ::connect(socket.get(), addresses->ai_addr, addresses->ai_addrlen) != 0) {
+    fail(link, "see whether there is a way to this address (ip route)");
+  }
+  return socket;
+}
+
+std::uint16_t local_port(const FileDescriptor& socket) {
+  sockaddr_storage address{};
+  socklen_t size = sizeof address;
+  ::getsockname(socket.get(), reinterpret_cast<sockaddr*>(&address), &size);
+  // The port is at the same place in IPv4 and IPv6 addresses.
+  return ntohs(reinterpret_cast<const sockaddr_in*>(&address)->sin_port);
+}
+
+}  // namespace servodrome::links

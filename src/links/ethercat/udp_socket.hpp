@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+#include <sys/socket.h>
+
+#include "links/file_descriptor.hpp"
+#include "links/link_text.hpp"
+
+namespace servodrome::links {
+
+// Nonblocking UDP sockets; both throw LinkError and complain under the name `link`.
+// Receives what is sent to an address of this computer.
+FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link);
+// Sends to an address and receives only from there.
+FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link);
+// The port a socket is bound to.
+std::uint16_t local_port(const FileDescriptor& socket);
+
+}  // namespace servodrome::links

@@ -1,0 +1,124 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <boost/asio/io_context.hpp>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "ethercat/frame/frame_writer.hpp"
+#include "links/ethercat/link.hpp"
+
+namespace servodrome::links::test {
+
+using namespace std::chrono_literals;
+using ethercat::Command;
+using Bytes = std::vector<std::uint8_t>;
+
+// A controller without an application that counts how often it is told of a frame.
+class PlainStation final : public EthercatStation {
+ public:
+  PlainStation() : esc_(sii_) { esc_.power_on(Time{}); }
+  ethercat::Esc& esc() override { return esc_; }
+  void frame_passed(Time at) override {
+    passed.push_back(at);
+    if ((esc_.attention() & ethercat::reg::al_event::al_control) != 0) esc_.set_al_status(esc_.take_al_control(), 0);
+    esc_.settle(esc_.attention());
+  }
+
+  std::vector<Time> passed;
+
+ private:
+  std::array<std::uint8_t, 64> sii_{};
+  ethercat::Esc esc_;
+};
+
+// A frame with one datagram, and what is in it afterwards.
+struct OneDatagram {
+  std::array<std::uint8_t, ethercat::max_frame> memory{};
+  std::span<std::uint8_t> bytes;
+  ethercat::Frame frame;
+
+  OneDatagram(const OneDatagram&) = delete;
+  OneDatagram& operator=(const OneDatagram&) = delete;
+  OneDatagram(Command command, std::uint32_t address, const Bytes& data, bool payload = false) {
+    auto writer = payload ? ethercat::FrameWriter::payload(memory) : ethercat::FrameWriter::ethernet(memory);
+    const auto place = writer.add(command, 0x55, address, data.size());
+    std::copy(data.begin(), data.end(), place.begin());
+    bytes = writer.bytes();
+    if (payload) {
+      ethercat::parse_payload(bytes, frame);
+    } else {
+      ethercat::parse_ethernet(bytes, frame);
+    }
+  }
+
+  unsigned counter() { return frame.datagrams()[0].working_counter(); }
+  Bytes data() {
+    const auto& datagram = frame.datagrams()[0];
+    return Bytes(datagram.data, datagram.data + datagram.length);
+  }
+};
+
+// `count` stations on a bus, and an io_context for links, driven in the test's own thread or by a RigThread.
+class EthercatRig : public LineHost {
+ public:
+  explicit EthercatRig(std::size_t count = 2, Hop hop = {100ns, 50ns}) {
+    for (std::size_t i = 0; i < count; ++i) {
+      stations.push_back(std::make_unique<PlainStation>());
+      bus.attach(*stations.back(), hop);
+    }
+  }
+
+  Time now() override { return time; }
+  Time catch_up() override { return time += 1us; }
+  void wake() override {}
+  void report(const std::string& message) override { reports.push_back(message); }
+
+  EthercatBus::Passage send(OneDatagram& frame, EthercatBus::Port entry = EthercatBus::Port::primary) {
+    return bus.exchange(frame.bytes, catch_up(), entry, EthercatBus::Encapsulation::ethernet);
+  }
+  // How many slaves answer; nothing: the frame is lost.
+  std::optional<unsigned> broadcast() {
+    OneDatagram frame(Command::brd, 0, Bytes(2));
+    if (send(frame).exit == EthercatBus::Exit::lost) return std::nullopt;
+    return frame.counter();
+  }
+
+  std::vector<std::unique_ptr<PlainStation>> stations;
+  EthercatBus bus;
+  boost::asio::io_context io;
+  Time time{};
+  std::vector<std::string> reports;
+};
+
+// Runs a rig's links in a thread of its own, for clients that block.
+class EthercatRigThread {
+ public:
+  explicit EthercatRigThread(EthercatRig& rig, EthercatLink* polled = nullptr)
+      : thread_([this, &rig, polled] {
+          while (!stop_) {
+            rig.io.restart();
+            if (polled == nullptr) {
+              rig.io.run_one_for(5ms);
+            } else if (!polled->poll()) {
+              rig.io.poll();
+              std::this_thread::yield();
+            }
+          }
+        }) {}
+  ~EthercatRigThread() {
+    stop_ = true;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+}  // namespace servodrome::links::test
