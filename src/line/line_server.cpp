@@ -48,7 +48,7 @@ void LineServer::open_serial_links() {
 }
 
 modbus::Server* LineServer::Units::find(std::uint8_t unit) {
-  if (server_.real_) server_.catch_up();
+  server_.catch_up();
   return server_.line_.find_unit(bus_, unit);
 }
 
@@ -89,17 +89,19 @@ void LineServer::wake() {
   });
 }
 
-void LineServer::catch_up() {
-  const Time behind = now() - line_.now();
-  if (behind > most_behind) {
+Time LineServer::catch_up() {
+  if (!real_) return line_.now();
+  const auto present = std::chrono::steady_clock::now();
+  if (const Time behind = present - start_ - line_.now(); behind > most_behind) {
     start_ += behind;
     line_.add_lag(behind);
   }
-  line_.run_until(std::min(now(), line_.now() + longest_stride));
-  if (const auto present = std::chrono::steady_clock::now(); present >= next_flush_) {
+  line_.run_until(std::min<Time>(present - start_, line_.now() + longest_stride));
+  if (present >= next_flush_) {
     next_flush_ = present + log_flush_time;
     flush_logs();
   }
+  return line_.now();
 }
 
 void LineServer::schedule() {
@@ -112,7 +114,7 @@ void LineServer::schedule() {
 }
 
 bench::Response LineServer::answer(const bench::Request& request) {
-  if (real_) catch_up();
+  catch_up();
   bench::Response response = bench::handle(line_, request);
   if (real_) {
     wake();

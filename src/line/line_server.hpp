@@ -51,6 +51,7 @@ class LineServer final : private links::LineHost {
  private:
   // links::LineHost
   Time now() override;
+  Time catch_up() override;
   void wake() override;
   Time epoch() const override { return epoch_; }
 
@@ -73,7 +74,6 @@ class LineServer final : private links::LineHost {
 
   void open_serial_links();
   bench::Response answer(const bench::Request& request);
-  void catch_up();
   void schedule();
   void flush_logs();
 
