@@ -1,3 +1,4 @@
+#include "ethercat/slave/entry_description.hpp"
 #include "slave_rig.hpp"
 
 // Mailbox and CoE (ETG.1000.4 clause 5.6, ETG.1000.6 clause 5.6).
@@ -381,6 +382,33 @@ TEST_F(Information, EntryDescriptions) {
   EXPECT_EQ(ask(5, {0x18, 0x10, 9, 0}), (Bytes{7, 0, 0, 0, 0x11, 0x00, 0x09, 0x06}));
   EXPECT_EQ(ask(9, {0x18, 0x10, 9, 0}), (Bytes{7, 0, 0, 0, 0x01, 0x00, 0x04, 0x05}));
   EXPECT_EQ(ask(5, {0x18, 0x10}), (Bytes{7, 0, 0, 0, 0x13, 0x00, 0x07, 0x06}));
+}
+
+// 10F1h and one entry of the record 2010h.
+TEST_F(Information, StartUpParameters) {
+  static constexpr StartUpParameter start_up[] = {{"PS", 0x10F1, 2, 10, ""}, {"PS", 0x2010, 3, 1, ""}};
+  profile.start_up = start_up;
+  EXPECT_EQ(load_u16(&ask(1, words({0}))[14]), 2);
+  EXPECT_EQ(ask(1, words({5})), join({{2, 0, 0, 0}, words({5, 0x10F1, 0x2010})}));
+  const auto access = [this](std::uint8_t sub) { return load_u16(&ask(5, {0x10, 0x20, sub, 0})[12]); };
+  EXPECT_EQ(access(3), 0x023F);
+  EXPECT_EQ(access(2), 0x003F);
+}
+
+TEST_F(Information, KindOfSynchronisationIsWrittenInPreOperationalOnly) {
+  EXPECT_EQ(load_u16(&ask(5, {0x32, 0x1C, 1, 0})[12]), 0x000F);
+  EXPECT_EQ(load_u16(&ask(5, {0x32, 0x1C, 2, 0})[12]), 0x003F);
+}
+
+TEST(Units, Codes) {
+  EXPECT_EQ(unit_code("rpm"), 0x00B44700U);
+  EXPECT_EQ(unit_code("ms"), 0xFD030000U);
+  EXPECT_EQ(unit_code("100 us"), 0xFC030000U);
+  EXPECT_EQ(unit_code("0.1%"), 0xFD000000U);
+  EXPECT_EQ(unit_code("degC"), 0x002D0000U);
+  EXPECT_EQ(unit_code("mNm"), 0xFD560000U);
+  EXPECT_EQ(unit_code("furlong"), 0U);
+  EXPECT_EQ(unit_code(""), 0U);
 }
 
 TEST_F(Information, EveryEntryFitsTheSmallestMailbox) {

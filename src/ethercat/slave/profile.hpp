@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "ethercat/time.hpp"
 
@@ -20,6 +21,16 @@ inline constexpr std::uint16_t sync_manager = 0x0002;
 inline constexpr std::uint16_t dc_sync0 = 0x0004;
 }  // namespace sync_support
 
+// An object that a master writes when it starts the slave, as the ESI file recommends it and list 5 of the SDO
+// information names it. `transition` as the ESI spells it: "IP", "PS", "SO" and back.
+struct StartUpParameter {
+  const char* transition = "PS";
+  std::uint16_t index = 0;
+  std::uint8_t sub = 0;
+  std::int64_t value = 0;  // of the entry's type
+  const char* comment = "";
+};
+
 // What a slave offers and demands; the same values go into its SII image and ESI file.
 struct Profile {
   AreaRule mailbox_out{0x1000, 34, 256};  // sync manager 0: master to slave
@@ -36,6 +47,8 @@ struct Profile {
   bool complete_access = true;
   // A mapped length other than the object's is taken: the object's low bits, or zeros above them.
   bool mapped_length_may_differ = false;
+
+  std::span<const StartUpParameter> start_up;
 
   std::uint16_t synchronisation = sync_support::free_run | sync_support::sync_manager | sync_support::dc_sync0;
   Time least_cycle{std::chrono::microseconds(125)};

@@ -2,6 +2,8 @@
 
 #include <string_view>
 
+#include "ethercat/slave/entry_description.hpp"
+
 namespace servodrome::ethercat {
 
 using dictionary::AbortCode;
@@ -21,7 +23,7 @@ constexpr unsigned incomplete = 0x80;
 
 constexpr std::size_t information_header_size = 4;
 constexpr std::size_t least_entry_response = coe_header_size + information_header_size + 10;
-constexpr unsigned lists = 5;  // 1: all, 2: RxPDO, 3: TxPDO, 4: stored, 5: start-up parameters
+constexpr unsigned lists = 5;  // 1: all, 2: RxPDO, 3: TxPDO, 4: kept for a replacement, 5: start-up parameters
 
 // Value info of an entry description (ETG.1000.6 table 48).
 constexpr unsigned with_unit = 0x08;
@@ -37,43 +39,7 @@ constexpr unsigned record_type(std::uint16_t index) {
   return 0;
 }
 
-unsigned bit_length(const Entry& entry) {
-  if (entry.type == dictionary::Type::boolean) return 1;
-  if (entry.fixed_size()) return dictionary::size_of(entry.type) * 8U;
-  const std::size_t bytes = entry.text != nullptr ? std::strlen(entry.text) : entry.capacity;
-  return static_cast<unsigned>(bytes * 8);
-}
-
-// ETG.1000.6 table 49: read in Pre-Operational, Safe-Operational, Operational; the same for writing; mappable; stored.
-unsigned access(const Entry& entry) {
-  const bool rpdo = entry.pdo == dictionary::Pdo::rpdo || entry.pdo == dictionary::Pdo::both;
-  const bool tpdo = entry.pdo == dictionary::Pdo::tpdo || entry.pdo == dictionary::Pdo::both;
-  const bool assigns =
-      (entry.index >= 0x1600 && entry.index < 0x1C00) || entry.index == 0x1C12 || entry.index == 0x1C13;
-  unsigned bits = entry.readable() ? 0x07U : 0U;
-  if (entry.writable()) bits |= assigns ? 0x08U : 0x38U;
-  return bits | (rpdo ? 0x40U : 0U) | (tpdo ? 0x80U : 0U) | (entry.saved ? 0x100U : 0U);
-}
-
-struct Unit {
-  std::string_view name;
-  std::uint32_t code;
-};
-constexpr Unit units[] = {
-    {"s", 0x00030000},   {"ms", 0xFD030000},  {"us", 0xFA030000},    {"ns", 0xF7030000},
-    {"A", 0x00040000},   {"mA", 0xFD040000},  {"V", 0x00260000},     {"mV", 0xFD260000},
-    {"Hz", 0x00200000},  {"N m", 0x00560000}, {"Nm", 0x00560000},    {"inc", 0x00B50000},
-    {"cnt", 0x00B50000}, {"rpm", 0x00B44700}, {"inc/s", 0x00B50300}, {"cnt/s", 0x00B50300},
-};
-
 }  // namespace
-
-std::uint32_t unit_code(const char* unit) {
-  for (const Unit& known : units) {
-    if (known.name == unit) return known.code;
-  }
-  return 0;
-}
 
 void SdoInformation::begin(Message& reply, unsigned opcode, unsigned fragments_left) const {
   begin_coe(reply, CoeService::sdo_information);
@@ -124,7 +90,8 @@ bool SdoInformation::belongs(std::size_t object, unsigned list) const {
       case 4:
         if (entry.saved) return true;
         break;
-      default: break;  // no object is marked as a start-up parameter
+      default:
+        if (is_start_up_parameter(profile_, entry)) return true;
     }
   }
   return false;
@@ -212,7 +179,7 @@ void SdoInformation::describe_entry(std::span<const std::uint8_t> data, Message&
   reply.u8(info);
   reply.u16(static_cast<unsigned>(entry->type));
   reply.u16(bit_length(*entry));
-  reply.u16(access(*entry));
+  reply.u16(object_access(profile_, *entry));
   if ((info & with_unit) != 0) reply.u32(unit);
   const auto value = [&](std::int64_t number) {
     const auto bytes = dictionary::encode_number(number);

@@ -2,13 +2,15 @@
 
 #include "dictionary/dictionary.hpp"
 #include "ethercat/slave/mailbox_wire.hpp"
+#include "ethercat/slave/profile.hpp"
 
 namespace servodrome::ethercat {
 
 // The SDO information server of CoE (ETG.1000.6 clause 5.6.3): lists of objects, descriptions of objects and entries.
 class SdoInformation {
  public:
-  explicit SdoInformation(const dictionary::Dictionary& dictionary) : dictionary_(dictionary) {}
+  SdoInformation(const dictionary::Dictionary& dictionary, const Profile& profile)
+      : dictionary_(dictionary), profile_(profile) {}
 
   // Drops what is left of a list.
   void reset() { fragments_left_ = 0; }
@@ -30,12 +32,10 @@ class SdoInformation {
   unsigned count(unsigned list) const;
 
   const dictionary::Dictionary& dictionary_;
+  const Profile& profile_;
   unsigned list_ = 0;
   std::size_t position_ = 0;  // in the table: the next object to look at
   unsigned fragments_left_ = 0;
 };
-
-// A unit as CiA 303-2 codes it: prefix, numerator, denominator in bits 31..8; 0 if it has no code here.
-std::uint32_t unit_code(const char* unit);
 
 }  // namespace servodrome::ethercat

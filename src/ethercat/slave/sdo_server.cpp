@@ -1,5 +1,7 @@
 #include "ethercat/slave/sdo_server.hpp"
 
+#include "ethercat/slave/entry_description.hpp"
+
 namespace servodrome::ethercat {
 
 using dictionary::AbortCode;
@@ -27,27 +29,6 @@ constexpr std::uint8_t last_bit = 0x01;
 
 constexpr std::size_t least_request = 8;
 constexpr std::size_t least_segment = 7;  // bytes of data, padded
-
-// Complete access packs BOOLEANs as bits and everything else at the next byte; sub-index 0 is followed by a pad byte
-// (ETG.1000.6 clause 5.6.2.1.3).
-struct Packing {
-  std::uint32_t bit = 0;
-
-  // First bit of the entry, which takes `bytes`.
-  std::uint32_t place(const Entry& entry, std::uint32_t bytes) {
-    const bool single = entry.type == dictionary::Type::boolean;
-    if (!single) bit = (bit + 7) / 8 * 8;
-    const std::uint32_t at = bit;
-    bit += single ? 1 : entry.sub == 0 ? 16 : bytes * 8;
-    return at;
-  }
-  std::uint32_t bytes() const { return (bit + 7) / 8; }
-};
-
-std::uint32_t size_in_object(const Entry& entry) {
-  if (entry.fixed_size()) return dictionary::size_of(entry.type);
-  return entry.text != nullptr ? static_cast<std::uint32_t>(std::strlen(entry.text)) : entry.capacity;
-}
 
 }  // namespace
 
@@ -164,15 +145,15 @@ AbortCode SdoServer::commit(std::span<const std::byte> value) {
 AbortCode SdoServer::commit_object(std::span<const std::byte> value) {
   const std::span<const Entry> entries = object();
   const Entry& count_entry = entries[0];
-  Packing packing;
+  ObjectLayout layout;
   unsigned last = entries.back().sub;
   if (sub_ == 0) {
     if (value.size() < 2) return dictionary_.length_aborts().too_short;
-    packing.place(count_entry, 1);
+    layout.place(count_entry, 1);
     last = static_cast<unsigned>(value[0]);
     if (last > entries.back().sub) return AbortCode::value_too_high;
   }
-  Packing total = packing;
+  ObjectLayout total = layout;
   for (const Entry& entry : entries.subspan(1)) {
     if (entry.sub <= last) total.place(entry, size_in_object(entry));
   }
@@ -191,7 +172,7 @@ AbortCode SdoServer::commit_object(std::span<const std::byte> value) {
   for (const Entry& entry : entries.subspan(1)) {
     if (entry.sub > last) break;
     const std::uint32_t size = size_in_object(entry);
-    const std::uint32_t bit = packing.place(entry, size);
+    const std::uint32_t bit = layout.place(entry, size);
     if (bit / 8 + size > value.size()) break;
     std::byte single = value[bit / 8] >> bit % 8 & std::byte{1};
     const bool boolean = entry.type == dictionary::Type::boolean;
@@ -207,7 +188,7 @@ AbortCode SdoServer::commit_object(std::span<const std::byte> value) {
 AbortCode SdoServer::gather_object() {
   const std::span<const Entry> entries = object();
   const auto last = static_cast<unsigned>(dictionary_.number(entries[0]));
-  Packing packing;
+  ObjectLayout layout;
   std::fill(buffer_.begin(), buffer_.end(), std::byte{0});
   for (const Entry& entry : entries) {
     if (entry.sub < sub_ || (entry.sub != 0 && entry.sub > last)) continue;
@@ -215,8 +196,8 @@ AbortCode SdoServer::gather_object() {
     const AbortCode code = entry.readable() ? dictionary_.read(entry, value) : AbortCode::none;
     if (code != AbortCode::none) return code;
     const std::uint32_t size = size_in_object(entry);
-    const std::uint32_t bit = packing.place(entry, size);
-    if (packing.bytes() > buffer_.size()) return AbortCode::out_of_memory;
+    const std::uint32_t bit = layout.place(entry, size);
+    if (layout.bytes() > buffer_.size()) return AbortCode::out_of_memory;
     if (value.bytes.empty()) continue;  // write-only: zeros
     if (entry.type == dictionary::Type::boolean) {
       if (value.bytes[0] != std::byte{0}) buffer_[bit / 8] |= std::byte{1} << bit % 8;
@@ -224,7 +205,7 @@ AbortCode SdoServer::gather_object() {
       std::copy(value.bytes.begin(), value.bytes.end(), buffer_.begin() + bit / 8);
     }
   }
-  upload_ = buffer_.first(packing.bytes());
+  upload_ = buffer_.first(layout.bytes());
   return AbortCode::none;
 }
 

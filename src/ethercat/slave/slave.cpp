@@ -13,7 +13,7 @@ Slave::Slave(Esc& esc, dictionary::Dictionary& dictionary, const Profile& profil
       events_(events),
       mailbox_(esc, memory.mailbox_waiting, memory.mailbox_last),
       sdo_(dictionary, profile.complete_access, memory.sdo),
-      information_(dictionary),
+      information_(dictionary, profile),
       outputs_(dictionary, Direction::outputs, profile, memory.outputs),
       inputs_(dictionary, Direction::inputs, profile, memory.inputs) {
   dictionary_.set_listener(dictionary::Owner::communication, this);
