@@ -29,6 +29,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   using Base::dictionary;
   using Base::drive;
   using typename Base::Communication;
+  static constexpr std::size_t sii_bytes = Sizes.sii_bytes;
 
   explicit EthercatDevice(const Settings& its_settings)
       : Base(its_settings), slave_(esc_, dictionary(), Product::ethercat_profile, *this, storage_.memory()) {

@@ -6,6 +6,7 @@
 
 #include "ethercat/bytes.hpp"
 #include "ethercat/esc/sii_interface.hpp"
+#include "ethercat/sii/defaults.hpp"
 
 namespace servodrome::ethercat {
 
@@ -16,7 +17,6 @@ namespace {
 // Word addresses of the fixed part (ETG.1000.6 table 16).
 constexpr std::size_t checksum_word = 0x07;
 constexpr std::size_t identity_word = 0x08;
-constexpr std::size_t bootstrap_word = 0x14;
 constexpr std::size_t mailbox_word = 0x18;
 constexpr std::size_t protocols_word = 0x1C;
 constexpr std::size_t size_word = 0x3E;
@@ -36,7 +36,8 @@ constexpr std::uint16_t category_rx_pdo = 51;
 constexpr std::uint16_t category_dc = 60;
 constexpr std::uint16_t category_end = 0xFFFF;
 
-constexpr std::uint8_t unassigned = 0xFF;  // sync manager of a PDO that is not assigned by default
+constexpr std::uint16_t fixed_content = 0x0010;  // of a PDO (ETG.2010)
+constexpr std::uint8_t unassigned = 0xFF;        // sync manager of a PDO that is not assigned by default
 
 // The strings of an image, numbered from 1; each once.
 class Strings {
@@ -96,59 +97,26 @@ class Writer {
   std::size_t start_ = 0;
 };
 
-// Reads the defaults of a table.
-struct Defaults {
-  std::span<const Entry> table;
-
-  const Entry* find(std::uint16_t index, unsigned sub) const {
-    const std::uint32_t key = static_cast<std::uint32_t>(index) << 8 | sub;
-    const auto at = std::lower_bound(table.begin(), table.end(), key,
-                                     [](const Entry& entry, std::uint32_t wanted) { return entry.key() < wanted; });
-    return at != table.end() && at->key() == key ? &*at : nullptr;
-  }
-  std::uint32_t value(std::uint16_t index, unsigned sub) const {
-    const Entry* entry = find(index, sub);
-    return entry == nullptr ? 0 : static_cast<std::uint32_t>(entry->default_value);
-  }
-  bool assigned(std::uint16_t assignment, std::uint16_t pdo) const {
-    for (unsigned sub = 1, count = value(assignment, 0); sub <= count; ++sub) {
-      if (value(assignment, sub) == pdo) return true;
-    }
-    return false;
-  }
-  // Of the process data that are assigned.
-  unsigned bytes(std::uint16_t assignment) const {
-    unsigned bits = 0;
-    for (unsigned sub = 1, count = value(assignment, 0); sub <= count; ++sub) {
-      const auto pdo = static_cast<std::uint16_t>(value(assignment, sub));
-      for (unsigned i = 1, entries = value(pdo, 0); i <= entries; ++i) bits += value(pdo, i) & 0xFF;
-    }
-    return (bits + 7) / 8;
-  }
-};
-
 void put_pdos(Writer& writer, const Defaults& defaults, std::uint16_t category, Strings& strings) {
-  const bool outputs = category == category_rx_pdo;
-  const std::uint16_t first = outputs ? 0x1600 : 0x1A00;
+  const PdoDirection& direction = category == category_rx_pdo ? rx_pdos : tx_pdos;
   writer.begin(category);
   for (const Entry& entry : defaults.table) {
-    if (entry.index < first || entry.index >= first + 0x200 || entry.sub != 0) continue;
-    const bool assigned = defaults.assigned(outputs ? 0x1C12 : 0x1C13, entry.index);
+    if (!direction.has(entry)) continue;
     const auto count = static_cast<unsigned>(entry.default_value);
     writer.u16(entry.index);
     writer.u8(count);
-    writer.u8(assigned ? outputs ? 2U : 3U : unassigned);
+    writer.u8(defaults.assigned(direction.assignment, entry.index) ? direction.sync_manager : unassigned);
     writer.u8(0);  // no synchronisation of its own
     writer.u8(strings.number_of(entry.name));
-    writer.u16(0);
+    writer.u16(entry.writable() ? 0U : fixed_content);
     for (unsigned sub = 1; sub <= count; ++sub) {
-      const std::uint32_t mapping = defaults.value(entry.index, sub);
-      const Entry* object = defaults.find(static_cast<std::uint16_t>(mapping >> 16), mapping >> 8 & 0xFF);
-      writer.u16(mapping >> 16);
-      writer.u8(mapping >> 8 & 0xFF);
+      const Mapped mapped(defaults.value(entry.index, sub));
+      const Entry* object = defaults.find(mapped.index, mapped.sub);
+      writer.u16(mapped.index);
+      writer.u8(mapped.sub);
       writer.u8(object == nullptr ? 0U : strings.number_of(object->name));
       writer.u8(object == nullptr ? 0U : static_cast<unsigned>(object->type));
-      writer.u8(mapping & 0xFF);
+      writer.u8(mapped.bits);
       writer.u16(0);
     }
   }
@@ -179,21 +147,15 @@ void put_general(Writer& writer, const SiiDescription& description, const Profil
 }
 
 void put_sync_managers(Writer& writer, const Profile& profile, const Defaults& defaults) {
-  const auto channel = [&writer](unsigned start, unsigned length, unsigned control, unsigned type, bool enabled) {
-    writer.u16(start);
-    writer.u16(length);
-    writer.u8(control);
-    writer.u8(0);
-    writer.u8(enabled ? 1U : 0U);
-    writer.u8(type);
-  };
-  const unsigned outputs = defaults.bytes(0x1C12);
-  const unsigned inputs = defaults.bytes(0x1C13);
   writer.begin(category_sync_manager);
-  channel(profile.mailbox_out.start, profile.mailbox_out.greatest_length, 0x26, 1, true);
-  channel(profile.mailbox_in.start, profile.mailbox_in.greatest_length, 0x22, 2, true);
-  channel(profile.outputs_start, outputs, 0x64, 3, outputs != 0);
-  channel(profile.inputs_start, inputs, 0x20, 4, inputs != 0);
+  for (const SyncManagerChannel& channel : sync_manager_channels(profile, defaults)) {
+    writer.u16(channel.start);
+    writer.u16(channel.default_length);
+    writer.u8(channel.control);
+    writer.u8(0);
+    writer.u8(channel.enabled ? 1U : 0U);
+    writer.u8(channel.type);
+  }
   writer.end();
 }
 
@@ -259,7 +221,7 @@ std::size_t write_sii_image(const SiiDescription& description, const Profile& pr
     for (const AreaRule& area : {out, in}) writer.u16(area.start), writer.u16(area.greatest_length);
   };
   if (profile.bootstrap) {
-    writer.go_to_word(bootstrap_word);
+    writer.go_to_word(sii_bootstrap_byte / 2);
     areas(profile.bootstrap_out, profile.bootstrap_in);
   }
   writer.go_to_word(mailbox_word);
@@ -270,7 +232,7 @@ std::size_t write_sii_image(const SiiDescription& description, const Profile& pr
   writer.u16(static_cast<unsigned>(image.size() / 128 - 1));  // in KiBit, less one
   writer.go_to_word(version_word);
   writer.u16(1);
-  image[checksum_word * 2] = sii_checksum(image.first(14));
+  image[checksum_word * 2] = sii_checksum(image.first(sii_config_bytes));
 
   writer.begin(category_strings);
   writer.u8(static_cast<unsigned>(strings.all().size()));

@@ -7,6 +7,11 @@
 
 namespace servodrome::ethercat {
 
+// Places in the information memory (ETG.1000.6 table 16).
+inline constexpr std::size_t sii_config_bytes = 14;  // before their checksum
+inline constexpr std::size_t sii_bootstrap_byte = 0x14 * 2;
+inline constexpr std::size_t sii_bootstrap_bytes = 8;  // out: start, length; in: start, length
+
 // A way of using the distributed clock that a master may offer its user (ETG.1000.6 table 25).
 struct DcMode {
   const char* name = "";
