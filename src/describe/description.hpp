@@ -1,11 +1,13 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "dictionary/entry.hpp"
+#include "ethercat/sii/image.hpp"
 #include "modbus/register_map.hpp"
 
 namespace servodrome::describe {
@@ -32,12 +34,20 @@ struct FileMetadata {
   std::vector<std::string> comments;
 };
 
+// What no object says of a device on EtherCAT: the same that its slave runs with and its information memory holds.
+struct EthercatDescription {
+  const ethercat::Profile* profile = nullptr;
+  ethercat::SiiDescription sii;
+  std::size_t sii_bytes = 0;  // of the memory
+};
+
 // A device as its documents describe it: the object table, and what no object says. Vendor, product and revision number
 // come from 1018h, the numbers of PDOs from 1400h and 1800h and following.
 struct Description {
   std::string vendor_name;
   std::string product_name;
   std::string order_code;
+  std::string url = {};                  // where the product is described; may be empty
   std::vector<unsigned> bit_rates_kbit;  // an EDS tells 10, 20, 50, 125, 250, 500, 800 and 1000
   std::uint8_t granularity_bits = 8;     // of PDO mapping, where the table lets it be changed
   bool simple_boot_up_master = false;
@@ -46,11 +56,19 @@ struct Description {
   bool lss_supported = false;
   std::array<bool, 7> dummy_usage{};  // data types 0001h to 0007h as fillers in RPDO mappings
   std::span<const dictionary::Entry> table;
+  std::optional<EthercatDescription> ethercat = {};  // nullopt: it is not on EtherCAT
   FileMetadata file;
 };
 
 // Electronic data sheet, version 4.0 (CiA 306-1), ASCII with CR LF. Objects below 1000h (data types) do not appear.
 std::string eds(const Description& description);
+
+// EtherCAT slave information (ETG.2000), XML in UTF-8: what the SII image holds, and the dictionary. Empty for a device
+// that is not on EtherCAT.
+std::string esi(const Description& device);
+
+// The slave information memory as it leaves the factory. Empty for a device that is not on EtherCAT.
+std::vector<std::uint8_t> sii(const Description& device);
 
 // One line per entry, LF, with the columns index,sub,name,type,access,pdo,default,min,max,unit,saved. Limits are empty
 // where the type is the only limit.

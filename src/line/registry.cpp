@@ -36,6 +36,9 @@ describe::Description description_of(const char* vendor, const char* product, co
   description.order_code = order_code;
   description.bit_rates_kbit = std::move(bit_rates_kbit);
   description.table = table_of<Model>();
+  if constexpr (requires { Model::ethercat_profile; }) {
+    description.ethercat = {&Model::ethercat_profile, Model::sii_description({}), Model::sii_bytes};
+  }
   description.file.name = file;
   description.file.description = text;
   description.file.created_by = "servodrome";
