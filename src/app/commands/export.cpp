@@ -3,6 +3,7 @@
 #include <cstring>
 #include <fmt/format.h>
 #include <memory>
+#include <vector>
 
 #include "app/commands.hpp"
 #include "describe/description.hpp"
@@ -18,6 +19,16 @@ struct Options {
   std::string output;
 };
 
+// The products that can be exported so.
+template <typename Can>
+std::string names_of_products(Can can) {
+  std::string names;
+  for (const line::Product& product : line::all_products()) {
+    if (can(product)) names += fmt::format("{}`{}`", names.empty() ? "" : ", ", product.name);
+  }
+  return names;
+}
+
 std::string document(const std::string& format, const line::Product& product) {
   const describe::Description description = product.describe();
   if (format == "modbus") {
@@ -25,6 +36,16 @@ std::string document(const std::string& format, const line::Product& product) {
       throw Failure::wrong_use(fmt::format("export: a `{}` has no Modbus registers", product.name));
     }
     return describe::register_list(product.serial->registers, description.table);
+  }
+  if (format == "esi" || format == "sii") {
+    if (!description.ethercat) {
+      throw Failure::wrong_use(
+          fmt::format("export: a `{}` is not on EtherCAT; these are: {}", product.name,
+                      names_of_products([](const line::Product& one) { return one.describe().ethercat.has_value(); })));
+    }
+    if (format == "esi") return describe::esi(description);
+    const std::vector<std::uint8_t> image = describe::sii(description);
+    return {image.begin(), image.end()};
   }
   if (format == "eds") return describe::eds(description);
   if (format == "csv") return describe::csv(description.table);
@@ -59,10 +80,12 @@ void add_export(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("export", "Write a product's data sheet, object reference or register list");
   command
-      ->add_option("FORMAT", options->format,
-                   "eds (CiA 306), csv or md (Markdown) of its objects, modbus (csv of its registers)")
+      ->add_option(
+          "FORMAT", options->format,
+          "eds (CiA 306), csv or md (Markdown) of its objects, esi (EtherCAT slave information, XML), sii (the "
+          "bytes of an EtherCAT slave's information memory), modbus (csv of its registers)")
       ->required()
-      ->check(CLI::IsMember({"eds", "csv", "md", "modbus"}));
+      ->check(CLI::IsMember({"eds", "csv", "md", "esi", "sii", "modbus"}));
   command->add_option("PRODUCT", options->product, "A name that `servodrome products` lists")->required();
   command->add_option("-o,--output", options->output, "File to write; standard output if not given");
   command->callback([options] { run(*options); });
