@@ -9,7 +9,7 @@
 #include "links/ethercat/client.hpp"
 #include "links/ethercat/log.hpp"
 #include "links/ethercat/memory_client.hpp"
-#include "links/ethercat_rig.hpp"
+#include "links/ethercat_master.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -17,32 +17,6 @@ namespace {
 
 using namespace test;
 using testing::HasSubstr;
-
-constexpr Time patience = 10s;  // ends a test that has failed; measures nothing
-
-struct Master {
-  explicit Master(std::unique_ptr<EthercatClient> its_client) : client(std::move(its_client)) {}
-
-  void send(std::uint8_t index) {
-    OneDatagram frame(Command::brd, 0, Bytes(2), true);
-    frame.bytes[3] = index;
-    client->send(frame.bytes);
-  }
-  // Index and working counter of the next frame; nothing came: 0, 0.
-  std::pair<unsigned, unsigned> receive(Time timeout = patience) {
-    std::array<std::uint8_t, ethercat::max_payload> memory{};
-    const std::size_t size = client->receive(memory, timeout);
-    ethercat::Frame frame;
-    if (size == 0 || ethercat::parse_payload(std::span(memory).first(size), frame) != ethercat::FrameKind::ethercat) {
-      return {};
-    }
-    return {memory[3], frame.datagrams()[0].working_counter()};
-  }
-
-  std::unique_ptr<EthercatClient> client;
-};
-
-using Answer = std::pair<unsigned, unsigned>;
 
 struct EthercatUdp : testing::TestWithParam<bool> {
   EthercatUdp() {
