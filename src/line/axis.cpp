@@ -2,13 +2,18 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "canopen/node.hpp"
 #include "drive/drive.hpp"
+#include "ethercat/slave/slave.hpp"
 #include "links/file_medium.hpp"
 
 namespace servodrome::line {
 namespace {
+
+// A slave controller with its two PHYs, one way.
+constexpr Time controller_delay{600};
 
 constexpr std::uint32_t store_bytes = 32 * 1024;  // two banks, each several times what a drive's saved objects take
 
@@ -32,29 +37,44 @@ std::shared_ptr<dictionary::Medium> open_store(const std::string& path) {
 
 }  // namespace
 
-Axis::Axis(const AxisSettings& settings, links::CanBus* bus, links::SerialLine* serial, Time serial_silence)
-    : settings_(settings), bus_(bus), serial_(serial), store_(open_store(settings.store)), plant_(settings.plant) {
+Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
+    : settings_(settings),
+      bus_(buses.can),
+      ethercat_(buses.ethercat),
+      serial_(buses.serial),
+      store_(open_store(settings.store)),
+      plant_(settings.plant) {
   products::Settings device_settings;
   device_settings.node_id = settings.node_id;
-  if (bus != nullptr) device_settings.bit_rate = settings.bit_rate != 0 ? settings.bit_rate : bus->bit_rate();
+  if (bus_ != nullptr) device_settings.bit_rate = settings.bit_rate != 0 ? settings.bit_rate : bus_->bit_rate();
   device_settings.serial_number = settings.serial_number;
   device_settings.motor = settings.motor_data;
   device_settings.model = settings_.model;
   device_settings.store = store_.get();
   device_settings.description = data_sheet(*settings.product);
-  if (serial != nullptr) {
-    device_settings.serial = {settings.serial->station, serial->format(), settings.serial->protocol, serial_silence};
-    serial_port_ = serial->attach(station_);
-    serial_format_ = serial->format();
+  if (serial_ != nullptr) {
+    device_settings.serial = {settings.serial->station, serial_->format(), settings.serial->protocol,
+                              buses.serial_silence};
+    serial_port_ = serial_->attach(station_);
+    serial_format_ = serial_->format();
+  }
+  if (ethercat_ != nullptr) {
+    device_settings.ethercat = {settings.ethercat->alias,
+                                static_cast<std::int32_t>(std::lround(settings.ethercat->oscillator_ppm * 1000.0))};
   }
   device_ = settings.product->make(device_settings);
-  if (bus != nullptr) port_ = bus->attach(*this);
+  if (bus_ != nullptr) port_ = bus_->attach(*this);
+  if (ethercat_ != nullptr) {
+    const Time hop = controller_delay + settings.ethercat->cable;
+    slave_ = ethercat_->attach(ethercat_station_, {hop, hop});
+  }
   plant_.sample(feedback_);
   power_on(Time{});
 }
 
 Axis::~Axis() {
   if (bus_ != nullptr) bus_->detach(port_);
+  if (ethercat_ != nullptr) ethercat_->detach(slave_);
   if (serial_ != nullptr) serial_->detach(serial_port_);
 }
 
@@ -64,6 +84,7 @@ void Axis::run_to(std::int64_t tick) {
     return;
   }
   while (tick_ < tick) {
+    if (ethercat_ != nullptr) poll_slave((tick_ + 1) * tick_length);
     plant_.step(actuation_, feedback_);
     ++tick_;
     if (device_->drive().tick(feedback_, actuation_)) {
@@ -76,8 +97,20 @@ void Axis::run_to(std::int64_t tick) {
   }
 }
 
+// What is due up to and including `until` by the slave's own clock. A device that answers a poll with a deadline in the
+// past is polled again one tick later.
+void Axis::poll_slave(Time until) {
+  while (true) {
+    Time due = device_->next_deadline();
+    if (due <= last_poll_) due = last_poll_ + tick_length;
+    if (due > until) return;
+    last_poll_ = due;
+    device_->poll(due);
+  }
+}
+
 Time Axis::next_sending(Time now) const {
-  if (!powered_) return links::never;
+  if (!powered_ || ethercat_ != nullptr) return links::never;
   // Until two cycles were seen their distance is not known, and any tick may be one.
   const bool known = last_cycle_ != unknown && cycle_ticks_ != unknown;
   const std::int64_t cycle = known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1;
@@ -88,6 +121,10 @@ Time Axis::next_sending(Time now) const {
 }
 
 void Axis::poll(Time now) {
+  if (powered_ && ethercat_ != nullptr) {
+    poll_slave(now);
+    return;
+  }
   if (!powered_ || now == last_poll_ || device_->next_deadline() > now) return;
   last_poll_ = now;
   device_->poll(now);
@@ -126,18 +163,20 @@ void Axis::power_on(Time now) {
   last_cycle_ = unknown;
   last_poll_ = Time{-1};
   if (bus_ != nullptr) bus_->set_participation(port_, links::Participation::normal);
+  if (ethercat_ != nullptr) ethercat_->set_powered(slave_, true, now);
   plant_.sample(feedback_);  // the plant may have been changed meanwhile
   device_->power_on(feedback_, now);
   for (const drive::Cause cause : injected_) device_->drive().inject(cause, true);
   send_waiting(now);
 }
 
-void Axis::power_off() {
+void Axis::power_off(Time now) {
   if (!powered_) return;
   powered_ = false;
   device_->power_off();
   actuation_ = drive::Actuation{};
   if (bus_ != nullptr) bus_->set_participation(port_, links::Participation::off);
+  if (ethercat_ != nullptr) ethercat_->set_powered(slave_, false, now);
   if (serial_ != nullptr) serial_->discard(serial_port_);
   plant_.discharge_dc_link();
 }

@@ -10,6 +10,7 @@
 #include "line/config.hpp"
 #include "line/registry.hpp"
 #include "links/can/bus.hpp"
+#include "links/ethercat/bus.hpp"
 #include "links/serial/line.hpp"
 #include "plant/plant.hpp"
 
@@ -19,14 +20,22 @@ using Time = links::Time;
 
 inline constexpr Time tick_length{62'500};  // drive::tick_seconds, exactly
 
-// A drive and the plant behind it, at a port of a CAN bus, of an RS485 line, or of both. Tick n is the instant n *
-// tick_length: the plant is advanced to it, the drive samples and answers, and a position-loop cycle that ends there
-// may put frames on the bus at that very time.
+// The buses an axis is connected to; nullptr: none of the kind.
+struct AxisBuses {
+  links::CanBus* can = nullptr;
+  links::EthercatBus* ethercat = nullptr;
+  links::SerialLine* serial = nullptr;
+  Time serial_silence{};  // that the drives of the RS485 line are set up for
+};
+
+// A drive and the plant behind it, at a port of a CAN bus or a place of an EtherCAT segment, and of an RS485 line. Tick
+// n is the instant n * tick_length: the plant is advanced to it, the drive samples and answers, and a position-loop
+// cycle that ends there may put frames on a CAN bus at that very time. An EtherCAT slave sends nothing by itself: it
+// need not be caught up before a frame comes, and what is due by its own clock (SYNC0) happens between its ticks.
 class Axis final : public links::Receiver {
  public:
   // Powered from the start. Throws std::runtime_error when the store file cannot be used.
-  // `serial` with the silence that its drives are set up for.
-  Axis(const AxisSettings& settings, links::CanBus* bus, links::SerialLine* serial, Time serial_silence);
+  Axis(const AxisSettings& settings, const AxisBuses& buses);
   ~Axis() override;
   Axis(const Axis&) = delete;
   Axis& operator=(const Axis&) = delete;
@@ -41,7 +50,7 @@ class Axis final : public links::Receiver {
   // Puts on the bus what the device has to send, after something outside of time (an object written by the bench).
   void send_waiting(Time now);
 
-  void power_off();
+  void power_off(Time now);
   void power_on(Time now);
   bool powered() const { return powered_; }
 
@@ -56,7 +65,8 @@ class Axis final : public links::Receiver {
   const plant::Plant& plant() const { return plant_; }
   const drive::Feedback& feedback() const { return feedback_; }
   const drive::Actuation& actuation() const { return actuation_; }
-  links::PortId port() const { return port_; }  // of the CAN bus, if it has one
+  links::PortId port() const { return port_; }        // of the CAN bus, if it has one
+  std::size_t position() const { return slave_ + 1; }  // on the EtherCAT segment, if it has one; 1 is the first
   // The drive's RS485 port; nullptr: it has none, it is not connected or it has no power.
   products::SerialPort* serial_port() const {
     return powered_ && serial_ != nullptr ? device_->serial_port() : nullptr;
@@ -87,11 +97,27 @@ class Axis final : public links::Receiver {
     Axis& axis_;
   };
 
+  // The axis as a slave of the EtherCAT segment.
+  class EthercatStation final : public links::EthercatStation {
+   public:
+    explicit EthercatStation(Axis& axis) : axis_(axis) {}
+    ethercat::Esc& esc() override { return *axis_.device_->ethercat_controller(); }
+    void frame_passed(Time at) override {
+      axis_.last_poll_ = at;
+      axis_.device_->poll(at);
+    }
+
+   private:
+    Axis& axis_;
+  };
+
+  void poll_slave(Time until);
   void follow_bit_rate();
   void follow_serial_format();
 
   AxisSettings settings_;
   links::CanBus* bus_;
+  links::EthercatBus* ethercat_;
   links::SerialLine* serial_;
   std::shared_ptr<dictionary::Medium> store_;
   std::shared_ptr<products::Device> device_;
@@ -99,6 +125,8 @@ class Axis final : public links::Receiver {
   drive::Feedback feedback_{};
   drive::Actuation actuation_{};
   links::PortId port_{};
+  EthercatStation ethercat_station_{*this};
+  std::size_t slave_ = 0;  // place on the EtherCAT segment, from 0
   std::uint32_t port_bit_rate_ = 0;
   Station station_{*this};
   links::SerialPortId serial_port_{};

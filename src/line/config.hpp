@@ -35,6 +35,20 @@ struct SerialBusSettings {
   std::vector<std::string> links;  // as links::parse_serial_link reads them
 };
 
+// An EtherCAT segment: the slaves in line in the order of the axes.
+struct EthercatBusSettings {
+  std::string name;
+  std::vector<std::string> links;  // as links::parse_ethercat_link reads them
+};
+
+// How an axis stands on an EtherCAT segment.
+struct AxisEthercatSettings {
+  std::size_t bus = 0;        // index into LineSettings::ethercat_buses
+  std::uint16_t alias = 0;    // configured station alias; 0: none
+  double oscillator_ppm = 0;  // how far its clock is off
+  links::Time cable{};        // how long a signal takes on the cable in front of it
+};
+
 // How an axis takes part in an RS485 line.
 struct AxisSerialSettings {
   std::size_t bus = 0;       // index into LineSettings::serial_buses
@@ -42,14 +56,15 @@ struct AxisSerialSettings {
   std::optional<products::SerialProtocol> protocol;
 };
 
-// At least one of the two buses is there.
+// At least one of the buses is there; a drive has one fieldbus.
 struct AxisSettings {
   std::string name;
   const Product* product = nullptr;
   std::string model;               // name of one of the product's models; empty: its default, if it has any
-  std::optional<std::size_t> bus;  // index into LineSettings::buses
+  std::optional<std::size_t> bus;  // index into LineSettings::buses: a CAN bus
   std::uint8_t node_id = 0;        // 0: the product's factory value
   std::uint32_t bit_rate = 0;      // bit/s; 0: the bus's
+  std::optional<AxisEthercatSettings> ethercat;
   std::optional<AxisSerialSettings> serial;
   std::uint32_t serial_number = 1;  // 1018h:04
   std::string store;                // file of the non-volatile memory; empty: kept in memory while the line lives
@@ -68,6 +83,7 @@ struct LineSettings {
   ApiSettings api;
   std::vector<BusSettings> buses;
   std::vector<SerialBusSettings> serial_buses;
+  std::vector<EthercatBusSettings> ethercat_buses;
   std::vector<AxisSettings> axes;
 };
 

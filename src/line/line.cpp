@@ -12,11 +12,19 @@ Line::Line(const LineSettings& settings) : clock_mode_(settings.clock) {
   for (const SerialBusSettings& bus : settings.serial_buses) {
     serial_buses_.push_back(std::make_unique<NamedSerialBus>(bus));
   }
+  for (const EthercatBusSettings& bus : settings.ethercat_buses) {
+    ethercat_buses_.push_back(std::make_unique<NamedEthercatBus>(bus));
+  }
   for (const AxisSettings& axis : settings.axes) {
-    NamedSerialBus* serial = axis.serial ? serial_buses_.at(axis.serial->bus).get() : nullptr;
-    axes_.push_back(std::make_unique<Axis>(axis, axis.bus ? &buses_.at(*axis.bus)->bus : nullptr,
-                                           serial != nullptr ? &serial->line : nullptr,
-                                           serial != nullptr ? serial->settings.silence : Time{}));
+    AxisBuses buses;
+    if (axis.bus) buses.can = &buses_.at(*axis.bus)->bus;
+    if (axis.ethercat) buses.ethercat = &ethercat_buses_.at(axis.ethercat->bus)->bus;
+    if (axis.serial) {
+      NamedSerialBus& serial = *serial_buses_.at(axis.serial->bus);
+      buses.serial = &serial.line;
+      buses.serial_silence = serial.settings.silence;
+    }
+    axes_.push_back(std::make_unique<Axis>(axis, buses));
   }
 }
 
@@ -49,26 +57,26 @@ void Line::run_until(Time target) {
 
 void Line::step() { run_to_instant(next_instant(now_ + std::chrono::milliseconds(1))); }
 
-Axis* Line::find_axis(std::string_view name) const {
-  for (const auto& axis : axes_) {
-    if (axis->settings().name == name) return axis.get();
-  }
-  return nullptr;
+namespace {
+
+template <typename Named>
+Named* find_by_name(const std::vector<std::unique_ptr<Named>>& among, std::string_view name) {
+  const auto found = std::find_if(among.begin(), among.end(), [name](const auto& it) {
+    if constexpr (std::is_same_v<Named, Axis>) {
+      return it->settings().name == name;
+    } else {
+      return it->settings.name == name;
+    }
+  });
+  return found == among.end() ? nullptr : found->get();
 }
 
-NamedBus* Line::find_bus(std::string_view name) const {
-  for (const auto& bus : buses_) {
-    if (bus->settings.name == name) return bus.get();
-  }
-  return nullptr;
-}
+}  // namespace
 
-NamedSerialBus* Line::find_serial_bus(std::string_view name) const {
-  for (const auto& bus : serial_buses_) {
-    if (bus->settings.name == name) return bus.get();
-  }
-  return nullptr;
-}
+Axis* Line::find_axis(std::string_view name) const { return find_by_name(axes_, name); }
+NamedBus* Line::find_bus(std::string_view name) const { return find_by_name(buses_, name); }
+NamedSerialBus* Line::find_serial_bus(std::string_view name) const { return find_by_name(serial_buses_, name); }
+NamedEthercatBus* Line::find_ethercat_bus(std::string_view name) const { return find_by_name(ethercat_buses_, name); }
 
 modbus::Server* Line::find_unit(const NamedSerialBus& bus, std::uint8_t unit) const {
   const auto is_here = [this, &bus](const std::unique_ptr<Axis>& axis) {

@@ -10,6 +10,7 @@
 #include "links/can/bus.hpp"
 #include "links/can/client.hpp"
 #include "links/can/link.hpp"
+#include "links/ethercat/link.hpp"
 #include "links/serial/link.hpp"
 
 namespace servodrome::line {
@@ -30,6 +31,15 @@ struct NamedSerialBus {
   std::vector<std::unique_ptr<links::SerialLink>> links;  // what a LineServer opened; gone before the line
 
   explicit NamedSerialBus(const SerialBusSettings& its_settings) : settings(its_settings), line(its_settings.format) {}
+};
+
+// An EtherCAT segment of the line and its name.
+struct NamedEthercatBus {
+  EthercatBusSettings settings;
+  links::EthercatBus bus;
+  std::vector<std::unique_ptr<links::EthercatLink>> links;  // what a LineServer opened; gone before the bus
+
+  explicit NamedEthercatBus(const EthercatBusSettings& its_settings) : settings(its_settings) {}
 };
 
 // Axes and buses, and the order in which things happen to them. It has no clock: time passes when run_until is called,
@@ -54,10 +64,12 @@ class Line final : public links::VirtualClock {
   const std::vector<std::unique_ptr<Axis>>& axes() const { return axes_; }
   const std::vector<std::unique_ptr<NamedBus>>& buses() const { return buses_; }
   const std::vector<std::unique_ptr<NamedSerialBus>>& serial_buses() const { return serial_buses_; }
+  const std::vector<std::unique_ptr<NamedEthercatBus>>& ethercat_buses() const { return ethercat_buses_; }
   // nullptr if there is none of that name.
   Axis* find_axis(std::string_view name) const;
   NamedBus* find_bus(std::string_view name) const;
   NamedSerialBus* find_serial_bus(std::string_view name) const;
+  NamedEthercatBus* find_ethercat_bus(std::string_view name) const;
   // The registers of the drive that has a Modbus unit identifier on the RS485 line; nullptr: none with power does that
   // speaks Modbus. A drive that is alone on its line answers to 0 and 255 as well (modbus::Units).
   modbus::Server* find_unit(const NamedSerialBus& bus, std::uint8_t unit) const;
@@ -81,6 +93,7 @@ class Line final : public links::VirtualClock {
   ClockMode clock_mode_;
   std::vector<std::unique_ptr<NamedBus>> buses_;
   std::vector<std::unique_ptr<NamedSerialBus>> serial_buses_;
+  std::vector<std::unique_ptr<NamedEthercatBus>> ethercat_buses_;
   std::vector<std::unique_ptr<Axis>> axes_;
   Time now_{};
   Lag lag_;

@@ -16,6 +16,7 @@
 #include "line/table_reader.hpp"
 #include "line/travel.hpp"
 #include "links/can/link_name.hpp"
+#include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
 #include "links/serial/format_text.hpp"
 #include "links/serial/link_name.hpp"
@@ -29,6 +30,7 @@ constexpr std::size_t most_axes = 1000;
 constexpr std::size_t largest_file = 1 << 20;
 
 constexpr const char* can_link_forms = "a link is socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE or mem:";
+constexpr const char* ethercat_link_forms = "a link of an EtherCAT segment is udp:HOST:PORT, raw:INTERFACE or mem:";
 constexpr const char* serial_link_forms = "a link of an RS485 line is pty:PATH, serial:DEVICE, tcp:HOST:PORT or mem:";
 
 // Names stand in URLs, file names and log lines.
@@ -51,7 +53,7 @@ class LineFileReader {
     for (const toml::table* bus : reader.tables("bus")) read_bus(*bus);
     for (const toml::table* axis : reader.tables("axis")) read_axis(*axis);
     reader.finish();
-    if (settings_.buses.empty() && settings_.serial_buses.empty()) {
+    if (bus_names().empty()) {
       reader.complain("bus", "there is no bus", "add one: [[bus]] with name = \"can0\"");
     }
     if (settings_.axes.empty() && report_.diagnostics.empty()) {
@@ -96,8 +98,9 @@ class LineFileReader {
     TableReader reader(table, "bus", report_);
     std::string type = "can";
     reader.read("type", type);
-    if (type != "can" && type != "rs485") {
-      reader.complain("type", fmt::format("there is no type of bus \"{}\"", type), "write \"can\" or \"rs485\"");
+    if (type != "can" && type != "ethercat" && type != "rs485") {
+      reader.complain("type", fmt::format("there is no type of bus \"{}\"", type),
+                      "write \"can\", \"ethercat\" or \"rs485\"");
     }
     std::string name;
     read_name(reader, "bus", name);
@@ -110,6 +113,8 @@ class LineFileReader {
     }
     if (type == "rs485") {
       read_serial_bus(reader, std::move(name));
+    } else if (type == "ethercat") {
+      read_ethercat_bus(reader, std::move(name));
     } else {
       read_can_bus(reader, std::move(name));
     }
@@ -123,6 +128,14 @@ class LineFileReader {
     reader.read("ideal", bus.ideal);
     read_links(reader, bus.links, can_link_forms, [](const std::string& text) { links::parse_can_link(text); });
     settings_.buses.push_back(std::move(bus));
+  }
+
+  void read_ethercat_bus(TableReader& reader, std::string name) {
+    EthercatBusSettings bus;
+    bus.name = std::move(name);
+    read_links(reader, bus.links, ethercat_link_forms,
+               [](const std::string& text) { links::parse_ethercat_link(text); });
+    settings_.ethercat_buses.push_back(std::move(bus));
   }
 
   void read_serial_bus(TableReader& reader, std::string name) {
@@ -149,6 +162,7 @@ class LineFileReader {
     std::vector<std::string_view> names;
     for (const BusSettings& bus : settings_.buses) names.push_back(bus.name);
     for (const SerialBusSettings& bus : settings_.serial_buses) names.push_back(bus.name);
+    for (const EthercatBusSettings& bus : settings_.ethercat_buses) names.push_back(bus.name);
     return names;
   }
 
@@ -245,25 +259,79 @@ class LineFileReader {
                     suggestion(axis.model, names));
   }
 
+  // The fieldbus: its own of the product's kind, found by name, or the only one there is.
   void read_address(TableReader& reader, AxisSettings& axis) {
+    const bool on_ethercat = axis.product != nullptr && axis.product->fieldbus == Fieldbus::ethercat;
+    std::vector<std::string_view> names;
+    if (on_ethercat) {
+      for (const EthercatBusSettings& known : settings_.ethercat_buses) names.push_back(known.name);
+    } else {
+      for (const BusSettings& known : settings_.buses) names.push_back(known.name);
+    }
+    const std::optional<std::size_t> bus = read_fieldbus(reader, axis, names);
+    if (on_ethercat) {
+      read_ethercat_address(reader, axis, bus);
+    } else {
+      axis.bus = bus;
+      read_can_address(reader, axis);
+    }
+  }
+
+  // Index into `names`, which are the buses that the axis can stand on.
+  std::optional<std::size_t> read_fieldbus(TableReader& reader, const AxisSettings& axis,
+                                           const std::vector<std::string_view>& names) {
     std::string bus;
     reader.read("bus", bus);
-    std::vector<std::string_view> names;
-    for (const BusSettings& known : settings_.buses) names.push_back(known.name);
     const auto found = std::find(names.begin(), names.end(), bus);
-    if (found != names.end()) {
-      axis.bus = static_cast<std::size_t>(found - names.begin());
-    } else if (bus.empty() && reader.node("serial") != nullptr) {
-      // on the RS485 line alone
-    } else if (bus.empty() && names.size() == 1) {
-      axis.bus = 0;
-    } else if (find_serial_bus(bus)) {
+    if (found != names.end()) return static_cast<std::size_t>(found - names.begin());
+    if (bus.empty() && reader.node("serial") != nullptr) return std::nullopt;  // on the RS485 line alone
+    if (bus.empty() && names.size() == 1) return 0;
+    const std::vector<std::string_view> all = bus_names();
+    if (find_serial_bus(bus)) {
       reader.complain("bus", fmt::format("\"{}\" is an RS485 line", bus), fmt::format("write serial = \"{}\"", bus));
+    } else if (std::find(all.begin(), all.end(), bus) != all.end()) {
+      const bool on_ethercat = axis.product->fieldbus == Fieldbus::ethercat;
+      reader.complain(
+          "bus",
+          fmt::format("a `{}` is a drive for {}, \"{}\" is {}", axis.product->name, on_ethercat ? "EtherCAT" : "CAN",
+                      bus, on_ethercat ? "a CAN bus" : "an EtherCAT segment"),
+          on_ethercat ? "name a bus with type = \"ethercat\"" : "`servodrome products` lists those for EtherCAT");
     } else if (bus.empty() && names.empty() && !settings_.serial_buses.empty()) {
       reader.complain("serial", "is missing", "name the RS485 line of the axis: serial = \"NAME\"");
-    } else if (!bus_names().empty()) {
+    } else if (!all.empty()) {
       reader.complain("bus", bus.empty() ? "is missing" : fmt::format("there is no bus \"{}\"", bus),
                       names.empty() ? "leave the key out" : suggestion(bus, names));
+    }
+    return std::nullopt;
+  }
+
+  void read_ethercat_address(TableReader& reader, AxisSettings& axis, std::optional<std::size_t> bus) {
+    constexpr double worst_oscillator_ppm = 200;
+    constexpr std::int64_t longest_cable_ns = 100'000;
+    AxisEthercatSettings ethercat;
+    std::int64_t cable_ns = 0;
+    reader.read("alias", ethercat.alias);
+    reader.read("oscillator_ppm", ethercat.oscillator_ppm);
+    reader.read("cable_ns", cable_ns, 0, longest_cable_ns);
+    ethercat.cable = Time(cable_ns);
+    if (std::abs(ethercat.oscillator_ppm) > worst_oscillator_ppm) {
+      reader.complain("oscillator_ppm", fmt::format("{:g} is out of range", ethercat.oscillator_ppm),
+                      fmt::format("expected -{0:g} .. {0:g}", worst_oscillator_ppm));
+    }
+    for (const char* key : {"node", "bit_rate"}) {
+      if (reader.node(key) == nullptr) continue;
+      reader.complain(key, "is of an axis on a CAN bus", "an EtherCAT slave's address is its place in the file");
+    }
+    if (!bus) return;
+    ethercat.bus = *bus;
+    axis.ethercat = ethercat;
+  }
+
+  void read_can_address(TableReader& reader, AxisSettings& axis) {
+    for (const char* key : {"alias", "oscillator_ppm", "cable_ns"}) {
+      if (reader.node(key) != nullptr) {
+        reader.complain(key, "is of an axis on an EtherCAT segment", "leave the key out");
+      }
     }
     reader.read("node", axis.node_id, 1, 127);
     reader.read("bit_rate", axis.bit_rate, 10'000, 1'000'000);

@@ -5,6 +5,7 @@
 
 #include "line/bench/api.hpp"
 #include "links/can/link_name.hpp"
+#include "links/ethercat/link_name.hpp"
 #include "links/serial/link_name.hpp"
 
 namespace servodrome::line {
@@ -30,6 +31,13 @@ LineServer::LineServer(const LineSettings& settings)
     }
   }
   open_serial_links();
+  for (const auto& bus : line_.ethercat_buses()) {
+    for (const std::string& link : bus->settings.links) {
+      const links::EthercatLinkName name = links::parse_ethercat_link(link);
+      if (std::holds_alternative<links::MemName>(name)) continue;  // for masters in this process
+      bus->links.push_back(links::open_ethercat_link(name, bus->bus, io_, *this));
+    }
+  }
   if (settings.api.enabled) {
     http_ = std::make_unique<bench::HttpServer>(io_, settings.api.address, settings.api.port, access_,
                                                 [this](const bench::Request& request) { return answer(request); });

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "products/generic402/generic402.hpp"
+#include "products/generic402/generic402_ec.hpp"
 #include "products/ismc/ismc.hpp"
 #include "products/ismk/ismk.hpp"
 #include "products/pronet/pronet.hpp"
@@ -65,6 +66,12 @@ describe::Description describe_generic402() {
                                                           "Reference drive with everything CiA 402-2 has");
   description.lss_supported = true;
   return description;
+}
+
+describe::Description describe_generic402_ec() {
+  return description_of<products::Generic402Ec>("Servodrome", "Generic CiA 402 drive", "generic402-ec", {},
+                                                "generic402-ec",
+                                                "Reference drive with everything CiA 402-2 has, EtherCAT");
 }
 
 describe::Description describe_ismk() {  // iSMK manual L3211
@@ -127,6 +134,13 @@ const std::array products{
             &ismk_serial,
             products::ismk::ratings,
             products::ismk::default_rating},
+    Product{.name = "generic402-ec",
+            .title = "Reference drive on EtherCAT",
+            .make = make<products::Generic402Ec>,
+            .input_wires = 8,
+            .wiring = {0, 1, 2},
+            .describe = describe_generic402_ec,
+            .fieldbus = Fieldbus::ethercat},
 };
 
 }  // namespace
@@ -135,7 +149,7 @@ std::span<const Product> all_products() { return products; }
 
 std::span<const std::byte> data_sheet(const Product& product) {
   static std::map<std::string_view, std::string> sheets;
-  if (product.describe == nullptr) return {};
+  if (product.describe == nullptr || product.fieldbus != Fieldbus::can) return {};
   std::string& sheet = sheets[product.name];
   if (sheet.empty()) sheet = describe::eds(product.describe());
   return std::as_bytes(std::span(sheet));

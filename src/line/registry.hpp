@@ -28,6 +28,8 @@ struct SerialInterface {
   std::span<const modbus::Register> registers;
 };
 
+enum class Fieldbus : std::uint8_t { can, ethercat };
+
 struct Product {
   std::string_view name;   // as line files and commands call it
   std::string_view title;  // one line for people
@@ -39,11 +41,13 @@ struct Product {
   const SerialInterface* serial = nullptr;        // nullptr: it has no RS485 port
   std::span<const products::Model> models{};      // sizes with motors of their own; empty: any motor
   std::string_view default_model{};
+  Fieldbus fieldbus = Fieldbus::can;
 };
 
 std::span<const Product> all_products();
 
-// The product's EDS as the device carries it (1021h), made once. Empty for a product without `describe`.
+// The product's EDS as the device carries it (1021h), made once. Empty for a product that is not on CAN or has no
+// `describe`.
 std::span<const std::byte> data_sheet(const Product& product);
 
 // Words of line files and commands: "modbus", "serial10".

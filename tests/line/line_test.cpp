@@ -173,7 +173,7 @@ TEST(Line, AnAxisIsCaughtUpToAFrameBeforeItReceivesIt) {
   links::MemoryPort master(line.buses()[0]->bus);
   Axis& b = *line.find_axis("b");
   line.run_until(10ms);
-  b.power_off();
+  b.power_off(line.now());
   line.run_until(10ms + 3 * tick_length);
   b.power_on(line.now());
   for (int i = 0; i < 400; ++i) {

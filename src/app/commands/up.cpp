@@ -16,6 +16,7 @@
 #include "line/nearest_name.hpp"
 #include "line/registry.hpp"
 #include "links/can/link_name.hpp"
+#include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
 #include "links/serial/link_name.hpp"
 
@@ -36,13 +37,13 @@ struct Options {
 struct Reach {
   std::string_view name;
   std::vector<std::string>* links;
-  bool is_can;
+  void (*parse)(const std::string& link);  // throws LinkError for what is no link of this kind of bus
   bool cleared = false;
 
   // What is wrong with the link for this kind of bus; empty: nothing.
   std::string problem(const std::string& link) const {
     try {
-      is_can ? void(links::parse_can_link(link)) : void(links::parse_serial_link(link));
+      parse(link);
       return {};
     } catch (const links::LinkError& error) {
       return error.what();
@@ -76,8 +77,15 @@ Reach& bus_of(std::vector<Reach>& buses, const std::string& option, const std::s
 // --bus replaces the links that the line file has for the bus. Several links for a bus are several options.
 void override_links(line::LineSettings& settings, const std::vector<std::string>& options) {
   std::vector<Reach> buses;
-  for (line::BusSettings& bus : settings.buses) buses.push_back({bus.name, &bus.links, true});
-  for (line::SerialBusSettings& bus : settings.serial_buses) buses.push_back({bus.name, &bus.links, false});
+  for (line::BusSettings& bus : settings.buses) {
+    buses.push_back({bus.name, &bus.links, [](const std::string& link) { links::parse_can_link(link); }});
+  }
+  for (line::SerialBusSettings& bus : settings.serial_buses) {
+    buses.push_back({bus.name, &bus.links, [](const std::string& link) { links::parse_serial_link(link); }});
+  }
+  for (line::EthercatBusSettings& bus : settings.ethercat_buses) {
+    buses.push_back({bus.name, &bus.links, [](const std::string& link) { links::parse_ethercat_link(link); }});
+  }
   for (const std::string& option : options) {
     // A link name has a colon before any equals sign.
     const std::size_t equals = option.find('=');
@@ -105,13 +113,13 @@ line::LineSettings settings_of(const Options& options) {
 }
 
 // With several buses in one line each has a file of its own: trace.log becomes trace.can0.log.
-std::string log_path(const std::string& path, const line::LineSettings& settings, std::size_t bus) {
-  if (path == "-" || settings.buses.size() == 1) return path;
+std::string log_path(const std::string& path, const line::LineSettings& settings, const std::string& bus) {
+  if (path == "-" || settings.buses.size() + settings.ethercat_buses.size() == 1) return path;
   const std::size_t folder = path.rfind('/');
   const std::size_t dot = path.rfind('.');
   const bool has_extension = dot != std::string::npos && (folder == std::string::npos || dot > folder);
   const std::size_t place = has_extension ? dot : path.size();
-  return fmt::format("{}.{}{}", path.substr(0, place), settings.buses[bus].name, path.substr(place));
+  return fmt::format("{}.{}{}", path.substr(0, place), bus, path.substr(place));
 }
 
 std::string api_url(const line::LineServer& server, const line::LineSettings& settings) {
@@ -120,6 +128,8 @@ std::string api_url(const line::LineServer& server, const line::LineSettings& se
   return fmt::format("http://{}:{}/api/v1", ipv6 ? "[" + settings.api.address + "]" : settings.api.address,
                      server.api_port());
 }
+
+constexpr int ethercat_bit_rate = 100'000'000;
 
 nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettings& settings) {
   nlohmann::ordered_json description{{"event", "ready"},
@@ -130,8 +140,15 @@ nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettin
   for (const auto& axis : server.line().axes()) {
     const line::AxisSettings& its = axis->settings();
     nlohmann::ordered_json entry{{"name", its.name}, {"product", its.product->name}};
-    entry["bus"] = its.bus ? nlohmann::ordered_json(settings.buses[*its.bus].name) : nullptr;
-    entry["node_id"] = axis->device().node_id();
+    entry["bus"] = nullptr;
+    if (its.bus) entry["bus"] = settings.buses[*its.bus].name;
+    if (its.ethercat) {
+      entry["bus"] = settings.ethercat_buses[its.ethercat->bus].name;
+      entry["position"] = axis->position();
+      entry["alias"] = its.ethercat->alias;
+    } else {
+      entry["node_id"] = axis->device().node_id();
+    }
     if (its.serial) {
       entry["serial"] = settings.serial_buses[its.serial->bus].name;
       entry["station"] = axis->device().serial_port()->station();
@@ -145,6 +162,12 @@ nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettin
     description["buses"].push_back(
         {{"name", bus->settings.name}, {"type", "can"}, {"bit_rate", bus->bus.bit_rate()}, {"links", names}});
   }
+  for (const auto& bus : server.line().ethercat_buses()) {
+    nlohmann::ordered_json names = nlohmann::ordered_json::array();
+    for (const auto& link : bus->links) names.push_back(link->name());
+    description["buses"].push_back(
+        {{"name", bus->settings.name}, {"type", "ethercat"}, {"bit_rate", ethercat_bit_rate}, {"links", names}});
+  }
   for (const auto& bus : server.line().serial_buses()) {
     nlohmann::ordered_json names = nlohmann::ordered_json::array();
     for (const auto& link : bus->links) names.push_back(link->name());
@@ -155,14 +178,15 @@ nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettin
 }
 
 void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
-  fmt::print(out, "{:<18}{:<14}{:<18}{}\n", "axis", "product", "bus", "node or station");
+  fmt::print(out, "{:<18}{:<14}{:<18}{}\n", "axis", "product", "bus", "node, station or position");
   for (const auto& axis : ready["axes"]) {
     const auto name = axis["name"].get<std::string>();
     const auto product = axis["product"].get<std::string>();
     const auto print_row = [&](const std::string& bus, int address) {
       fmt::print(out, "{:<18}{:<14}{:<18}{}\n", name, product, bus, address);
     };
-    if (!axis["bus"].is_null()) print_row(axis["bus"].get<std::string>(), axis["node_id"].get<int>());
+    const char* address = axis.contains("position") ? "position" : "node_id";
+    if (!axis["bus"].is_null()) print_row(axis["bus"].get<std::string>(), axis[address].get<int>());
     if (axis.contains("serial")) print_row(axis["serial"].get<std::string>(), axis["station"].get<int>());
   }
   fmt::print(out, "\n{:<18}{:<14}{}\n", "bus", "kbit/s", "reach it with");
@@ -208,14 +232,15 @@ void run(const Options& options) {
   });
   bool log_failed = false;
   if (!options.log.empty()) {
-    for (std::size_t i = 0; i < settings.buses.size(); ++i) {
-      const std::string path = log_path(options.log, settings, i);
-      server.log(*server.line().buses()[i], path, [path, &log_failed] {
+    const auto log = [&](auto& bus) {
+      const std::string path = log_path(options.log, settings, bus.settings.name);
+      server.log(bus, path, [path, &log_failed] {
         log_failed = true;
-        fmt::print(stderr, "servodrome: the CAN log \"{}\" ends here: it could not be written; is the disk full?\n",
-                   path);
+        fmt::print(stderr, "servodrome: the log \"{}\" ends here: it could not be written; is the disk full?\n", path);
       });
-    }
+    };
+    for (const auto& bus : server.line().buses()) log(*bus);
+    for (const auto& bus : server.line().ethercat_buses()) log(*bus);
   }
   const nlohmann::ordered_json ready = describe(server, settings);
   if (!options.ready_file.empty()) write_ready_file(options.ready_file, ready.dump(2) + "\n");
@@ -228,7 +253,7 @@ void run(const Options& options) {
   std::fflush(out);
   server.run();
   if (!options.ready_file.empty()) std::remove(options.ready_file.c_str());
-  if (log_failed) throw Failure::did_not_work("the CAN log is not complete");
+  if (log_failed) throw Failure::did_not_work("the log is not complete");
 }
 
 }  // namespace
@@ -238,13 +263,16 @@ void add_up(CLI::App& app) {
   CLI::App* command = app.add_subcommand("up", "Run a line of drives until Ctrl-C");
   command->add_option("LINE", options->file, "Line file (TOML); the built-in line with four drives if not given");
   command
-      ->add_option("--bus", options->buses,
-                   "NAME=LINK or LINK: how a bus is reached, instead of what the line file says "
-                   "(socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE; pty:PATH, serial:DEVICE, tcp:HOST:PORT "
-                   "for an RS485 line)")
+      ->add_option(
+          "--bus", options->buses,
+          "NAME=LINK or LINK: how a bus is reached, instead of what the line file says "
+          "(socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE; udp:HOST:PORT, raw:INTERFACE for EtherCAT; "
+          "pty:PATH, serial:DEVICE, tcp:HOST:PORT for an RS485 line)")
       ->allow_extra_args(false);
-  command->add_option("--log", options->log,
-                      "Log each CAN bus in candump format (FILE.pcap: pcap); - is standard output");
+  command->add_option(
+      "--log", options->log,
+      "Log each CAN bus in candump format (FILE.pcap: pcap), each EtherCAT segment as pcap; - is standard "
+      "output");
   command->add_flag("--virtual", options->virtual_time, "Time passes only when the bench API advances it");
   command->add_option("--api", options->api, "ADDRESS:PORT of the bench API; port 0 lets the system choose");
   command->add_option("--ready-file", options->ready_file, "Write this file (JSON) when the line is ready");

@@ -77,17 +77,6 @@ Axis& axis_argument(Call& call) {
   throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address", suggestion(name, names)};
 }
 
-NamedBus& bus_argument(Call& call) {
-  const std::string_view name = call.arguments.front();
-  if (NamedBus* bus = call.line.find_bus(name)) return *bus;
-  std::vector<std::string_view> names;
-  for (const auto& bus : call.line.buses()) names.push_back(bus->settings.name);
-  for (const auto& bus : call.line.serial_buses()) names.push_back(bus->settings.name);
-  throw ApiError{404, fmt::format("there is no bus \"{}\"", name.substr(0, 40)), "address", suggestion(name, names)};
-}
-
-NamedSerialBus* serial_bus_argument(Call& call) { return call.line.find_serial_bus(call.arguments.front()); }
-
 Response handle(Line& line, const Request& request) {
   try {
     return dispatch(line, request);

@@ -31,7 +31,7 @@ Json switch_power(Call& call) {
     throw ApiError{422, fmt::format("there is no action \"{}\"", action.substr(0, 40)), "action",
                    "send \"off\", \"on\" or \"cycle\""};
   }
-  if (action != "on") axis.power_off();
+  if (action != "on") axis.power_off(call.line.now());
   if (action != "off") axis.power_on(call.line.now());
   return Json{{"powered", axis.powered()}};
 }

@@ -4,6 +4,7 @@
 
 #include "canopen/node.hpp"
 #include "drive/drive.hpp"
+#include "ethercat/slave/slave.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -55,9 +56,19 @@ Json view_of(const Line& line, Axis& axis) {
   const AxisSettings& settings = axis.settings();
   products::Device& device = axis.device();
   Json view{{"name", settings.name}, {"product", settings.product->name}};
-  view["bus"] = settings.bus ? Json(line.buses()[*settings.bus]->settings.name) : Json(nullptr);
-  view["node_id"] = device.node_id();
-  view["bit_rate"] = device.bit_rate();
+  view["bus"] = nullptr;
+  if (settings.bus) view["bus"] = line.buses()[*settings.bus]->settings.name;
+  if (device.can_node() != nullptr) {
+    view["node_id"] = device.node_id();
+    view["bit_rate"] = device.bit_rate();
+  }
+  if (const ethercat::Slave* slave = device.ethercat_slave(); slave != nullptr && settings.ethercat) {
+    view["bus"] = line.ethercat_buses()[settings.ethercat->bus]->settings.name;
+    view["position"] = axis.position();
+    view["alias"] = settings.ethercat->alias;
+    view["al_state"] = ethercat::text(slave->state());
+    view["al_status_code"] = static_cast<unsigned>(slave->status_code());
+  }
   if (settings.serial) {
     const products::SerialPort& port = *device.serial_port();
     view["serial"] = {{"bus", line.serial_buses()[settings.serial->bus]->settings.name},
@@ -70,7 +81,7 @@ Json view_of(const Line& line, Axis& axis) {
   if (axis.powered()) {
     const drive::Drive& drive = device.drive();
     const drive::Mode mode = drive.mode();
-    view["nmt_state"] = word(device.can_node()->nmt_state());
+    if (const canopen::Node* node = device.can_node()) view["nmt_state"] = word(node->nmt_state());
     view["state"] = drive::name(drive.state());
     view["mode"] = static_cast<int>(mode);
     view["mode_name"] = word(mode);

@@ -30,10 +30,7 @@ std::span<const Route> fault_routes();
 std::span<const Route> bus_routes();
 std::span<const Route> clock_routes();
 
-// The axis or CAN bus that an argument names. Throws 404.
+// The axis that an argument names. Throws 404.
 Axis& axis_argument(Call& call);
-NamedBus& bus_argument(Call& call);
-// The RS485 line that an argument names; nullptr if it is the name of something else.
-NamedSerialBus* serial_bus_argument(Call& call);
 
 }  // namespace servodrome::line::bench

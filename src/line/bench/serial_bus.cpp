@@ -1,21 +1,10 @@
-#include "line/bench/serial_bus.hpp"
-
 #include "line/bench/body_reader.hpp"
+#include "line/bench/buses.hpp"
 #include "links/serial/format_text.hpp"
 
 namespace servodrome::line::bench {
 
-Json view_of_link(const std::string& name, const links::LinkCounters& traffic) {
-  return Json{{"name", name},
-              {"clients", traffic.clients},
-              {"to_bus", traffic.to_bus},
-              {"from_bus", traffic.from_bus},
-              {"dropped", traffic.dropped},
-              {"refused", traffic.refused},
-              {"malformed", traffic.malformed}};
-}
-
-Json view_of_serial_bus(const Line& line, const NamedSerialBus& named) {
+Json view_of(const Line& line, const NamedSerialBus& named) {
   const links::SerialLine& serial = named.line;
   const links::SerialLineCounters& counters = serial.counters();
   const links::SerialDisturbance& disturbance = serial.disturbance();
@@ -46,7 +35,7 @@ Json view_of_serial_bus(const Line& line, const NamedSerialBus& named) {
   return view;
 }
 
-Json disturb_serial_bus(Call& call, NamedSerialBus& named) {
+void disturb(Call& call, NamedSerialBus& named) {
   BodyReader body(call.body);
   links::SerialDisturbance disturbance;
   disturbance.drop = body.number("drop", 0, 1).value_or(0);
@@ -55,13 +44,8 @@ Json disturb_serial_bus(Call& call, NamedSerialBus& named) {
   disturbance.cut = body.boolean("cut").value_or(false);
   body.finish();
   named.line.disturb(disturbance);
-  return view_of_serial_bus(call.line, named);
 }
 
-Json calm_serial_bus(Call& call, NamedSerialBus& named) {
-  BodyReader(call.body, true).finish();
-  named.line.disturb({});
-  return view_of_serial_bus(call.line, named);
-}
+void calm(const Line&, NamedSerialBus& named) { named.line.disturb({}); }
 
 }  // namespace servodrome::line::bench
