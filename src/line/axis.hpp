@@ -65,7 +65,7 @@ class Axis final : public links::Receiver {
   const plant::Plant& plant() const { return plant_; }
   const drive::Feedback& feedback() const { return feedback_; }
   const drive::Actuation& actuation() const { return actuation_; }
-  links::PortId port() const { return port_; }        // of the CAN bus, if it has one
+  links::PortId port() const { return port_; }         // of the CAN bus, if it has one
   std::size_t position() const { return slave_ + 1; }  // on the EtherCAT segment, if it has one; 1 is the first
   // The drive's RS485 port; nullptr: it has none, it is not connected or it has no power.
   products::SerialPort* serial_port() const {

@@ -313,7 +313,7 @@ class LineFileReader {
     reader.read("alias", ethercat.alias);
     reader.read("oscillator_ppm", ethercat.oscillator_ppm);
     reader.read("cable_ns", cable_ns, 0, longest_cable_ns);
-    ethercat.cable = Time(cable_ns);
+    ethercat.cable = links::Time(cable_ns);
     if (std::abs(ethercat.oscillator_ppm) > worst_oscillator_ppm) {
       reader.complain("oscillator_ppm", fmt::format("{:g} is out of range", ethercat.oscillator_ppm),
                       fmt::format("expected -{0:g} .. {0:g}", worst_oscillator_ppm));

@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <boost/asio/post.hpp>
+#include <fmt/format.h>
 
 #include "line/bench/api.hpp"
 #include "links/can/link_name.hpp"
+#include "links/can/log.hpp"
 #include "links/ethercat/link_name.hpp"
+#include "links/ethercat/log.hpp"
 #include "links/serial/link_name.hpp"
 
 namespace servodrome::line {
@@ -16,6 +19,15 @@ using namespace std::chrono_literals;
 constexpr Time longest_sleep = 1ms;    // what the axes do by themselves is at most this late
 constexpr Time longest_stride = 10ms;  // of line time before links and API are looked after again
 constexpr auto log_flush_time = 100ms;
+
+std::string file_of(const std::string& path) { return path == "-" ? "/dev/stdout" : path; }
+
+template <typename Logs, typename File, typename Bus>
+void attach_log(Logs& logs, std::shared_ptr<File> file, Bus& bus, std::function<void()> on_failure) {
+  bus.add_observer(*file);
+  logs.push_back({[file] { file->flush(); }, [file] { return file->failed(); },
+                  [file, &bus] { bus.remove_observer(*file); }, std::move(on_failure)});
+}
 
 Time wall_clock() { return std::chrono::system_clock::now().time_since_epoch(); }
 
@@ -61,15 +73,17 @@ modbus::Server* LineServer::Units::find(std::uint8_t unit) {
 }
 
 LineServer::~LineServer() {
-  for (const Log& log : logs_) log.bus->remove_observer(*log.file);
+  for (const Log& log : logs_) log.detach();
 }
 
 void LineServer::log(NamedBus& bus, const std::string& path, std::function<void()> on_failure) {
   const auto format = path.ends_with(".pcap") ? links::CanLog::Format::pcap : links::CanLog::Format::candump;
-  logs_.push_back(
-      {std::make_unique<links::CanLog>(path == "-" ? "/dev/stdout" : path, format, bus.settings.name, epoch_), &bus.bus,
-       std::move(on_failure)});
-  bus.bus.add_observer(*logs_.back().file);
+  attach_log(logs_, std::make_shared<links::CanLog>(file_of(path), format, bus.settings.name, epoch_), bus.bus,
+             std::move(on_failure));
+}
+
+void LineServer::log(NamedEthercatBus& bus, const std::string& path, std::function<void()> on_failure) {
+  attach_log(logs_, std::make_shared<links::EthercatLog>(file_of(path), epoch_), bus.bus, std::move(on_failure));
 }
 
 void LineServer::run() {
@@ -78,6 +92,7 @@ void LineServer::run() {
   real_ = line_.clock_mode() == ClockMode::real;
   if (real_) schedule();
   const auto keep_serving = boost::asio::make_work_guard(io_);
+  serve_busy();
   io_.run();
   flush_logs();
 }
@@ -112,6 +127,26 @@ Time LineServer::catch_up() {
   return line_.now();
 }
 
+void LineServer::report(const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); }
+
+// Looks at the links that wait without sleeping, and in between at everything else, until stop().
+void LineServer::serve_busy() {
+  constexpr unsigned looks_between = 64;
+  std::vector<links::EthercatLink*> busy;
+  for (const auto& bus : line_.ethercat_buses()) {
+    for (const auto& link : bus->links) {
+      if (link->busy()) busy.push_back(link.get());
+    }
+  }
+  if (busy.empty()) return;
+  while (!io_.stopped()) {
+    for (unsigned look = 0; look < looks_between; ++look) {
+      for (links::EthercatLink* link : busy) link->poll();
+    }
+    io_.poll();
+  }
+}
+
 void LineServer::schedule() {
   timer_.expires_at(start_ + std::min(line_.next_bus_event(), line_.now() + longest_sleep));
   timer_.async_wait([this](const boost::system::error_code& code) {
@@ -134,8 +169,8 @@ bench::Response LineServer::answer(const bench::Request& request) {
 
 void LineServer::flush_logs() {
   for (Log& log : logs_) {
-    log.file->flush();
-    if (log.file->failed() && log.on_failure) std::exchange(log.on_failure, {})();
+    log.flush();
+    if (log.failed() && log.on_failure) std::exchange(log.on_failure, {})();
   }
 }
 

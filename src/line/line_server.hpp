@@ -13,7 +13,6 @@
 #include "line/bench/http_server.hpp"
 #include "line/line.hpp"
 #include "links/can/link.hpp"
-#include "links/can/log.hpp"
 
 namespace servodrome::line {
 
@@ -33,9 +32,11 @@ class LineServer final : private links::LineHost {
   LineServer(const LineServer&) = delete;
   LineServer& operator=(const LineServer&) = delete;
 
-  // Logs a bus: candump format, or pcap if the name ends so; "-" is standard output. Throws links::LinkError.
-  // `on_failure` is called once if the log ends before the line does, as on a full disk.
+  // Logs a bus: candump format, or pcap if the name ends so; an EtherCAT segment always as pcap. "-" is standard
+  // output. Throws links::LinkError. `on_failure` is called once if the log ends before the line does, as on a full
+  // disk.
   void log(NamedBus& bus, const std::string& path, std::function<void()> on_failure = {});
+  void log(NamedEthercatBus& bus, const std::string& path, std::function<void()> on_failure = {});
 
   // Serves until stop(). Real time begins with it.
   void run();
@@ -52,12 +53,15 @@ class LineServer final : private links::LineHost {
   // links::LineHost
   Time now() override;
   Time catch_up() override;
+  void report(const std::string& message) override;
   void wake() override;
   Time epoch() const override { return epoch_; }
 
+  // A log of some bus: how to look after it, and how to end it.
   struct Log {
-    std::unique_ptr<links::CanLog> file;
-    links::CanBus* bus;
+    std::function<void()> flush;
+    std::function<bool()> failed;
+    std::function<void()> detach;
     std::function<void()> on_failure;
   };
 
@@ -74,6 +78,7 @@ class LineServer final : private links::LineHost {
 
   void open_serial_links();
   bench::Response answer(const bench::Request& request);
+  void serve_busy();
   void schedule();
   void flush_logs();
 

@@ -193,13 +193,16 @@ void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.name; 
 // An RS485 line and an axis on lines 1 to 7.
 #define SERIAL_AXIS "[[bus]]\nname='rs'\ntype='rs485'\n[[axis]]\nname='x'\nproduct='generic402'\nserial='rs'\n"
 
+// An EtherCAT segment and the head of an axis on lines 1 to 5.
+#define ETHERCAT "[[bus]]\nname='ecat'\ntype='ethercat'\n[[axis]]\nname='x'\n"
+
 const std::vector<Mistake> mistakes{
     {"syntax", "clock = ", 1, 9, "", "TOML"},
     {"same_key_twice", "clock='real'\nclock='real'\n", 2, 7, "", "TOML"},
     {"no_bus", "", 1, 1, "no bus", "[[bus]]"},
     {"no_axis", "[[bus]]\nname='can0'\n", 1, 1, "no axis", "[[axis]]"},
     {"unknown_key", AXIS "noed=1\n", 6, 1, "unknown key `noed` in axis", "did you mean `node`?"},
-    {"unknown_far_key", AXIS "zzzzzzzz=1\n", 6, 1, "unknown key `zzzzzzzz`", "known here: bit_rate"},
+    {"unknown_far_key", AXIS "zzzzzzzz=1\n", 6, 1, "unknown key `zzzzzzzz`", "known here: alias, bit_rate"},
     {"unknown_top_key", "clok='real'\n" AXIS, 1, 1, "unknown key `clok`", "did you mean `clock`?"},
     {"unknown_motor_key", AXIS "[axis.motor]\n  pole_pair=4\n", 7, 3, "unknown key `pole_pair` in axis.motor",
      "did you mean `pole_pairs`?"},
@@ -268,6 +271,20 @@ const std::vector<Mistake> mistakes{
     {"station_alone", AXIS "station=4\n", 6, 9, "axis.station: is of an axis on an RS485 line", "serial ="},
     {"serial_protocol", SERIAL_AXIS "serial_protocol='modbut'\n", 8, 17, "does not speak \"modbut\"",
      "did you mean `modbus`?"},
+    {"ethercat_product", ETHERCAT "product='ismc'\nbus='ecat'\n", 7, 5,
+     "axis.bus: a `ismc` is a drive for CAN, \"ecat\" is an EtherCAT segment", "servodrome products"},
+    {"can_product", AXIS "[[axis]]\nname='y'\nproduct='generic402-ec'\nbus='can0'\n", 9, 5,
+     "axis.bus: a `generic402-ec` is a drive for EtherCAT, \"can0\" is a CAN bus", "type = \"ethercat\""},
+    {"ethercat_link", "[[bus]]\nname='e'\ntype='ethercat'\nlinks=['slcan:/a']\n" AXIS, 4, 8,
+     "bus.links:", "raw:INTERFACE"},
+    {"ethercat_bit_rate", "[[bus]]\nname='e'\ntype='ethercat'\nbit_rate=5\n" AXIS, 4, 1,
+     "unknown key `bit_rate` in bus", ""},
+    {"ethercat_node", ETHERCAT "product='generic402-ec'\nnode=4\n", 7, 6, "axis.node: is of an axis on a CAN bus",
+     "place in the file"},
+    {"oscillator", ETHERCAT "product='generic402-ec'\noscillator_ppm=201\n", 7, 16,
+     "axis.oscillator_ppm: 201 is out of range", "-200 .. 200"},
+    {"alias", ETHERCAT "product='generic402-ec'\nalias=65536\n", 7, 7, "axis.alias: 65536 is out of range", "65535"},
+    {"can_alias", AXIS "alias=1\n", 6, 7, "axis.alias: is of an axis on an EtherCAT segment", "leave the key out"},
     {"bus_no_table", "bus = 3\n", 1, 7, "bus: is an integer", "[[bus]]"},
     {"api", "[api]\naddress='localhost'\n" AXIS, 2, 9, "api.address: \"localhost\" is no ADDRESS:PORT", "8402"},
     {"api_port", "[api]\naddress='localhost:99999'\n" AXIS, 2, 9, "api.address: \"99999\" is no port", "8402"},
@@ -349,6 +366,9 @@ TEST(LineFile, TheReferenceHasEveryKey) {
                           "node",
                           "bit_rate",
                           "ideal",
+                          "alias",
+                          "oscillator_ppm",
+                          "cable_ns",
                           "links",
                           "serial_number",
                           "store",

@@ -113,7 +113,7 @@ TEST_F(SerialBus, AnAnswerTakesItsTime) {
 
 TEST_F(SerialBus, WithoutPowerItIsSilent) {
   Axis& axis = *line_.find_axis("both");
-  axis.power_off();
+  axis.power_off(line_.now());
   EXPECT_EQ(ask({2, 3, 1, 0, 0, 1}), Bytes{});
   EXPECT_EQ(line_.find_unit(bus_, 2), nullptr);
   axis.power_on(line_.now());
@@ -125,7 +125,7 @@ TEST_F(SerialBus, WithoutPowerItIsSilent) {
   master_.send(request);
   Bytes answer;
   ASSERT_TRUE(master_.receive(answer, 100ms));
-  axis.power_off();
+  axis.power_off(line_.now());
   line_.run_until(line_.now() + 100ms);
   while (master_.receive(answer, 0ms)) {
   }
@@ -154,7 +154,7 @@ TEST_F(SerialBus, ABitRateOfItsOwnIsNoContact) {
   ASSERT_EQ(dictionary().set_number(0x2F20, 2, 9600), dictionary::AbortCode::none);
   ASSERT_EQ(dictionary().set_number(0x1010, 1, 0x65766173), dictionary::AbortCode::none);
   EXPECT_FALSE(ask({2, 3, 1, 0, 0, 1}).empty()) << "from the next restart on";
-  line_.find_axis("both")->power_off();
+  line_.find_axis("both")->power_off(line_.now());
   line_.find_axis("both")->power_on(line_.now());
   line_.run_until(line_.now() + 50ms);
   EXPECT_EQ(ask({2, 3, 1, 0, 0, 1}), Bytes{});
