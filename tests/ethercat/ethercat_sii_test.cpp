@@ -105,6 +105,7 @@ TEST_F(Image, General) {
   ASSERT_EQ(general.size(), 32U);
   EXPECT_EQ(parsed.strings[general[0]], "Drives");
   EXPECT_EQ(parsed.strings[general[2]], "SD-EC");
+  EXPECT_EQ(parsed.strings[1], "SD-EC");
   EXPECT_EQ(parsed.strings[general[3]], "Servodrome EtherCAT test device");
   EXPECT_EQ(general[5], 0x2F);
   EXPECT_EQ(static_cast<std::int16_t>(load_u16(&general[12])), -120);

@@ -179,6 +179,7 @@ void put_dc(Writer& writer, std::span<const DcMode> modes, Strings& strings) {
 // All but the strings, which come first and are known when the rest has been gone through.
 void put_categories(Writer& writer, const SiiDescription& description, const Profile& profile, const Defaults& defaults,
                     Strings& strings) {
+  strings.number_of(description.order);  // string 1 is what masters show as the slave's name
   put_general(writer, description, profile, strings);
   writer.begin(category_fmmu);
   writer.u8(1);  // outputs
