@@ -12,6 +12,15 @@ bool Axis::software_limits_active() const {
   return homed || !policy.software_limits_need_homing;
 }
 
+bool Axis::beyond_software_limits() const {
+  if (!software_limits_active()) return false;
+  const auto beyond = [this](Counts application) {
+    const std::int64_t user = to_user_position(application);
+    return user < objects.min_position_limit || user > objects.max_position_limit;
+  };
+  return beyond(position()) || beyond(generator.nearest_position());
+}
+
 bool Axis::at_position_limit() const { return at_limit(true) || at_limit(false); }
 
 bool Axis::held_by_position_limit() const {

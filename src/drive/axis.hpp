@@ -72,6 +72,14 @@ struct Monitors {
   Counts index_deviation = 0;           // between successive index pulses
   std::uint32_t power_failure_ms = 20;  // the mains may be away for less
   std::uint32_t brake_resistor_ms = 0;  // it may conduct so long without a break; 0: for ever
+  bool stage_apart = false;             // the power stage's overload is Cause::stage_i2t, not i2t
+  // Warnings ahead of faults, and of what is clipped; 0 and false: none.
+  float overload_near_percent = 0.0F;  // i2t_near, stage_i2t_near
+  float under_voltage_near_v = 0.0F;   // under_voltage_near
+  float following_error_near = 0.0F;   // share of 6065h
+  bool acceleration_clipped = false;   // 6083h or 6084h above 60C5h or 60C6h in the profile modes
+  std::uint32_t jammed_ms = 0;         // jammed: so long at the torque limit without motion
+  std::uint32_t window_of_zero = 0;    // what 6065h stands for while it is 0
 };
 
 // When a velocity counts as reached and as zero, for devices that have windows of their own for it.
@@ -97,6 +105,7 @@ struct Configuration {
   bool index_available = true;                     // the encoder has an index that homing may use
   Cause encoder_loss = Cause::encoder_connection;  // what its lost connection is called
   bool locks_to_sync = true;                       // with Interpolation::target: the SYNC takes the target over
+  double set_point_period_s = 0.0;                 // of cyclic set-points; 0: 60C2h
   double sync_period_s = 0.0;                      // of the SYNC that interpolation waits for; 0: 60C2h
   std::uint32_t shown_velocity_cycles = 0;         // over which 606Ch is the mean; 0: the loops' estimate
   std::uint32_t remote_outputs = 0xFFFFFFFF;       // outputs that 60FEh may drive, bit n for output n
@@ -111,6 +120,12 @@ struct Configuration {
   // In profile position, from target reached to the next motion, this direct current holds the motor in place of the
   // position loop. A amplitude; 0: the position loop does.
   float standstill_current_a = 0.0F;
+  // Of one cyclic position target against the one before, in user units: beyond, it is clipped.
+  struct PositionChange {
+    bool limited = false;
+    std::int32_t least = 0;
+    std::int32_t greatest = 0;
+  } position_change{};
   std::uint32_t smoothing_ms = 0;  // moving average of the demand in the profile modes; 0: none
   float position_lag_ms = 0.0F;    // time constant of a lag of position commands, homing's excepted; 0: none
   // Limits of the drive's own, beside those of the objects, in the directions of the encoder.
@@ -177,13 +192,15 @@ struct Axis {
   std::uint32_t signals = 0;            // bit(Signal)
   std::span<const SignalEdge> edges{};  // since the last cycle, encoder counts
   const CascadeState* loops = nullptr;
-  bool limited = false;          // statusword bit 11
-  int stopped_at = 0;            // -1, +1: the software limit at small or large counts ended the motion
-  bool synchronised = false;     // a SYNC came since the last cycle
-  double sync_age = 0.0;         // how long before this cycle, in cycles
-  bool new_set_point = false;    // a cyclic set-point was written since the last cycle
-  bool following_error = false;  // out of 6065h for longer than 6066h: statusword bit 13 in position modes
-  Cause raised = Cause::none;    // the first cause raised in this cycle
+  bool limited = false;                  // statusword bit 11
+  int stopped_at = 0;                    // -1, +1: the software limit at small or large counts ended the motion
+  bool synchronised = false;             // a SYNC came since the last cycle
+  double sync_age = 0.0;                 // how long before this cycle, in cycles
+  bool new_set_point = false;            // a cyclic set-point was written since the last cycle
+  bool following_error = false;          // out of 6065h for longer than 6066h: statusword bit 13 in position modes
+  Cause raised = Cause::none;            // the first cause raised in this cycle
+  bool velocity_clipped = false;         // of this cycle's set-point
+  bool position_change_clipped = false;  //
 
   Counts position() const { return encoder_position + offset; }
   double velocity() const { return static_cast<double>(loops->velocity_counts_per_s); }
@@ -229,14 +246,27 @@ struct Axis {
     return limit;
   }
 
+  // A ramp of `value` user units in counts/s^2, clipped to `greatest` (60C5h, 60C6h) where that is not 0.
+  double ramp(double value, std::uint32_t greatest) const {
+    if (greatest == 0) return value * units.acceleration;
+    if (value <= 0.0 && policy.zero_ramps_are_greatest) value = greatest;
+    return std::min(value, static_cast<double>(greatest)) * units.acceleration;
+  }
+  double profile_deceleration() const { return ramp(objects.profile_deceleration, objects.max_deceleration); }
+
+  // A set-point of `mode` is above the greatest speed.
+  void exceed_velocity(Mode mode) {
+    if ((policy.excessive_velocity_faults & mode_bit(mode)) != 0) {
+      raise(Cause::velocity_excessive);
+    } else {
+      velocity_clipped = true;
+    }
+  }
+
   // Profile limits from user values, clipped to 607Fh, 6080h, 60C5h and 60C6h.
   MotionLimits limits(double velocity, double acceleration, double deceleration, double jerk) const {
-    const auto clip = [](double value, std::uint32_t user_limit, double factor) {
-      return user_limit == 0 ? value : std::min(value, user_limit * factor);
-    };
-    return {std::min(velocity, max_velocity(true)),
-            clip(acceleration * units.acceleration, objects.max_acceleration, units.acceleration),
-            clip(deceleration * units.acceleration, objects.max_deceleration, units.acceleration), jerk * units.jerk};
+    return {std::min(velocity, max_velocity(true)), ramp(acceleration, objects.max_acceleration),
+            ramp(deceleration, objects.max_deceleration), jerk * units.jerk};
   }
   MotionLimits profile_limits() const {
     return limits(objects.profile_velocity * units.velocity, objects.profile_acceleration, objects.profile_deceleration,
@@ -273,6 +303,7 @@ struct Axis {
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
   bool software_limits_active() const;
+  bool beyond_software_limits() const;  // demand or position
   // A limit switch is active, or the demand is at a software limit or beyond it (the shaft hunts around it by a count).
   bool at_position_limit() const;
   // ... and the demand does not lead away from it.

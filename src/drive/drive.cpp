@@ -191,9 +191,12 @@ void Drive::cycle(const Feedback& feedback) {
                       .brake_closed = axis_.configuration.has_brake() &&
                                       brake_closed_cycles_ > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
                       .homing = mode_ == Mode::homing,
+                      .profiled = state_ == PowerState::operation_enabled &&
+                                  (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity),
                       .pressing = mode_ == Mode::homing && homing_mode_.pressing(),
                       .loop = axis_.demand.loop});
   collect_faults();
+  axis_.velocity_clipped = axis_.position_change_clipped = false;          // what follows says it anew
   if (active_.test(Cause::following_error)) axis_.following_error = true;  // shown until it is reset
   if (state_ == PowerState::not_ready_to_switch_on) {
     enter_state(PowerState::switch_on_disabled);
@@ -240,7 +243,7 @@ void Drive::cycle(const Feedback& feedback) {
 
 void Drive::change_mode() {
   const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
-  if (wanted == mode_) return;
+  if (wanted == mode_ || (wanted == Mode::none && policy_.mode_zero_keeps)) return;
   homing_mode_.abort();
   identification_.abort();
   const bool running = state_ == PowerState::operation_enabled && !pending_.active;
@@ -270,7 +273,7 @@ void Drive::run_mode() {
       halted_ = true;
       with_mode(*this, [&](auto& mode) { mode.halt(axis_); });
       const std::int16_t code = axis_.objects.halt_option_code;
-      begin_stop(stop_of_option_code(code != 0 ? code : policy_.halt_code_of_zero));
+      begin_stop(stop_of(code != 0 ? code : policy_.halt_code_of_zero));
     } else if (!halt && halted_) {
       if (demand_is_adrift()) axis_.take_over_actual();
       halted_ = stopping_ = short_circuit_ = releasing_torque_ = false;
@@ -318,7 +321,12 @@ void Drive::write_actuation() {
   outputs_.pwm_enabled = energised() && !short_circuit_;
   outputs_.short_circuit = energised() && short_circuit_;
   const Configuration& configuration = axis_.configuration;
-  outputs_.brake_released = brake_released() != configuration.brake_inverted || configuration.brake_forced;
+  bool released = brake_released();
+  if (policy_.brake_output_bit >= 0) {  // the bus may command the brake itself
+    const std::uint32_t bit = 1u << static_cast<unsigned>(policy_.brake_output_bit);
+    if ((axis_.objects.output_mask & bit) != 0) released = (axis_.objects.physical_outputs & bit) == 0;
+  }
+  outputs_.brake_released = released != configuration.brake_inverted || configuration.brake_forced;
   brake_closed_cycles_ = outputs_.brake_released ? 0 : brake_closed_cycles_ + 1;
   outputs_.dc_link_connected = policy_.dc_link == DcLink::always || energised() || state_ == PowerState::switched_on;
   dc_link_cycles_ = outputs_.dc_link_connected ? dc_link_cycles_ + 1 : 0;
@@ -356,17 +364,22 @@ std::uint32_t Drive::status_sources() const {
   show(StatusSource::commutation_found,
        state_ != PowerState::not_ready_to_switch_on && !active_.test(Cause::encoder_connection));
   show(StatusSource::home_found, axis_.homed);
+  show(StatusSource::software_limit, axis_.beyond_software_limits());
   const bool working = state_ == PowerState::operation_enabled || state_ == PowerState::quick_stop_active;
   const bool failed = state_ == PowerState::fault_reaction_active || state_ == PowerState::fault;
   if (!working && !failed) return shown;
+  const bool enabled = state_ == PowerState::operation_enabled;
+  show(StatusSource::halt, enabled && (controlword_ & controlword::halt) != 0);
+  show(StatusSource::in_motion, enabled && in_motion());
   std::uint16_t bits = with_mode(*this, [&](const auto& mode) { return mode.status(axis_); });
   if (failed) {
     bits &= statusword::mode_bit_13;  // what went wrong can be seen until the fault is reset
-  } else if (stopping_ && is_cyclic_synchronous(mode_)) {
-    bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);  // the target is ignored
   } else if (stopping_) {
+    const bool cyclic = is_cyclic_synchronous(mode_);
+    if (cyclic) bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);  // the target is ignored
     bits &= static_cast<std::uint16_t>(~statusword::target_reached);
-    if (stop_finished() && !limit_stop_) bits |= statusword::target_reached;
+    const bool shows = !cyclic || policy_.cyclic_modes_show_reached;
+    if (shows && stop_finished() && !limit_stop_) bits |= statusword::target_reached;
   }
   show(StatusSource::target_reached, (bits & statusword::target_reached) != 0);
   show(StatusSource::mode_bit_12, (bits & statusword::mode_bit_12) != 0);

@@ -90,6 +90,8 @@ class Drive final : public dictionary::Listener {
   void inject(Cause cause, bool present);  // for causes that only hardware has
   bool is_active(Cause cause) const { return active_.test(cause); }
   bool any_fault() const { return active_.any(); }
+  bool warns(Cause cause) const { return warned_.test(cause); }
+  std::uint8_t error_register() const;  // the bits of 1001h of all that is present
   const FaultRow* newest_fault() const { return newest_fault_; }
   const FaultRow* row(Cause cause) const;
   void clear_multi_turn() { multi_turn_cleared_ = true; }  // the encoder's turns were declared valid
@@ -135,6 +137,8 @@ class Drive final : public dictionary::Listener {
   // power.cpp
   void handle_controlword(std::uint16_t before, std::uint16_t now);
   void handle_command(Command command);
+  Stop stop_of(std::int16_t code) const;
+  bool has_power_in(PowerState state) const;
   void leave_operation(Stop stop, PowerState to);
   bool hold_for_brake();
   void engage_brake();
@@ -150,7 +154,6 @@ class Drive final : public dictionary::Listener {
   void reset_faults();
   void collect_faults();
   CauseSet present_causes() const;
-  std::uint8_t error_register() const;
   void switch_power(bool on);
 
   // drive.cpp

@@ -17,6 +17,7 @@ enum class Cause : std::uint8_t {
   phase_loss,
   over_voltage,
   under_voltage,
+  under_voltage_near,  // a warning before it
   gate_supply,
   internal_hardware,
   power_failure,          // the mains went away
@@ -74,15 +75,24 @@ enum class Cause : std::uint8_t {
   homing_timeout,
   // Monitors
   over_speed,
+  velocity_excessive,  // a set-point above the greatest speed
   velocity_error,
   following_error,
+  following_error_near,  // a warning before it
   position_limit,
   factor_group,  // the factors make no ratio
   i2t,
+  stage_i2t,  // of the power stage, where it is told from the motor's
+  i2t_near,   // a warning before it
+  stage_i2t_near,
+  jammed,    // no motion at the torque limit
   external,  // an outside device, on an input
   enable_refused,
   positive_limit,  // a limit switch, where that is a fault or a warning
   negative_limit,
+  velocity_clipped,  // warnings: a set-point that is met in part
+  acceleration_clipped,
+  position_change_clipped,
   pulse_frequency,
   brake,
   // The drive's own electronics and memory

@@ -12,6 +12,14 @@ using dictionary::Entry;
 
 bool allowed(std::uint32_t values, std::int64_t code) { return code >= 0 && code < 32 && (values >> code & 1u) != 0; }
 
+// The signal that stands for `signal` in 60FDh.
+std::uint8_t shown_limit(std::uint8_t signal, bool exchanged) {
+  constexpr auto negative = static_cast<std::uint8_t>(Signal::negative_limit);
+  constexpr auto positive = static_cast<std::uint8_t>(Signal::positive_limit);
+  if (!exchanged || (signal != negative && signal != positive)) return signal;
+  return signal == negative ? positive : negative;
+}
+
 template <typename Integer>
 Integer saturated(double value) {
   constexpr double low = static_cast<double>(std::numeric_limits<Integer>::min());
@@ -26,14 +34,15 @@ Integer saturated(double value) {
 AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
   const std::int64_t number = dictionary::decode_number(entry.type, value);
   const OptionCodes& codes = policy_.option_codes;
+  const auto at_once = [&codes](std::int64_t code) { return codes.at_once_from != 0 && code >= codes.at_once_from; };
   const auto legal = [](bool is) { return is ? AbortCode::none : AbortCode::value_invalid; };
   switch (entry.index) {
     case 0x604B:
     case 0x604C: return legal(number != 0);
-    case 0x605A: return legal(allowed(codes.quick_stop, number));
+    case 0x605A: return legal(allowed(codes.quick_stop, number) || at_once(number));
     case 0x605B: return legal(allowed(codes.shutdown, number));
     case 0x605C: return legal(allowed(codes.disable_operation, number));
-    case 0x605D: return legal(allowed(codes.halt, number));
+    case 0x605D: return legal(allowed(codes.halt, number) || at_once(number));
     case 0x605E: return legal(allowed(codes.fault_reaction, number));
     case 0x6060:
       return legal(number == 0 ? policy_.mode_none
@@ -182,9 +191,11 @@ void Drive::refresh(const Entry& entry) {
     case 0x60FC: objects.position_demand_internal_value = wrap_to_32_bits(axis_.generator.nearest_position()); break;
     case 0x60FD: {
       std::uint32_t word = 0;
+      const bool exchanged = policy_.limit_inputs_follow_polarity && units.position_inverted;
       for (const DigitalInputBit& input : policy_.digital_inputs) {
-        const std::uint32_t word_in = input.source == DigitalInputBit::Source::wire ? wires_ : axis_.signals;
-        word |= (word_in >> input.number & 1u) << input.bit;
+        const bool wire = input.source == DigitalInputBit::Source::wire;
+        const std::uint8_t number = wire ? input.number : shown_limit(input.number, exchanged);
+        word |= ((wire ? wires_ : axis_.signals) >> number & 1u) << input.bit;
       }
       objects.digital_inputs = word;
       break;

@@ -51,6 +51,8 @@ struct OptionCodes {
   std::uint32_t disable_operation = 0b11;
   std::uint32_t halt = 0b1'1110;
   std::uint32_t fault_reaction = 0b1'1111;
+  // 605Ah and 605Dh: every code from here on stops at once, by the current limit. 0: there are no such codes.
+  std::int16_t at_once_from = 0;
 };
 
 enum class Interpolation : std::uint8_t {
@@ -89,6 +91,9 @@ enum class StatusSource : std::uint8_t {
   following_error,
   commutation_found,
   home_found,
+  halt,            // asked for while operation is enabled
+  in_motion,       // the demand moves
+  software_limit,  // demand or position is beyond 607Dh
 };
 constexpr std::uint32_t bit(StatusSource source) { return 1u << static_cast<unsigned>(source); }
 
@@ -107,7 +112,8 @@ inline constexpr std::array cia402_status_bits{
 struct Policy {
   // Device control
   std::uint32_t supported_modes = 0;
-  bool mode_none = true;  // 6060h takes 0
+  bool mode_none = true;         // 6060h takes 0
+  bool mode_zero_keeps = false;  // ... and it changes nothing
   OptionCodes option_codes{};
   std::span<const Transition> transitions = drive::transitions;
   StateBits state_bits = cia402_state_bits;
@@ -123,6 +129,7 @@ struct Policy {
   bool remote_bit = true;  // statusword bit 9 is set
   DcLink dc_link = DcLink::always;
   std::span<const FaultRow> faults;
+  bool cyclic_modes_show_reached = false;           // statusword bit 10 in cyclic synchronous position and velocity
   std::int16_t halt_code_of_zero = 0;               // what 605Dh does while it reads 0
   bool faults_show_as_warning = false;              // statusword bit 7 is set by faults as well
   bool limit_switches_show_as_limit = false;        // ... bit 11 by an active limit switch, moving or not
@@ -139,10 +146,15 @@ struct Policy {
                                          RampShape::jerk_limited};  // what the types mean
   // A jerk-limited profile brakes as it accelerates, ends at rest, and is over before another set-point is taken.
   bool jerk_limited_single_symmetric = false;
-  bool acknowledge_blocks_change = false;   // with statusword bit 12 set not even bit 5 of the controlword is heard
-  bool zero_values_are_faults = false;      // zero profile values raise the planning causes
-  bool zero_ramps_are_greatest = false;     // ... and ramps of zero stand for 60C5h and 60C6h
-  std::uint32_t shaped_modes = 0xFFFFFFFF;  // mode_bit() of modes to which 6086h applies; the others ramp linearly
+  bool acknowledge_blocks_change = false;  // with statusword bit 12 set not even bit 5 of the controlword is heard
+  bool zero_values_are_faults = false;     // zero profile values raise the planning causes
+  bool zero_ramps_are_greatest = false;    // ... and ramps of zero stand for 60C5h and 60C6h
+  bool end_velocity_is_start = false;      // 6082h is the speed that a motion from rest begins with at once
+  // mode_bit() of modes in which a set-point above the greatest speed is Cause::velocity_excessive; in the others it is
+  // clipped, and Cause::velocity_clipped is there meanwhile.
+  std::uint32_t excessive_velocity_faults = 0;
+  bool cyclic_position_keeps_speed = false;  // its demand is no faster than the greatest speed, and catches up later
+  std::uint32_t shaped_modes = 0xFFFFFFFF;   // mode_bit() of modes to which 6086h applies; the others ramp linearly
   OutOfLimits out_of_limits = OutOfLimits::clip;
   bool limit_switches_stop = true;  // outside homing, a limit switch ends motion towards it
   bool software_limits_need_homing = false;
@@ -165,6 +177,8 @@ struct Policy {
   std::span<const DigitalInputBit> digital_inputs;
   std::uint8_t first_output_bit = 16;  // of 60FEh
   std::uint8_t output_count = 4;
+  std::int8_t brake_output_bit = -1;          // of 60FEh: 1 closes the brake, while its mask bit is set; -1: none
+  bool limit_inputs_follow_polarity = false;  // 607Eh bit 7 exchanges the limit switches in 60FDh as well
   std::uint8_t first_bus_input_bit = 0;  // of 60FEh:01, for inputs that the bus commands (Configuration::bus_inputs)
 
   // Rates

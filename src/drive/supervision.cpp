@@ -95,6 +95,9 @@ void Supervision::supply(const Axis& axis, const Feedback& feedback, const Situa
   if (monitors.over_voltage_v > 0.0F && feedback.dc_link_v > monitors.over_voltage_v) present_.set(Cause::over_voltage);
   const bool low = situation.dc_link_expected && feedback.dc_link_v < monitors.under_voltage_v;
   if (under_voltage_.update(low, axis.cycles(under_voltage_ms))) present_.set(Cause::under_voltage);
+  if (situation.dc_link_expected && feedback.dc_link_v < monitors.under_voltage_near_v) {
+    present_.set(Cause::under_voltage_near);
+  }
   if (feedback.dc_link_v > monitors.chopper_on_v) chopper_ = true;
   if (feedback.dc_link_v < monitors.chopper_off_v) chopper_ = false;
   const bool failed = !feedback.supply_present && situation.dc_link_expected;
@@ -109,8 +112,13 @@ void Supervision::supply(const Axis& axis, const Feedback& feedback, const Situa
   const bool stage_watched = monitors.stage_rated_current_a > 0.0F;
   if (stage_watched) stage_i2t_.update(square);
   if (monitors.i2t) {
-    if (i2t_.tripped() || (stage_watched && stage_i2t_.tripped())) present_.set(Cause::i2t);
+    if (i2t_.tripped()) present_.set(Cause::i2t);
+    if (stage_watched && stage_i2t_.tripped()) present_.set(monitors.stage_apart ? Cause::stage_i2t : Cause::i2t);
     if (i2t_.utilisation_percent() > 90.0) warning_ = true;
+    if (const auto near = static_cast<double>(monitors.overload_near_percent); near > 0.0) {
+      if (i2t_.utilisation_percent() > near) present_.set(Cause::i2t_near);
+      if (stage_watched && stage_i2t_.utilisation_percent() > near) present_.set(Cause::stage_i2t_near);
+    }
   }
 }
 
@@ -171,14 +179,31 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   }
 
   const bool position_loop = situation.energised && situation.loop == Loop::position && !situation.pressing;
-  const std::uint32_t window = objects.following_error_window;
+  std::uint32_t window = objects.following_error_window;
+  if (window == 0) window = monitors.window_of_zero;
   bool outside = false;
   if (position_loop && window != 0xFFFFFFFF) {
     const std::int64_t error = axis.units.to_user(axis.loops->following_error_counts);
-    outside = (error < 0 ? -error : error) > window;
+    const std::int64_t magnitude = error < 0 ? -error : error;
+    outside = magnitude > window;
+    const float near = monitors.following_error_near;
+    if (near > 0.0F && static_cast<float>(magnitude) > near * static_cast<float>(window)) {
+      present_.set(Cause::following_error_near);
+    }
   }
   axis.following_error = following_.update(outside, axis.cycles(objects.following_error_time_out_ms));
   if (axis.following_error) present_.set(Cause::following_error);
+
+  if (monitors.acceleration_clipped && situation.profiled) {
+    const bool clipped = (objects.max_acceleration != 0 && objects.profile_acceleration > objects.max_acceleration) ||
+                         (objects.max_deceleration != 0 && objects.profile_deceleration > objects.max_deceleration);
+    if (clipped) present_.set(Cause::acceleration_clipped);
+  }
+  const bool pushing = situation.energised && !situation.pressing && axis.loops->torque_limited &&
+                       (situation.loop == Loop::position || situation.loop == Loop::velocity);
+  if (monitors.jammed_ms != 0 && jammed_.update(pushing && axis.counts_per_ms == 0, axis.cycles(monitors.jammed_ms))) {
+    present_.set(Cause::jammed);
+  }
 
   bool slow = false;
   if (situation.energised && situation.loop == Loop::velocity && monitors.velocity_error > 0.0) {

@@ -16,6 +16,7 @@ class Supervision {
     bool dc_link_expected = false;      // the DC link should have its voltage
     bool brake_closed = false;          // engaged for longer than its delay
     bool homing = false;
+    bool profiled = false;  // operation is enabled in a mode with ramps 6083h, 6084h
     bool pressing = false;  // homing against a hard stop: following error and torque limit are meant
     Loop loop = Loop::off;
   };
@@ -44,6 +45,7 @@ class Supervision {
   bool chopper_ = false;
   Dwell following_{};
   Dwell velocity_{};
+  Dwell jammed_{};
   Dwell under_voltage_{};
   Dwell power_failure_{};
   Dwell brake_resistor_{};

@@ -18,17 +18,48 @@ void CyclicSyncPosition::step(Axis& axis) {
   const std::int64_t user = std::int64_t{objects.target_position} + objects.position_offset;
   // A SYNC takes over a changed offset; without anything new it leaves the line alone.
   if (axis.new_set_point || (axis.synchronised && follower_.following() && user != given_)) {
-    given_ = user;
-    follower_.follow(axis, user);
+    given_ = within_change(axis, user);
+    follower_.follow(axis, given_);
   }
   axis.new_set_point = false;
+  const Counts from = axis.generator.position();
+  const double from_fraction = axis.generator.fraction();
   follower_.step(axis);
+  if (axis.policy.cyclic_position_keeps_speed && follower_.following()) keep_to_speed(axis, from, from_fraction);
   axis.demand.velocity += static_cast<float>(axis.units.velocity_to_counts(objects.velocity_offset));
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
 }
 
+// Of products that limit how far a target may be from the one before.
+std::int64_t CyclicSyncPosition::within_change(Axis& axis, std::int64_t user) const {
+  const Configuration::PositionChange& limits = axis.configuration.position_change;
+  if (!limits.limited || limits.least > limits.greatest) return user;
+  const std::int64_t base = follower_.following() ? given_ : axis.units.to_user(axis.generator.nearest_position());
+  const std::int64_t change = wrap_to_32_bits(user - base);
+  const std::int64_t allowed = std::clamp<std::int64_t>(change, limits.least, limits.greatest);
+  axis.position_change_clipped = allowed != change;
+  return base + allowed;
+}
+
+// Of products that run on at the greatest speed where the targets ask for more. The line of the targets goes on; the
+// demand follows it from where it was in the last cycle.
+void CyclicSyncPosition::keep_to_speed(Axis& axis, Counts from, double from_fraction) {
+  const double distance =
+      static_cast<double>(axis.generator.position() - from) + (axis.generator.fraction() - from_fraction);
+  const double greatest = axis.max_velocity(false);
+  const double most = greatest * axis.cycle_s;
+  if (std::abs(distance) <= most * (1.0 + 1e-9)) return;
+  axis.exceed_velocity(Mode::cyclic_sync_position);
+  axis.generator.place(from, from_fraction + std::copysign(most, distance), std::copysign(greatest, distance));
+  axis.follow_generator(loop);
+}
+
 std::uint16_t CyclicSyncPosition::status(const Axis& axis) const {
   std::uint16_t bits = statusword::mode_bit_12;  // drive follows the command value
+  if (axis.policy.cyclic_modes_show_reached && axis.generator.standing()) {
+    const std::int64_t error = axis.units.to_user(axis.loops->following_error_counts);
+    if ((error < 0 ? -error : error) <= axis.objects.position_window) bits |= statusword::target_reached;
+  }
   if (axis.following_error) bits |= statusword::mode_bit_13;
   return bits;
 }
@@ -42,6 +73,7 @@ void CyclicSyncVelocity::step(Axis& axis) {
   const double allowed = axis.max_velocity(false);
   const double target = std::clamp(wanted, -allowed, allowed);
   axis.limited = target != wanted;
+  if (axis.limited) axis.exceed_velocity(Mode::cyclic_sync_velocity);
   axis.generator.start_from(axis.position(), target);
   axis.demand.loop = loop;
   axis.demand.velocity = static_cast<float>(target);
@@ -49,7 +81,14 @@ void CyclicSyncVelocity::step(Axis& axis) {
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
 }
 
-std::uint16_t CyclicSyncVelocity::status(const Axis&) const { return statusword::mode_bit_12; }
+std::uint16_t CyclicSyncVelocity::status(const Axis& axis) const {
+  std::uint16_t bits = statusword::mode_bit_12;
+  const double error = std::abs(axis.shown_velocity() - axis.generator.velocity());
+  if (axis.policy.cyclic_modes_show_reached && error < axis.configuration.speed_windows.reached_counts_per_s) {
+    bits |= statusword::target_reached;
+  }
+  return bits;
+}
 
 // --- Cyclic synchronous torque
 

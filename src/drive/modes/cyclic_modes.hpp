@@ -18,10 +18,13 @@ class CyclicSyncPosition {
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
   void interrupt(Axis&) { follower_.stop(); }
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:
+  std::int64_t within_change(Axis& axis, std::int64_t user) const;
+  void keep_to_speed(Axis& axis, Counts from, double from_fraction);
+
   SetPointFollower follower_{};
   std::int64_t given_ = 0;  // the last target, with its offset
 };
@@ -37,8 +40,8 @@ class CyclicSyncVelocity {
   void halt(Axis&) {}
   void resume(Axis&) {}
   void interrupt(Axis&) {}
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
-  std::uint16_t status(const Axis&) const;
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
+  std::uint16_t status(const Axis& axis) const;
 };
 
 class CyclicSyncTorque {
@@ -51,7 +54,7 @@ class CyclicSyncTorque {
   void halt(Axis&) {}
   void resume(Axis&) {}
   void interrupt(Axis&) {}
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const;
 };
 
@@ -69,7 +72,7 @@ class InterpolatedPosition {
   void halt(Axis&) {}
   void resume(Axis&) { following_ = false; }
   void interrupt(Axis&) { following_ = false; }
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
   std::size_t buffered() const { return count_; }
 
@@ -99,7 +102,7 @@ class SynchronousInterpolation {
   void halt(Axis&) {}
   void resume(Axis&) { disarm(); }
   void interrupt(Axis&) { follower_.stop(); }
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:

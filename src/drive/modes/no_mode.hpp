@@ -18,7 +18,7 @@ class NoMode {
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
   void interrupt(Axis&) {}
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return 0; }
 };
 

@@ -30,11 +30,14 @@ ProfilePosition::SetPoint ProfilePosition::capture(const Axis& axis, std::uint16
   const Objects& objects = axis.objects;
   const RampShape shape = axis.shape();
   const bool symmetric = shape == RampShape::jerk_limited && axis.policy.jerk_limited_single_symmetric;
+  const double end = objects.end_velocity * axis.units.velocity;
+  const bool starts = axis.policy.end_velocity_is_start;
   return {.target = objects.target_position,
           .relative = (word & controlword::mode_bit_6) != 0,
           .pass_previous = (word & controlword::mode_bit_9) != 0,
           .velocity = objects.profile_velocity * axis.units.velocity,
-          .end_velocity = symmetric ? 0.0 : objects.end_velocity * axis.units.velocity,
+          .end_velocity = symmetric || starts ? 0.0 : end,
+          .start_velocity = starts ? end : 0.0,
           .acceleration = objects.profile_acceleration,
           .deceleration = symmetric ? objects.profile_acceleration : objects.profile_deceleration,
           .jerk = objects.profile_jerk[0],
@@ -157,6 +160,13 @@ void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained)
     running_ = false;
     return;
   }
+  if (set_point.velocity > axis.max_velocity(true) * (1.0 + 1e-9)) {
+    axis.exceed_velocity(Mode::profile_position);
+    if (axis.raised == Cause::velocity_excessive) {
+      running_ = false;
+      return;
+    }
+  }
   Counts target = 0;
   if (!resolve_target(axis, set_point, target)) {
     running_ = false;
@@ -165,12 +175,25 @@ void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained)
   plan(axis, set_point, target, chained);
 }
 
+// Puts an axis at rest at its start speed, or at less where the way is too short to stop from it.
+bool ProfilePosition::start_at_speed(Axis& axis, const SetPoint& set_point, Counts target, const MotionLimits& limits) {
+  if (set_point.start_velocity <= 0.0 || !axis.generator.standing()) return false;
+  const Counts from = axis.generator.nearest_position();
+  const auto way = static_cast<double>(target - from);
+  const double stopping = std::sqrt(2.0 * std::abs(way) * limits.deceleration);
+  const double speed = std::min({set_point.start_velocity, limits.velocity, stopping});
+  if (speed <= 0.0) return false;
+  axis.generator.start_from(from, std::copysign(speed, way));
+  return true;
+}
+
 void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target, bool chained) {
   const MotionLimits limits =
       axis.limits(set_point.velocity, set_point.acceleration, set_point.deceleration, set_point.jerk);
+  const bool from_rest = start_at_speed(axis, set_point, target, limits);
   const Trajectory::Result result =
-      chained ? axis.generator.continue_to(target, set_point.end_velocity, limits, set_point.shape)
-              : axis.generator.move_to(target, set_point.end_velocity, limits, set_point.shape);
+      chained && !from_rest ? axis.generator.continue_to(target, set_point.end_velocity, limits, set_point.shape)
+                            : axis.generator.move_to(target, set_point.end_velocity, limits, set_point.shape);
   // A profile without velocity or acceleration leads nowhere: what was running is broken off, and the axis rests short
   // of its target until it is given a usable one.
   running_ = result != Trajectory::Result::bad_limits && result != Trajectory::Result::bad_state;

@@ -18,7 +18,7 @@ class ProfilePosition {
   void halt(Axis& axis);
   void resume(Axis& axis);
   void interrupt(Axis& axis);  // a limit switch ended the motion short of its target
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:
@@ -28,6 +28,7 @@ class ProfilePosition {
     bool pass_previous = false;  // change on set-point: the set-point before is passed at its profile velocity
     double velocity = 0.0;       // counts/s and so on, as they stood when the set-point was given
     double end_velocity = 0.0;
+    double start_velocity = 0.0;     // from rest
     std::uint32_t acceleration = 0;  // user units
     std::uint32_t deceleration = 0;
     std::uint32_t jerk = 0;
@@ -47,6 +48,7 @@ class ProfilePosition {
   bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);
   void start(Axis& axis, const SetPoint& set_point, bool chained);
   void plan(Axis& axis, const SetPoint& set_point, Counts target, bool chained);
+  static bool start_at_speed(Axis& axis, const SetPoint& set_point, Counts target, const MotionLimits& limits);
 
   std::array<SetPoint, capacity> queue_{};
   std::size_t head_ = 0;

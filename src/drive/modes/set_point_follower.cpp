@@ -5,6 +5,11 @@ namespace servodrome::drive {
 void InterpolationPeriod::update(const Axis& axis) {
   value_ = axis.objects.interpolation_time_period_value;
   index_ = axis.objects.interpolation_time_index;
+  set_s_ = axis.configuration.set_point_period_s;
+  if (set_s_ > 0.0) {
+    cycles_ = std::clamp(set_s_ / axis.cycle_s, 1.0, 1e6);
+    return;
+  }
   double scale = 1.0;  // powers of ten are exact as far as they matter
   for (int n = std::abs(int{index_}); n > 0; --n) scale *= 10.0;
   const double cycles = value_ * (1000.0 * axis.cycles_per_ms);

@@ -5,12 +5,16 @@
 
 namespace servodrome::drive {
 
-// The interpolation time period 60C2h in position-loop cycles: a real number, at least 1.
+// The interpolation time period, 60C2h or Configuration::set_point_period_s, in position-loop cycles: a real number, at
+// least 1.
 class InterpolationPeriod {
  public:
   double cycles(const Axis& axis) {
     const Objects& objects = axis.objects;
-    if (objects.interpolation_time_period_value != value_ || objects.interpolation_time_index != index_) update(axis);
+    if (objects.interpolation_time_period_value != value_ || objects.interpolation_time_index != index_ ||
+        axis.configuration.set_point_period_s != set_s_) {
+      update(axis);
+    }
     return cycles_;
   }
 
@@ -19,6 +23,7 @@ class InterpolationPeriod {
 
   std::uint8_t value_ = 0;
   std::int8_t index_ = 0;
+  double set_s_ = 0.0;
   double cycles_ = 1.0;
 };
 

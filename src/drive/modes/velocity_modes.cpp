@@ -10,7 +10,7 @@ void ProfileVelocity::enter(Axis& axis) {
   planned_ = false;
   interrupted_ = false;
   blocked_by_ = Signal::none;
-  slipping_ = false;
+  slipping_ = clipped_ = false;
   windows_.restart();
   axis.limited = false;
 }
@@ -58,12 +58,13 @@ void ProfileVelocity::step(Axis& axis) {
     const double wanted = request.inverted ? -target_velocity : target_velocity;
     const double allowed = axis.max_velocity(true);
     const double target = std::clamp(wanted, -allowed, allowed);
-    axis.limited = target != wanted;
+    axis.limited = clipped_ = target != wanted;
     MotionLimits limits = axis.profile_limits();
     limits.velocity = allowed;
     axis.generator.run_at(target, limits, shape);
     windows_.changed();
   }
+  if (clipped_) axis.exceed_velocity(Mode::profile_velocity);
   axis.generator.step(axis.cycle_s);
   axis.follow_generator(loop);
   observe(axis);

@@ -38,7 +38,7 @@ class ProfileVelocity {
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
   void interrupt(Axis& axis);
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:
@@ -59,6 +59,7 @@ class ProfileVelocity {
   bool interrupted_ = false;          // stands for a limit, with the request not met
   Signal blocked_by_ = Signal::none;  // the limit switch in the way
   bool slipping_ = false;
+  bool clipped_ = false;  // the request is above the greatest speed
   VelocityWindows windows_{};
 };
 
@@ -74,7 +75,7 @@ class ImmediateVelocity {
   void halt(Axis&) {}
   void resume(Axis&) {}
   void interrupt(Axis&) {}
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return windows_.status(); }
 
  private:
@@ -121,7 +122,7 @@ class ProfileTorque {
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
   void interrupt(Axis&) {}
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:

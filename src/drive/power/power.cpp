@@ -54,7 +54,7 @@ void Drive::handle_command(Command command) {
     case 11: {
       const std::int16_t code = axis_.objects.quick_stop_option_code;
       state_ = PowerState::quick_stop_active;
-      leave_operation(stop_of_option_code(code), PowerState::switch_on_disabled);
+      leave_operation(stop_of(code), PowerState::switch_on_disabled);
       if (has(policy_.option_codes.quick_stop_stays, code)) {
         pending_.active = false;
         if (stage_ == Stage::engaging_brake) switch_power(true);  // it was on its way to another state
@@ -70,12 +70,30 @@ void Drive::handle_command(Command command) {
     case release_quick_stop:
       if (!pending_.active) leave_operation(Stop::power_off, transition->to);
       break;
-    default: enter_state(transition->to);
+    default:
+      if (energised() && !has_power_in(transition->to)) {  // products that energise the motor in Switched on
+        leave_operation(Stop::power_off, transition->to);
+      } else {
+        enter_state(transition->to);
+      }
   }
 }
 
+// Of 605Ah and 605Dh.
+Stop Drive::stop_of(std::int16_t code) const {
+  const std::int16_t at_once = policy_.option_codes.at_once_from;
+  return at_once != 0 && code >= at_once ? Stop::current_limit : stop_of_option_code(code);
+}
+
+bool Drive::has_power_in(PowerState state) const {
+  return state == PowerState::operation_enabled ||
+         (state == PowerState::switched_on && policy_.energised_in_switched_on);
+}
+
 void Drive::leave_operation(Stop stop, PowerState to) {
-  if (stop == Stop::power_off && hold_for_brake()) {
+  if (stop == Stop::power_off && has_power_in(to)) {
+    enter_state(to);  // held there as it moves
+  } else if (stop == Stop::power_off && hold_for_brake()) {
     pending_ = {true, to};
   } else if (stop == Stop::power_off || !energised()) {
     switch_power(false);
@@ -113,8 +131,7 @@ void Drive::enter_state(PowerState to) {
   zero_speed_ = false;
   homing_mode_.abort();
   identification_.abort();
-  const bool power =
-      to == PowerState::operation_enabled || (to == PowerState::switched_on && policy_.energised_in_switched_on);
+  const bool power = has_power_in(to);
   if (power != energised()) {
     switch_power(power);
     if (power) axis_.take_over_actual();
@@ -194,7 +211,7 @@ void Drive::begin_ramp() {
 
 double Drive::quick_stop_deceleration() const {
   return mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_)
-                                 : axis_.objects.quick_stop_deceleration * axis_.units.acceleration;
+                                 : axis_.ramp(axis_.objects.quick_stop_deceleration, axis_.objects.max_deceleration);
 }
 
 bool Drive::stop_finished() const {
@@ -237,6 +254,7 @@ void Drive::step_power() {
   }
   if (!pending_.active) return;
   if (stage_ == Stage::on && stop_finished()) {
+    if (has_power_in(pending_.to)) return enter_state(pending_.to);
     // Held in the position loop where it is; the demand of a velocity loop need not be there.
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
     engage_brake();
@@ -313,6 +331,8 @@ CauseSet Drive::present_causes() const {
   CauseSet present = supervision_.present();
   present |= injected_;
   if (!units_valid_) present.set(Cause::factor_group);
+  if (axis_.velocity_clipped) present.set(Cause::velocity_clipped);
+  if (axis_.position_change_clipped) present.set(Cause::position_change_clipped);
   return present;
 }
 
@@ -345,7 +365,7 @@ void Drive::communication_lost(Cause cause) {
   if (policy_.communication_loss_is_always_fault) return raise(cause);
   switch (axis_.objects.abort_connection_option_code) {
     case 1:
-      if (energised()) raise(Cause::communication_lost);
+      if (energised()) raise(cause);
       break;
     case 2: handle_command(Command::disable_voltage); break;
     case 3: handle_command(Command::quick_stop); break;

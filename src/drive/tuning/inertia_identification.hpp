@@ -50,7 +50,7 @@ class InertiaIdentification {
   void halt(Axis&) { abort(); }
   void resume(Axis&) {}
   void interrupt(Axis&) { abort(); }
-  double deceleration(const Axis& axis) const { return axis.objects.profile_deceleration * axis.units.acceleration; }
+  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return 0; }
 
  private:
