@@ -95,7 +95,8 @@ class Esc {
   // A latch input changed (ETG.1000.4 clause 6.7.4).
   void latch_edge(unsigned unit, bool rising, Time now);
 
-  Time now() const { return now_; }  // of the last frame or poll
+  Time now() const { return now_; }                 // of the last frame or poll
+  std::uint32_t frames() const { return frames_; }  // that have passed since power-on
 
   // Pulses, watchdogs and delays that are due; no later than `next_deadline`. Returns bit n for SYNCn.
   unsigned poll(Time now);

@@ -59,7 +59,7 @@ AbortCode ProcessImage::resolve_entry(std::uint32_t mapping, MappedObject& objec
 
 AbortCode ProcessImage::check_entry(std::uint32_t mapping) const {
   MappedObject object;
-  return mapping == 0 ? AbortCode::none : resolve_entry(mapping, object);
+  return mapping == 0 || mapping == profile_.empty_mapping ? AbortCode::none : resolve_entry(mapping, object);
 }
 
 AbortCode ProcessImage::check_pdo(std::uint16_t index) const {
@@ -77,7 +77,8 @@ AbortCode ProcessImage::check_count(std::uint16_t index, unsigned count) const {
     if (const AbortCode abort = resolve_entry(mapping, object); abort != AbortCode::none) return abort;
     bits += object.bits;
   }
-  return bits > greatest_bits() ? AbortCode::mapping_exceeds_pdo_length : AbortCode::none;
+  const unsigned greatest = std::min(greatest_bits(), 8U * profile_.greatest_pdo);
+  return bits > greatest ? AbortCode::mapping_exceeds_pdo_length : AbortCode::none;
 }
 
 AbortCode ProcessImage::add_pdo(std::uint16_t index) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <span>
 
+#include "ethercat/slave/al_status.hpp"
 #include "ethercat/time.hpp"
 
 namespace servodrome::ethercat {
@@ -42,16 +43,19 @@ struct Profile {
   std::uint16_t inputs_start = 0x1500;   // sync manager 3
   std::uint16_t greatest_outputs = 256;  // bytes of process data
   std::uint16_t greatest_inputs = 256;
+  std::uint16_t greatest_pdo = 0xFFFF;  // bytes of one PDO
 
   bool file_access = false;  // FoE, as the SII image and the ESI file say; see Slave::set_files
   bool complete_access = true;
   // A mapped length other than the object's is taken: the object's low bits, or zeros above them.
   bool mapped_length_may_differ = false;
+  std::uint32_t empty_mapping = 0;  // value of a mapping entry that maps nothing, beside 0
 
   std::span<const StartUpParameter> start_up;
 
   std::uint16_t synchronisation = sync_support::free_run | sync_support::sync_manager | sync_support::dc_sync0;
   Time least_cycle{std::chrono::microseconds(125)};
+  AlStatusCode cycle_too_short = AlStatusCode::invalid_sync0_cycle_time;  // ... what a shorter one is refused with
   // Safe-Operational to Operational waits so long for outputs, and with DC for SYNC0.
   Time operational_timeout{std::chrono::seconds(5)};
 };

@@ -30,7 +30,7 @@ AlStatusCode Slave::choose_synchronisation() {
   if (pulses) {
     if (!supports(sync_support::dc_sync0)) return AlStatusCode::synchronization_not_supported;
     if (static_cast<std::int64_t>(sync0.step) < profile_.least_cycle.count()) {
-      return AlStatusCode::invalid_sync0_cycle_time;
+      return profile_.cycle_too_short;
     }
     wanted = SyncType::dc_sync0;
   } else if (wants_pulses) {
