@@ -1,0 +1,99 @@
+#include "products/jmc_ec/jmc_ec.hpp"
+
+// What is shown of alarms: 603Fh, 1001h, emergencies, numbers and lamps.
+namespace servodrome::products {
+
+using ethercat::AlState;
+using ethercat::AlStatusCode;
+
+namespace {
+
+constexpr Time activity_time = std::chrono::milliseconds(100);
+
+const jmc_ec::CommunicationAlarm& alarm_of(AlStatusCode code) {
+  return jmc_ec::communication_alarms[jmc_ec::communication_alarm_index(code)];
+}
+
+}  // namespace
+
+// An error of the state machine stands until the master acknowledges it.
+void JmcEc::follow_bus_error() {
+  const AlStatusCode code = slave().error() ? slave().status_code() : AlStatusCode::none;
+  if (code != bus_error_) bus_error(code);
+}
+
+// With the motor enabled it has become a fault already, where 6007h says so; else it is told in the same way.
+void JmcEc::bus_error(AlStatusCode code) {
+  bus_error_ = code;
+  jmc_ec::Objects& own = objects();
+  if (code == AlStatusCode::none) {
+    if (drive().any_fault()) return;  // reset with it
+    own.drive.error_code = 0;
+    EthercatDevice::errors_gone(drive().error_register());
+    return;
+  }
+  const std::size_t row = jmc_ec::communication_alarm_index(code);
+  if (drive().is_active(jmc_ec::communication_cause(row))) return;
+  own.drive.error_code = jmc_ec::communication_alarms[row].code;
+  report(own.drive.error_code, jmc_ec::communication_error_register);
+}
+
+void JmcEc::fault_raised(const drive::FaultRow& fault) {
+  fault_told_ = true;
+  EthercatDevice::fault_raised(fault);
+}
+
+void JmcEc::errors_gone(std::uint8_t remaining) {
+  if (!fault_told_) return;  // warnings are not told
+  fault_told_ = drive().any_fault();
+  if (bus_error_ != AlStatusCode::none) {
+    remaining |= jmc_ec::communication_error_register;
+    objects().drive.error_code = alarm_of(bus_error_).code;
+  }
+  EthercatDevice::errors_gone(remaining);
+}
+
+std::uint16_t JmcEc::shown_alarm() {
+  if (const drive::FaultRow* fault = drive().newest_fault()) return fault->alarm;
+  if (bus_error_ != AlStatusCode::none) return alarm_of(bus_error_).alarm;
+  for (const drive::FaultRow& row : jmc_ec::faults) {
+    if (row.alarm != jmc_ec::no_alarm_number && drive().warns(row.cause)) return row.alarm;
+  }
+  return jmc_ec::no_alarm_number;
+}
+
+jmc_ec::Leds JmcEc::leds(Time now) {
+  jmc_ec::Leds leds;
+  const bool linked = esc().link(0) || esc().link(1);
+  leds.power = linked ? jmc_ec::Lamp::on : jmc_ec::Lamp::flashing;
+  leds.alarm_flashes = jmc_ec::flashes_of(shown_alarm());
+  leds.alarm_on = leds.alarm_flashes == 0 && drive().any_fault();
+  if (leds.alarm_flashes == 0 && !leds.alarm_on) {
+    const drive::Axis& axis = drive().axis();
+    if (axis.active(drive::Signal::negative_limit)) {
+      leds.alarm_flashes = jmc_ec::ccw_limit_flashes;
+    } else if (axis.active(drive::Signal::positive_limit)) {
+      leds.alarm_flashes = jmc_ec::cw_limit_flashes;
+    } else if (axis.active(drive::Signal::home)) {
+      leds.alarm_flashes = jmc_ec::origin_flashes;
+    }
+  }
+  switch (slave().state()) {
+    case AlState::init:
+    case AlState::bootstrap: leds.run = jmc_ec::Lamp::off; break;
+    case AlState::pre_operational: leds.run = jmc_ec::Lamp::flashing; break;
+    case AlState::safe_operational: leds.run = jmc_ec::Lamp::single_flash; break;
+    case AlState::operational: leds.run = jmc_ec::Lamp::on; break;
+  }
+  if (bus_error_ != AlStatusCode::none) leds.error = alarm_of(bus_error_).led;
+  const bool traffic = last_frame_ >= Time{} && now - last_frame_ < activity_time;
+  const auto port = [&](unsigned number) {
+    if (!esc().link(number)) return jmc_ec::Lamp::off;
+    return traffic ? jmc_ec::Lamp::flashing : jmc_ec::Lamp::on;
+  };
+  leds.data_in = port(0);
+  leds.data_out = port(1);
+  return leds;
+}
+
+}  // namespace servodrome::products

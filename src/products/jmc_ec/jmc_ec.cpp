@@ -1,0 +1,219 @@
+#include "products/jmc_ec/jmc_ec.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace servodrome::products {
+
+using dictionary::AbortCode;
+using dictionary::Entry;
+
+namespace {
+
+// Terminals in the order of the connector (L270-280): CW-, HW+, CCW+, DI3, DI4.
+constexpr std::array terminals{drive::Signal::positive_limit, drive::Signal::home, drive::Signal::negative_limit,
+                               drive::Signal::probe_1, drive::Signal::probe_2};
+
+// Not printed: thresholds as shares of the nominal supply.
+constexpr float over_voltage_share = 1.35F;
+constexpr float under_voltage_share = 0.65F;
+constexpr float under_voltage_near_share = 0.75F;
+constexpr float motor_hot_c = 130.0F;
+constexpr float overload_near_percent = 90.0F;
+constexpr float following_error_near = 0.8F;  // of 6065h
+constexpr std::uint32_t jammed_ms = 500;
+constexpr double speed_reached_rpm = 20.0;
+constexpr std::uint32_t shown_velocity_cycles = 8;  // 4 ms: of 4000 increments a shorter mean jumps
+// A jerk-limited ramp (6086h = 3) is at the default of 60C5h after 100 ms; there is no object for it.
+constexpr std::uint32_t jerk_per_max_acceleration = 10;
+
+constexpr double in_position_counts = 30.0;    // P03-06
+constexpr float over_speed_rpm = 6400.0F;      // P04-05
+constexpr std::uint32_t brake_delay_ms = 100;  // P01-30
+constexpr std::int64_t sync_granularity_ns = 125'000;
+
+std::uint32_t milli(float value) { return static_cast<std::uint32_t>(std::lround(1000.0F * value)); }
+
+}  // namespace
+
+ethercat::SiiDescription JmcEc::sii_description(const Settings& settings) {
+  static constexpr std::array dc_modes{
+      ethercat::DcMode{.name = "DC", .description = "DC-Synchron", .assign_activate = 0x0300},
+      ethercat::DcMode{.name = "FreeRun", .description = "FreeRun"},
+  };
+  const jmc_ec::Rating& rating = jmc_ec::find_rating(settings.model);
+  return {.vendor_id = jmc_ec::vendor_id,
+          .product_code = rating.product_code,
+          .revision_number = jmc_ec::revision_number,
+          .serial_number = settings.serial_number,
+          .station_alias = settings.ethercat.station_alias,
+          .group = "EC",
+          .order = rating.device_name,
+          .name = rating.device_name,
+          .dc_modes = dc_modes};
+}
+
+void JmcEc::prepare(dictionary::Area areas) {
+  jmc_ec::Objects& own = objects();
+  const jmc_ec::Rating& made = rating();
+  own.communication.product_code = made.product_code;
+  own.communication.serial_number = settings().serial_number;
+  const std::string_view name = made.device_name;
+  own.own.device_name.length = static_cast<std::uint32_t>(std::min(name.size(), own.own.device_name.bytes.size()));
+  std::copy_n(name.begin(), own.own.device_name.length, own.own.device_name.bytes.begin());
+  if (!contains(areas, dictionary::Area::profile)) return;
+  own.drive.motor_rated_current_ma = milli(made.model.motor.rated_current_a / jmc_ec::rating::root2);
+  own.drive.motor_rated_torque_mnm = milli(made.model.motor.rated_torque_nm);
+  own.drive.positioning_option_code = 0;  // relative to the last target (D-39)
+  own.drive.position_window_time_ms = 0;
+  own.drive.profile_jerk[0] = jerk_per_max_acceleration * own.drive.max_acceleration;
+}
+
+drive::Configuration JmcEc::configuration() const {
+  const Model& model = rating().model;
+  drive::Configuration configuration;
+  configuration.motor = settings().motor;
+  configuration.motor.peak_current_a = model.motor.peak_current_a;
+  configuration.gains =
+      drive::default_gains(configuration.motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
+  drive::Monitors& monitors = configuration.monitors;
+  monitors.over_voltage_v = over_voltage_share * model.supply_v;
+  monitors.under_voltage_v = under_voltage_share * model.supply_v;
+  monitors.under_voltage_near_v = under_voltage_near_share * model.supply_v;
+  monitors.chopper_on_v = monitors.chopper_off_v = 1e9F;  // none is printed
+  monitors.power_stage_hot_c = 95.0F;                     // L1074
+  monitors.motor_hot_c = motor_hot_c;
+  monitors.encoder_hot_c = monitors.ambient_hot_c = 0.0F;
+  monitors.ambient_cold_c = -1e9F;
+  monitors.warning_margin_c = 0.0F;
+  monitors.over_speed_rpm = over_speed_rpm;
+  monitors.i2t_peak_time_s = 3.0F;  // L225
+  monitors.stage_rated_current_a = model.stage_rated_current_a;
+  monitors.stage_peak_current_a = model.motor.peak_current_a;
+  monitors.stage_apart = true;
+  monitors.overload_near_percent = overload_near_percent;
+  monitors.following_error_near = following_error_near;
+  monitors.acceleration_clipped = true;
+  monitors.jammed_ms = jammed_ms;
+  monitors.limit_switch_levels = true;
+  monitors.window_of_zero = jmc_ec::window_of_zero;
+  for (std::size_t i = 0; i < terminals.size(); ++i) configuration.inputs[i].signal = terminals[i];
+  configuration.touch_probe = {
+      .probes = 2, .input_rising = true, .input_falling = true, .index_rising = true, .index_falling = true};
+  configuration.brake_release_ms = configuration.brake_engage_ms = brake_delay_ms;
+  configuration.homing_end = drive::HomingEnd::offset;  // D-25
+  configuration.shown_velocity_cycles = shown_velocity_cycles;
+  configuration.speed_windows.used = true;
+  configuration.speed_windows.reached_counts_per_s =
+      speed_reached_rpm / 60.0 * configuration.motor.counts_per_revolution;
+  configuration.position_change = {.limited = position_change_written_ || !jmc_ec::position_change_needs_writing,
+                                   .least = objects().own.min_position_change,
+                                   .greatest = objects().own.max_position_change};
+  configuration.set_point_period_s = set_point_period_s_;
+  return configuration;
+}
+
+void JmcEc::power_on(const drive::Feedback& feedback, Time now) {
+  position_change_written_ = false;
+  set_point_period_s_ = 0.0;
+  bus_error_ = ethercat::AlStatusCode::none;
+  fault_told_ = false;
+  last_frame_ = Time{-1};
+  EthercatDevice::power_on(feedback, now);
+  set_position_window();
+}
+
+void JmcEc::cycle(Time now) {
+  follow_bus_error();
+  if (esc().frames() != frames_) {
+    frames_ = esc().frames();
+    last_frame_ = now;
+  }
+  // DO0: alarm, DO1: in position (L277-280).
+  const bool in_position = (objects().drive.statusword & drive::statusword::target_reached) != 0;
+  drive().set_outputs((drive().any_fault() ? 1U : 0U) | (in_position ? 2U : 0U));
+  EthercatDevice::cycle(now);
+}
+
+// The window of bit 10, in the units of a position.
+void JmcEc::set_position_window() {
+  const double units = in_position_counts * drive().axis().units.position.inverse().value();
+  objects().drive.position_window = static_cast<std::uint32_t>(std::max(1L, std::lround(units)));
+}
+
+AbortCode JmcEc::check(const Entry& entry, std::span<const std::byte>) {
+  switch (entry.index) {
+    case 0x608F:
+    case 0x6091:
+    case 0x6092: {
+      // "Effective only when set in Pre-Op" (L1661). A ratio out of range is taken, and is AL.105: the parts are
+      // written one after the other.
+      const ethercat::AlState state = slave().state();
+      const bool before = state == ethercat::AlState::init || state == ethercat::AlState::pre_operational;
+      return before && !drive().energised() ? AbortCode::none : AbortCode::device_state;
+    }
+    default: return AbortCode::none;
+  }
+}
+
+void JmcEc::written(const Entry& entry) {
+  jmc_ec::Objects& own = objects();
+  switch (entry.index) {
+    case 0x608F:
+    case 0x6091:
+    case 0x6092:
+      drive().written(entry);
+      set_position_window();
+      break;
+    case 0x6075: {  // AL.060: beyond what the power stage can give (L957-961)
+      const float wanted_a = 0.001F * static_cast<float>(own.drive.motor_rated_current_ma) * jmc_ec::rating::root2;
+      drive().inject(drive::Cause::motor_mismatch, wanted_a > rating().model.stage_rated_current_a);
+      break;
+    }
+    case 0x607B: {
+      const auto& now = drive().configuration().position_change;
+      if (now.limited && now.least == own.own.min_position_change && now.greatest == own.own.max_position_change) break;
+      position_change_written_ = true;
+      reconfigure();
+      break;
+    }
+    case 0x60B2: {
+      constexpr std::int32_t low = std::numeric_limits<std::int16_t>::min();
+      constexpr std::int32_t high = std::numeric_limits<std::int16_t>::max();
+      own.drive.torque_offset = static_cast<std::int16_t>(std::clamp(own.own.torque_offset, low, high));
+      break;
+    }
+    default: break;
+  }
+}
+
+ethercat::AlStatusCode JmcEc::may_change(ethercat::AlState from, ethercat::AlState to) {
+  if (from != ethercat::AlState::pre_operational || to != ethercat::AlState::safe_operational) {
+    return ethercat::AlStatusCode::none;
+  }
+  const std::uint32_t cycle_ns = objects().communication.output_sync.sync0_cycle_time_ns;
+  return cycle_ns % sync_granularity_ns == 0 ? ethercat::AlStatusCode::none
+                                             : ethercat::AlStatusCode::invalid_sync_cycle_time;
+}
+
+void JmcEc::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time) {
+  using ethercat::AlState;
+  if (from == AlState::operational) {
+    // No outputs come any more: 6007h says what to do, and the alarm says why. A master that takes the drive out of
+    // Operational while it works leaves it without valid outputs.
+    const auto why = cause != ethercat::AlStatusCode::none ? cause : ethercat::AlStatusCode::no_valid_outputs;
+    drive().communication_lost(jmc_ec::communication_cause(jmc_ec::communication_alarm_index(why)));
+  }
+  if (cause != ethercat::AlStatusCode::none) bus_error(cause);
+  if (from == AlState::pre_operational && to == AlState::safe_operational) {
+    // With SYNC0 the targets come with it; else 60C2h says how often they do.
+    const double period_s = 1e-9 * objects().communication.output_sync.sync0_cycle_time_ns;
+    if (period_s != set_point_period_s_) {
+      set_point_period_s_ = period_s;
+      reconfigure();
+    }
+  }
+}
+
+}  // namespace servodrome::products

@@ -1,0 +1,73 @@
+#pragma once
+
+#include "products/ethercat_device.hpp"
+#include "products/jmc_ec/leds.hpp"
+#include "products/jmc_ec/object_table.hpp"
+#include "products/jmc_ec/policy.hpp"
+#include "products/jmc_ec/ratings.hpp"
+
+namespace servodrome::products {
+
+// JMC EC series on EtherCAT: the integrated servos IHSV-EC, the stepper drives 2HSS458-EC and 2DM542-EC.
+class JmcEc final
+    : public EthercatDevice<JmcEc, jmc_ec::Objects, EthercatSizes{.mapped_objects = 48, .sii_bytes = 4096}> {
+ public:
+  static constexpr std::span<const dictionary::Entry> table{jmc_ec::object_table};
+  static constexpr drive::Policy policy = jmc_ec::make_policy();
+  static constexpr dictionary::LengthAborts length_aborts{};
+  static constexpr ethercat::Profile ethercat_profile{.greatest_outputs = 4 * jmc_ec::pdo_bytes,
+                                                      .greatest_inputs = 4 * jmc_ec::pdo_bytes,
+                                                      .greatest_pdo = jmc_ec::pdo_bytes,
+                                                      .mapped_length_may_differ = true,  // 60FDh with 16 bits, D-05
+                                                      .empty_mapping = jmc_ec::empty_mapping,
+                                                      .least_cycle = std::chrono::microseconds(250),
+                                                      .cycle_too_short = ethercat::AlStatusCode{0x002E}};  // E61B
+  static ethercat::SiiDescription sii_description(const Settings& settings);
+
+  explicit JmcEc(const Settings& settings) : EthercatDevice(settings) {}
+
+  // That of Settings::model; the default one for a name that is not known.
+  const jmc_ec::Rating& rating() const { return jmc_ec::find_rating(settings().model); }
+
+  void power_on(const drive::Feedback& feedback, Time now) override;
+  void cycle(Time now) override;
+
+  // What the manual describes and prints no objects for.
+  // The alarm that is shown: the newest fault, else that of the bus, else a warning; "" without one.
+  jmc_ec::AlarmText alarm() { return jmc_ec::alarm_text(shown_alarm()); }
+  jmc_ec::Leds leds(Time now);
+
+ private:
+  friend EthercatDevice;
+  friend ServoDevice;
+
+  void prepare(dictionary::Area areas);
+  drive::Configuration configuration() const;
+
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
+  void written(const dictionary::Entry& entry) override;
+  void set_position_window();
+
+  // alarms.cpp
+  std::uint16_t shown_alarm();
+  void follow_bus_error();
+  void bus_error(ethercat::AlStatusCode code);
+
+  // --- ethercat::SlaveEvents
+  ethercat::AlStatusCode may_change(ethercat::AlState from, ethercat::AlState to) override;
+  void state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time now) override;
+
+  // --- drive::DriveEvents
+  void fault_raised(const drive::FaultRow& fault) override;
+  void warning_raised(const drive::FaultRow&) override {}  // shown in statusword bit 7 only
+  void errors_gone(std::uint8_t remaining) override;
+
+  bool position_change_written_ = false;  // 607Bh
+  double set_point_period_s_ = 0.0;       // of SYNC0; 0: 60C2h
+  ethercat::AlStatusCode bus_error_ = ethercat::AlStatusCode::none;
+  bool fault_told_ = false;  // by an emergency
+  std::uint32_t frames_ = 0;
+  Time last_frame_{-1};  // when there was traffic last; -1: never
+};
+
+}  // namespace servodrome::products
