@@ -20,6 +20,7 @@ class JmcEc final
                                                       .greatest_pdo = jmc_ec::pdo_bytes,
                                                       .mapped_length_may_differ = true,  // 60FDh with 16 bits, D-05
                                                       .empty_mapping = jmc_ec::empty_mapping,
+                                                      .start_up = jmc_ec::start_up,
                                                       .least_cycle = std::chrono::microseconds(250),
                                                       .cycle_too_short = ethercat::AlStatusCode{0x002E}};  // E61B
   static ethercat::SiiDescription sii_description(const Settings& settings);

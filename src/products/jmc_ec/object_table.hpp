@@ -2,6 +2,7 @@
 
 #include "drive/cia402_section.hpp"
 #include "ethercat/slave/communication_section.hpp"
+#include "ethercat/slave/profile.hpp"
 #include "products/jmc_ec/objects.hpp"
 
 // The object dictionary of the JMC EC drives: Table 219 of the manual (L3160-3405), which is the list of their ESI
@@ -15,6 +16,10 @@ inline constexpr std::uint32_t empty_mapping = 0xFFFFFFFF;    // L3188
 inline constexpr std::uint16_t pdo_bytes = 48;                // at most, of one PDO (L1429)
 inline constexpr const char* hardware_version = "1.0";        // printed XXXX
 inline constexpr const char* software_version = "1.42";       // the manual's (L10)
+
+// The first line of both printed start-up lists has this comment, the lines that a user added have none (L4989, L5319).
+inline constexpr std::array start_up{ethercat::StartUpParameter{
+    .transition = "PS", .index = 0x6060, .sub = 0, .value = 8, .comment = "Modes of Operation"}};
 
 // CiA 402 objects of the table.
 inline constexpr auto cia402_objects = std::to_array<std::uint16_t>(
