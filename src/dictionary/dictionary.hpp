@@ -90,7 +90,8 @@ class Dictionary {
   std::byte* storage(const Entry& entry) const {
     return entry.offset == Field::no_storage ? nullptr : objects_.data() + entry.offset;
   }
-  Listener* listener(const Entry& entry) const { return listeners_[static_cast<std::size_t>(entry.owner)]; }
+  Listener* listener(const Entry& entry) const { return listener(entry.owner); }
+  Listener* listener(Owner owner) const { return listeners_[static_cast<std::size_t>(owner)]; }
   AbortCode check_range(const Entry& entry, std::span<const std::byte> value) const;
 
  private:

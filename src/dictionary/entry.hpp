@@ -109,6 +109,7 @@ struct Entry {
   Owner owner = Owner::none;
   bool saved = false;                 // part of the non-volatile image
   bool default_adds_node_id = false;  // the default is `default_value` + node id ($NODEID+ in an EDS)
+  bool local = false;                 // for the device's own service port: the fieldbus does not see it
   bool has_range = false;             // `minimum` and `maximum` are narrower than the type's
   std::uint32_t offset = Field::no_storage;
   std::uint32_t capacity = 0;  // of a string or domain, in bytes
@@ -133,6 +134,7 @@ struct Options {
   const char* unit = "";
   bool saved = false;
   bool adds_node_id = false;
+  bool local = false;
   Owner owner = Owner::none;
 };
 
@@ -148,6 +150,7 @@ constexpr Entry make_entry(std::uint16_t index, std::uint8_t sub, ObjectCode cod
   entry.owner = options.owner;
   entry.saved = options.saved;
   entry.default_adds_node_id = options.adds_node_id;
+  entry.local = options.local;
   entry.offset = field.offset;
   entry.capacity = field.capacity;
   entry.default_value = options.default_value;

@@ -94,6 +94,16 @@ constexpr auto make_table() {
   return table;
 }
 
+// What a fieldbus sees of a table: the entries that are not local.
+template <const auto& Table>
+constexpr auto make_bus_table() {
+  constexpr auto is_seen = [](const Entry& entry) { return !entry.local; };
+  constexpr auto count = static_cast<std::size_t>(std::count_if(Table.begin(), Table.end(), is_seen));
+  std::array<Entry, count> table{};
+  std::copy_if(Table.begin(), Table.end(), table.begin(), is_seen);
+  return table;
+}
+
 constexpr bool is_sorted_and_unique(std::span<const Entry> table) {
   for (std::size_t i = 1; i < table.size(); ++i) {
     if (table[i - 1].key() >= table[i].key()) return false;
@@ -109,12 +119,13 @@ constexpr bool defaults_are_in_range(std::span<const Entry> table) {
   return true;
 }
 
-// Every object with sub-indices has a sub-index 0 that says how many, and one object code throughout.
+// Every object with sub-indices has a sub-index 0 that says how many, one object code throughout, and is local as a
+// whole or not at all.
 constexpr bool sub_indices_are_complete(std::span<const Entry> table) {
   for (std::size_t i = 0; i < table.size(); ++i) {
     const bool first = i == 0 || table[i - 1].index != table[i].index;
     if (first && table[i].sub != 0) return false;
-    if (!first && table[i - 1].code != table[i].code) return false;
+    if (!first && (table[i - 1].code != table[i].code || table[i - 1].local != table[i].local)) return false;
   }
   return true;
 }

@@ -24,7 +24,7 @@ std::shared_ptr<products::Device> make(const products::Settings& settings) {
 template <typename Model>
 std::span<const dictionary::Entry> table_of() {
   Model model{products::Settings{}};
-  return model.dictionary().table();
+  return model.bus_dictionary().table();
 }
 
 // Order codes are not printed: they are the products' names on a line.

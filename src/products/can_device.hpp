@@ -17,12 +17,15 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   using Base = ServoDevice<Product, ProductObjects>;
 
  public:
+  using Base::bus_dictionary;
   using Base::dictionary;
   using Base::drive;
   using typename Base::Communication;
 
   explicit CanDevice(const Settings& its_settings)
-      : Base(its_settings), node_(dictionary(), Product::profile, *this, storage_.memory()) {}
+      : Base(its_settings), node_(bus_dictionary(), Product::profile, *this, storage_.memory()) {
+    listen(dictionary::Owner::communication, bus_dictionary().listener(dictionary::Owner::communication));
+  }
 
   void power_on(const drive::Feedback& feedback, Time now) override {
     objects() = {};
@@ -62,6 +65,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   std::uint32_t bit_rate() const override { return bit_rate_; }
 
  protected:
+  using Base::listen;
   using Base::load_objects;
   using Base::objects;
   using Base::product;

@@ -105,7 +105,9 @@ class Device {
   virtual SerialPort* serial_port() { return nullptr; }
 
   virtual drive::Drive& drive() = 0;
+  // All objects, as the service port and the bench see them, and those that the fieldbus sees.
   virtual dictionary::Dictionary& dictionary() = 0;
+  virtual dictionary::Dictionary& bus_dictionary() = 0;
 
   // The fault before the `n` last ones, 0 is the last; nullptr: so many are not remembered.
   virtual const PastFault* past_fault(std::size_t /*n*/) const { return nullptr; }

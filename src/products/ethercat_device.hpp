@@ -26,15 +26,18 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   using Base = ServoDevice<Product, ProductObjects>;
 
  public:
+  using Base::bus_dictionary;
   using Base::dictionary;
   using Base::drive;
   using typename Base::Communication;
   static constexpr std::size_t sii_bytes = Sizes.sii_bytes;
 
   explicit EthercatDevice(const Settings& its_settings)
-      : Base(its_settings), slave_(esc_, dictionary(), Product::ethercat_profile, *this, storage_.memory()) {
+      : Base(its_settings), slave_(esc_, bus_dictionary(), Product::ethercat_profile, *this, storage_.memory()) {
+    listen(dictionary::Owner::communication, bus_dictionary().listener(dictionary::Owner::communication));
     // Written once: it is non-volatile, and a master may change it.
-    ethercat::write_sii_image(Product::sii_description(its_settings), Product::ethercat_profile, Product::table, sii_);
+    ethercat::write_sii_image(Product::sii_description(its_settings), Product::ethercat_profile, Base::table_of_bus(),
+                              sii_);
   }
 
   void power_on(const drive::Feedback& feedback, Time now) override {
@@ -60,6 +63,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   std::span<const std::uint8_t> sii() const { return sii_; }
 
  protected:
+  using Base::listen;
   using Base::load_objects;
   using Base::objects;
   using Base::product;

@@ -15,6 +15,7 @@ namespace servodrome::products {
 //   void prepare(Area)             values of these areas that are not defaults: identity, nameplate
 //   void loaded(Area)              optional: values that follow from the saved ones
 //   drive::Configuration configuration() const      from the present objects and the motor
+//   bus_table                      optional: what the fieldbus sees of the table (dictionary::make_bus_table)
 // `ProductObjects` is a plain struct with members `communication` and `drive`.
 template <typename Product, typename ProductObjects>
 class ServoDevice : public Device, protected drive::DriveEvents, protected dictionary::Listener {
@@ -26,15 +27,28 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
 
   drive::Drive& drive() override { return drive_; }
   dictionary::Dictionary& dictionary() override { return dictionary_; }
+  dictionary::Dictionary& bus_dictionary() override { return bus_dictionary_; }
 
  protected:
   explicit ServoDevice(const Settings& settings)
       : settings_(settings),
         dictionary_(Product::table, std::as_writable_bytes(std::span(&objects_, 1)), Product::length_aborts),
+        bus_dictionary_(table_of_bus(), std::as_writable_bytes(std::span(&objects_, 1)), Product::length_aborts),
         drive_(Product::policy, objects_.drive, offsetof(ProductObjects, drive)) {
     drive_.set_events(this);
-    dictionary_.set_listener(dictionary::Owner::drive, &drive_);
-    dictionary_.set_listener(dictionary::Owner::product, this);
+    listen(dictionary::Owner::drive, &drive_);
+    listen(dictionary::Owner::product, this);
+  }
+  static constexpr std::span<const dictionary::Entry> table_of_bus() {
+    if constexpr (requires { Product::bus_table; }) {
+      return Product::bus_table;
+    } else {
+      return Product::table;
+    }
+  }
+  void listen(dictionary::Owner owner, dictionary::Listener* listener) {
+    dictionary_.set_listener(owner, listener);
+    bus_dictionary_.set_listener(owner, listener);
   }
   ~ServoDevice() = default;
 
@@ -76,6 +90,7 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
   Settings settings_;
   ProductObjects objects_{};
   dictionary::Dictionary dictionary_;
+  dictionary::Dictionary bus_dictionary_;  // over the same objects
   drive::Drive drive_;
 };
 

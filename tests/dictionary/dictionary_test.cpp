@@ -383,6 +383,41 @@ std::vector<std::uint32_t> keys(const auto& builder) {
   return result;
 }
 
+// Local objects: the service port's dictionary has them, the bus' has not, and both stand over the same values.
+struct LocalObjects {
+  std::uint16_t seen = 0;
+  std::uint16_t hidden = 0;
+};
+constexpr std::array table_with_local{
+    var(0x2000, "Seen", SERVODROME_FIELD(LocalObjects, seen), Access::rw),
+    var(0x2001, "Hidden", SERVODROME_FIELD(LocalObjects, hidden), Access::rw, Pdo::none,
+        {.default_value = 7, .saved = true, .local = true}),
+    var(0x2002, "Constant", {Type::unsigned8}, Access::constant, Pdo::none, {.default_value = 3}),
+};
+constexpr auto bus_table = make_bus_table<table_with_local>();
+
+TEST(LocalObjectsOfATable, AreNotSeenByTheBus) {
+  static_assert(is_valid_table(table_with_local) && is_valid_table(bus_table) && bus_table.size() == 2);
+  LocalObjects objects;
+  Dictionary whole(table_with_local, std::as_writable_bytes(std::span(&objects, 1)));
+  Dictionary bus(bus_table, std::as_writable_bytes(std::span(&objects, 1)));
+  whole.load_defaults(Area::all, 0);
+  EXPECT_EQ(whole.number(0x2001), 7);
+  AbortCode abort{};
+  EXPECT_EQ(bus.find(0x2001, 0, abort), nullptr);
+  EXPECT_EQ(abort, AbortCode::object_does_not_exist);
+  EXPECT_EQ(bus.set_number(0x2000, 0, 5), AbortCode::none);
+  EXPECT_EQ(whole.number(0x2000), 5);
+}
+
+TEST(TableChecks, RefuseObjectsThatAreLocalInPart) {
+  std::vector<Entry> entries{highest_sub(0x2000, ObjectCode::record, "Object", 1),
+                             element(0x2000, 1, ObjectCode::record, "Part", {Type::unsigned8}, Access::constant)};
+  EXPECT_TRUE(is_valid_table(entries));
+  entries[1].local = true;
+  EXPECT_FALSE(is_valid_table(entries));
+}
+
 TEST(TableBuilder, AddReplacesAnEntryOfTheSameKey) {
   TableBuilder<4> builder;
   builder.add(std::array{number(0x2000), number(0x2001)});

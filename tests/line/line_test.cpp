@@ -143,6 +143,7 @@ class Witness final : public products::Device {
   bool take(canopen::Frame& frame) override { return device_->take(frame); }
   drive::Drive& drive() override { return device_->drive(); }
   dictionary::Dictionary& dictionary() override { return device_->dictionary(); }
+  dictionary::Dictionary& bus_dictionary() override { return device_->bus_dictionary(); }
   canopen::Node* can_node() override { return device_->can_node(); }
   std::uint8_t node_id() const override { return device_->node_id(); }
   std::uint32_t bit_rate() const override { return device_->bit_rate(); }
