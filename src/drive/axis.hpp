@@ -113,8 +113,11 @@ struct Configuration {
   bool brake_forced = false;                       // ... or commissioning simulates it as on
   std::uint32_t brake_release_ms = 0;              // from power on to the first motion
   std::uint32_t brake_engage_ms = 0;               // from brake command to power off
-  std::int16_t velocity_stop_shape = 0;            // ramp type of stopping in the velocity modes, as 6086h counts them
-  double torque_mode_velocity_positive = 0.0;      // counts/s, 0: the motor's greatest speed
+  // An axis that is faster when it loses its power is braked once it is that slow, or after the wait. 0: at once.
+  float brake_speed_rpm = 0.0F;
+  std::uint32_t brake_wait_ms = 0;
+  std::int16_t velocity_stop_shape = 0;        // ramp type of stopping in the velocity modes, as 6086h counts them
+  double torque_mode_velocity_positive = 0.0;  // counts/s, 0: the motor's greatest speed
   double torque_mode_velocity_negative = 0.0;
   SpeedWindows speed_windows{};
   // In profile position, from target reached to the next motion, this direct current holds the motor in place of the

@@ -120,6 +120,7 @@ void Drive::restart() {
   pending_ = {};
   stopping_ = halted_ = limit_stop_ = short_circuit_ = zero_speed_ = releasing_torque_ = false;
   stage_ = Stage::off;
+  coasting_cycles_ = 0;
   const bool erroneous = active_.any() || warned_.any();
   active_.clear();
   warned_.clear();
@@ -181,6 +182,7 @@ void Drive::cycle(const Feedback& feedback) {
   axis_.mean_velocity.update(axis_.encoder_position, axis_.configuration.shown_velocity_cycles);
   dc_link_v_ = feedback.dc_link_v;
   winding_temperature_c_ = feedback.winding_temperature_c;
+  power_stage_temperature_c_ = feedback.power_stage_temperature_c;
   update_inputs(feedback);
   axis_.edges = std::span(edges_.data(), edge_count_);
 

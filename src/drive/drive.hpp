@@ -46,6 +46,11 @@ class Drive final : public dictionary::Listener {
   // Takes over motor, gains, thresholds and terminals; may be called while running.
   void configure(const Configuration& configuration);
   const Configuration& configuration() const { return axis_.configuration; }
+  // The gains alone, as a device that switches them does while the axis moves.
+  void set_gains(const Gains& gains) {
+    axis_.configuration.gains = gains;
+    cascade_.configure(axis_.configuration.motor, gains, rates_);
+  }
 
   // Everything volatile is as after switching the control supply on. The objects have their values already.
   void power_on(const Feedback& feedback);
@@ -103,13 +108,17 @@ class Drive final : public dictionary::Listener {
   bool in_motion() const { return !axis_.generator.standing(); }
   bool demand_smoothed() const { return !smoothing_pending_; }  // nothing of the demand is still to come
   bool energised() const { return stage_ != Stage::off; }
-  bool brake_released() const { return stage_ == Stage::releasing_brake || stage_ == Stage::on; }
+  bool brake_released() const {
+    return stage_ == Stage::releasing_brake || stage_ == Stage::on || coasting_cycles_ != 0;
+  }
+  bool chopper_on() const { return supervision_.chopper(); }
   bool homed() const { return axis_.homed; }
   bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }
   // Of the last homing, in counts: see Homing::index_distance.
   Counts homing_index_distance() const { return homing_mode_.index_distance(); }
   float dc_link_v() const { return dc_link_v_; }
   float winding_temperature_c() const { return winding_temperature_c_; }
+  float power_stage_temperature_c() const { return power_stage_temperature_c_; }
   Counts position_offset() const { return axis_.offset; }
   void set_position_offset(Counts offset) { axis_.offset = offset; }
   const CascadeState& loops() const { return cascade_.state(); }
@@ -141,6 +150,7 @@ class Drive final : public dictionary::Listener {
   bool has_power_in(PowerState state) const;
   void leave_operation(Stop stop, PowerState to);
   bool hold_for_brake();
+  bool too_fast_for_brake() const;
   void engage_brake();
   void enter_state(PowerState to);
   void begin_stop(Stop stop);
@@ -216,6 +226,7 @@ class Drive final : public dictionary::Listener {
   Stage stage_ = Stage::off;
   std::uint32_t stage_cycles_ = 0;
   std::uint32_t brake_closed_cycles_ = 0;
+  std::uint32_t coasting_cycles_ = 0;  // that the brake may still wait for an axis without power to become slow
   bool short_circuit_ = false;
   Dwell braked_{};  // by short circuit
   bool braked_to_rest_ = false;
@@ -250,6 +261,7 @@ class Drive final : public dictionary::Listener {
   std::uint32_t dc_link_cycles_ = 0;  // since the DC link was connected
   float dc_link_v_ = 0.0F;
   float winding_temperature_c_ = 0.0F;
+  float power_stage_temperature_c_ = 0.0F;
   std::array<SignalEdge, edge_capacity> edges_{};
   std::size_t edge_count_ = 0;
   std::uint32_t tripped_ = 0;  // HardwareFault bits since the last cycle

@@ -107,10 +107,16 @@ void Drive::leave_operation(Stop stop, PowerState to) {
 // Zero speed at once, and the brake closes meanwhile. False: the product does not, or there is nothing to hold.
 bool Drive::hold_for_brake() {
   if (!policy_.brake_engages_before_power_off || !axis_.configuration.has_brake() || !energised()) return false;
+  if (too_fast_for_brake()) return false;
   stopping_ = short_circuit_ = releasing_torque_ = false;
   zero_speed_ = true;
   engage_brake();
   return true;
+}
+
+bool Drive::too_fast_for_brake() const {
+  const auto rpm = static_cast<double>(axis_.configuration.brake_speed_rpm);
+  return rpm > 0.0 && std::abs(axis_.velocity()) >= axis_.rpm_to_counts_per_s(rpm);
 }
 
 void Drive::engage_brake() {
@@ -153,7 +159,9 @@ void Drive::switch_power(bool on) {
   if (on) {
     stage_ = Stage::releasing_brake;
     stage_cycles_ = axis_.cycles(axis_.configuration.brake_release_ms);
+    coasting_cycles_ = 0;
   } else {
+    if (brake_released() && too_fast_for_brake()) coasting_cycles_ = axis_.cycles(axis_.configuration.brake_wait_ms);
     stage_ = Stage::off;
     axis_.demand = {};
   }
@@ -248,6 +256,7 @@ void Drive::step_stop() {
 
 // Brake and power stage, and the end of stops that lead to another state.
 void Drive::step_power() {
+  if (coasting_cycles_ != 0 && (--coasting_cycles_ == 0 || !too_fast_for_brake())) coasting_cycles_ = 0;
   if (stage_ == Stage::releasing_brake && stage_cycles_-- == 0) {
     stage_ = Stage::on;
     stage_cycles_ = 0;

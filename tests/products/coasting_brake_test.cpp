@@ -1,0 +1,71 @@
+#include <gtest/gtest.h>
+
+#include "products/generic402/generic402.hpp"
+#include "rig.hpp"
+
+// A brake that waits for an axis without power to become slow.
+namespace servodrome {
+namespace {
+
+struct CoastingRig : test::Rig<products::Generic402> {
+  explicit CoastingRig(float brake_speed_rpm, std::uint32_t brake_wait_ms, double friction_nm)
+      : Rig(plant_of(friction_nm)) {
+    drive::Configuration configuration = device.drive().configuration();
+    configuration.brake_engage_ms = configuration.brake_release_ms = 20;
+    configuration.brake_speed_rpm = brake_speed_rpm;
+    configuration.brake_wait_ms = brake_wait_ms;
+    device.drive().configure(configuration);
+    set(0x6060, 0, 3);
+    set(0x6083, 0, 100'000'000);
+    set(0x60FF, 0, static_cast<std::int64_t>(1000.0 / 60.0 * device.drive().axis().units.counts_per_revolution));
+    EXPECT_TRUE(enable());
+    run_ms(400);
+    EXPECT_NEAR(plant.velocity_rpm(), 1000.0, 20.0);
+  }
+  static plant::Parameters plant_of(double friction_nm) {
+    plant::Parameters parameters = test::default_plant();
+    parameters.motor.brake_torque_nm = 0.0;  // what it does to the shaft is not the question
+    parameters.load.coulomb_friction_nm = parameters.load.static_friction_nm = friction_nm;
+    return parameters;
+  }
+  // Power off at once; the time until the brake closes, and the speed then.
+  double brake_closes_after_ms() {
+    control(0x00);
+    return static_cast<double>(run_until([this] { return !actuation.brake_released; }, 2000)) / 16.0;
+  }
+};
+
+TEST(CoastingBrake, ClosesWhenTheAxisIsSlow) {
+  CoastingRig rig(300.0F, 2000, 0.05);
+  const double ms = rig.brake_closes_after_ms();
+  EXPECT_FALSE(rig.actuation.pwm_enabled);
+  EXPECT_NEAR(std::abs(rig.plant.velocity_rpm()), 300.0, 15.0);
+  EXPECT_GT(ms, 5.0);
+}
+
+TEST(CoastingBrake, ClosesAfterItsWaitAtTheLatest) {
+  CoastingRig rig(300.0F, 50, 0.005);
+  EXPECT_NEAR(rig.brake_closes_after_ms(), 50.0, 1.0);
+  EXPECT_GT(std::abs(rig.plant.velocity_rpm()), 600.0);
+}
+
+TEST(CoastingBrake, DoesNotWaitWithoutASpeed) {
+  CoastingRig rig(0.0F, 50, 0.005);
+  EXPECT_LE(rig.brake_closes_after_ms(), 1.0);
+}
+
+TEST(CoastingBrake, OpensAgainWithPower) {
+  CoastingRig rig(300.0F, 2000, 0.005);
+  rig.control(0x00);
+  rig.run_ms(20);
+  EXPECT_TRUE(rig.actuation.brake_released);
+  rig.control(0x06);
+  rig.run_ms(1);
+  rig.control(0x0F);
+  rig.run_ms(1);
+  rig.control(0x0F);
+  EXPECT_EQ(rig.run_until([&rig] { return !rig.actuation.brake_released; }, 300), -1);
+}
+
+}  // namespace
+}  // namespace servodrome
