@@ -51,7 +51,7 @@ struct Profile {
   bool mapped_length_may_differ = false;
   std::uint32_t empty_mapping = 0;  // value of a mapping entry that maps nothing, beside 0
 
-  std::span<const StartUpParameter> start_up;
+  std::span<const StartUpParameter> start_up{};
 
   std::uint16_t synchronisation = sync_support::free_run | sync_support::sync_manager | sync_support::dc_sync0;
   Time least_cycle{std::chrono::microseconds(125)};
