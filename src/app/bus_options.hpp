@@ -4,9 +4,10 @@
 #include <memory>
 #include <string>
 
-#include "host/canopen/axis402.hpp"
+#include "host/axis402.hpp"
 #include "host/canopen/bus.hpp"
 #include "host/canopen/scan.hpp"
+#include "host/canopen/sdo_client.hpp"
 
 // What the commands that talk to a bus share.
 namespace servodrome::app {

@@ -181,7 +181,6 @@ const line::Product* DriveLink::product() {
 
 std::unique_ptr<host::Axis402> DriveLink::open_axis(host::AxisOptions options) {
   if (product() != nullptr) options.dialect = host::dialect_of(product()->name);
-  if (bus_) return std::make_unique<host::Axis402>(*bus_, objects_->address(), options);
   return std::make_unique<host::Axis402>(*objects_, options);
 }
 

@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "host/emergency.hpp"
 #include "host/error.hpp"
 #include "host/object_address.hpp"
 #include "links/time.hpp"
@@ -43,10 +44,12 @@ class ObjectClient {
   // Lets time pass, and the bus run.
   virtual void wait(Time span) = 0;
 
-  // Node-ID, station or unit.
-  virtual std::uint8_t address() const = 0;
+  // Node-ID, station, unit or position.
+  virtual std::uint16_t address() const = 0;
   // Link and address, for messages.
   virtual std::string where() const = 0;
+  // What the drive last reported by itself; nothing where the bus has no such messages.
+  virtual std::optional<Emergency> latest_emergency() { return std::nullopt; }
 
   // Numbers. A drive may send fewer bytes than T has: the value is extended; more is an error.
   template <typename T>

@@ -1,10 +1,11 @@
 // The master's axis against whole drives on their motors, in virtual time: both products of the built-in line.
-#include "host/canopen/axis402.hpp"
+#include "host/axis402.hpp"
 
 #include <gtest/gtest.h>
 
 #include "host/canopen/master.hpp"
 #include "host/canopen/scan.hpp"
+#include "host/canopen/sdo_client.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 
@@ -49,7 +50,8 @@ class Axis402Test : public ::testing::TestWithParam<int> {
  protected:
   line::Line line{line::test::settings_of(two_drives)};
   Bus bus{std::make_unique<links::MemoryCanClient>(line.buses()[0]->bus, line), "mem:", &line};
-  Axis402 axis{bus, static_cast<std::uint8_t>(GetParam())};
+  SdoClient objects{bus, static_cast<std::uint8_t>(GetParam())};
+  Axis402 axis{objects};
   const MotionProfile profile{5 * revolution, 50 * revolution, 50 * revolution};
   const HomingRequest homing{17, 2 * revolution, revolution / 2, 20 * revolution, 0};
 

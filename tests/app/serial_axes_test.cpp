@@ -1,7 +1,8 @@
 // The master's axis over an RS485 line, and drives that share it and a CAN bus, in virtual time.
 #include <gtest/gtest.h>
 
-#include "host/canopen/axis402.hpp"
+#include "host/axis402.hpp"
+#include "host/canopen/sdo_client.hpp"
 #include "host/modbus/objects.hpp"
 #include "host/modbus/scan.hpp"
 #include "host/serial10/objects.hpp"

@@ -97,7 +97,7 @@ void print_axis(const Options& options, double at, const host::AxisStatus& statu
 
 void monitor_axis(const Options& options) {
   DriveLink link(options.bus, true);
-  const auto opened = link.open_axis({.sdo = {.timeout = options.bus.timeout()}});
+  const auto opened = link.open_axis({});
   host::Axis402& axis = *opened;
   host::ObjectClient& objects = link.objects();
   const host::Time start = objects.now();
@@ -108,7 +108,8 @@ void monitor_axis(const Options& options) {
   std::string last_emergency;
   repeat(objects, options, [&] {
     const host::AxisStatus now = axis.status();
-    const std::string emergency = axis.latest_emergency() ? host::text_of(*axis.latest_emergency()) : "";
+    const auto latest = axis.latest_emergency();
+    const std::string emergency = latest ? host::text_of(*latest) : "";
     const bool live = on_terminal() && !options.bus.json;
     if (live || !last || is_news(*last, now, moved_units) || emergency != last_emergency) {
       print_axis(options, seconds_between(start, objects.now()), now, emergency);

@@ -67,7 +67,7 @@ host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::s
   }
 }
 
-nlohmann::ordered_json json_of(const host::ObjectCatalogue& catalogue, std::uint8_t node_id, host::ObjectAddress object,
+nlohmann::ordered_json json_of(const host::ObjectCatalogue& catalogue, unsigned node_id, host::ObjectAddress object,
                                std::span<const std::byte> bytes, std::optional<Type> type) {
   const host::NamedObject* known = catalogue.find(object);
   nlohmann::ordered_json json{

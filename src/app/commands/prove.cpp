@@ -125,7 +125,8 @@ Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, const std::map<u
   auto method = methods.find(node.node_id);
   if (method == methods.end()) method = methods.find(0);
   Outcome outcome{.node = node, .method = method != methods.end() ? method->second : dialect.cautious_homing_method};
-  host::Axis402 axis(bus, node.node_id, {.dialect = dialect});
+  host::SdoClient objects(bus, node.node_id);
+  host::Axis402 axis(objects, {.dialect = dialect});
   const auto note = [&](const auto& action) {
     try {
       action();

@@ -2,51 +2,29 @@
 
 #include <fmt/format.h>
 
+#include "host/abort_text.hpp"
+#include "host/canopen/emergency.hpp"
+
 namespace servodrome::host {
 namespace {
 
 constexpr std::uint32_t request_base = 0x600;
 constexpr std::uint32_t response_base = 0x580;
 
-std::string what_happened(bool upload, AbortCode code, bool from_node) {
-  const char* access = upload ? "read" : "write";
-  if (!from_node && code == AbortCode::protocol_timed_out) return fmt::format("no answer to the {}", access);
-  return fmt::format("{} {}: {} ({:04X} {:04X}h)", access, from_node ? "refused" : "given up", dictionary::text(code),
-                     static_cast<std::uint32_t>(code) >> 16, static_cast<std::uint32_t>(code) & 0xFFFF);
-}
-
 std::string what_to_do(AbortCode code, bool from_node) {
-  if (!from_node && code == AbortCode::protocol_timed_out) {
-    return "check the node-ID and the bit rate (`servodrome scan`), that the node is powered and not in NMT state "
-           "stopped, "
-           "or give a longer --timeout";
-  }
-  switch (code) {
-    case AbortCode::object_does_not_exist:
-    case AbortCode::sub_index_does_not_exist: return "look up the object in the node's EDS or manual";
-    case AbortCode::read_only: return "this value cannot be written";
-    case AbortCode::write_only: return "this value cannot be read back";
-    case AbortCode::value_invalid:
-    case AbortCode::value_too_high:
-    case AbortCode::value_too_low: return "give a value within the object's range";
-    case AbortCode::length_mismatch:
-    case AbortCode::length_too_high:
-    case AbortCode::length_too_low: return "give the object's own data type with --type";
-    case AbortCode::device_state:
-    case AbortCode::local_control: return "bring the drive into another state first (disable it, stop the motion)";
-    default: return "see the node's manual for this abort code";
-  }
+  const char* remedy = remedy_of_failed_access(code, from_node);
+  if (remedy != nullptr) return remedy;
+  return "check the node-ID and the bit rate (`servodrome scan`), that the node is powered and not in NMT state "
+         "stopped, or give a longer --timeout";
 }
 
-bool is_absent(AbortCode code) {
-  return code == AbortCode::object_does_not_exist || code == AbortCode::sub_index_does_not_exist;
-}
 }  // namespace
 
 SdoError::SdoError(const std::string& bus, std::uint8_t node_id, ObjectAddress object, bool upload, AbortCode code,
                    bool from_node)
-    : ObjectError(what_happened(upload, code, from_node), fmt::format("{}, node {}, {}", bus, node_id, text_of(object)),
-                  what_to_do(code, from_node), is_absent(code)),
+    : ObjectError(text_of_failed_access(upload, code, from_node),
+                  fmt::format("{}, node {}, {}", bus, node_id, text_of(object)), what_to_do(code, from_node),
+                  is_absent(code)),
       node_id_(node_id),
       object_(object),
       code_(code),
@@ -57,6 +35,10 @@ SdoClient::SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options)
   if (node_id < 1 || node_id > 127) {
     throw HostError(fmt::format("{} is no node-ID", node_id), bus.name(), "give one from 1 to 127");
   }
+  listening_ = bus_.listen([this](const Frame& frame) {
+    const auto emergency = parse_emergency(frame);
+    if (emergency && emergency->node_id == node_id_) emergency_ = *emergency;
+  });
 }
 
 void SdoClient::send_waiting(SdoTransfer& transfer) {

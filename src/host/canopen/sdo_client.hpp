@@ -37,6 +37,8 @@ struct SdoOptions {
 class SdoClient final : public ObjectClient {
  public:
   SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options = {});
+  SdoClient(const SdoClient&) = delete;
+  SdoClient& operator=(const SdoClient&) = delete;
 
   std::vector<std::byte> upload(ObjectAddress object) override { return upload(object, SdoProtocol::ordinary); }
   void download(ObjectAddress object, std::span<const std::byte> data) override {
@@ -47,8 +49,10 @@ class SdoClient final : public ObjectClient {
 
   Time now() const override { return bus_.now(); }
   void wait(Time span) override { bus_.run_for(span); }
-  std::uint8_t address() const override { return node_id_; }
+  std::uint16_t address() const override { return node_id_; }
   std::string where() const override;
+  // EMCYs are heard as long as this lives.
+  std::optional<Emergency> latest_emergency() override { return emergency_; }
 
   std::uint8_t node_id() const { return node_id_; }
   Bus& bus() { return bus_; }
@@ -60,6 +64,8 @@ class SdoClient final : public ObjectClient {
   Bus& bus_;
   std::uint8_t node_id_;
   SdoOptions options_;
+  std::optional<Emergency> emergency_;
+  Bus::Subscription listening_;
 };
 
 }  // namespace servodrome::host

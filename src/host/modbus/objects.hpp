@@ -25,7 +25,7 @@ class ModbusObjects final : public ObjectClient {
   void download(ObjectAddress object, std::span<const std::byte> data) override;
   Time now() const override { return client_.now(); }
   void wait(Time span) override { client_.wait(span); }
-  std::uint8_t address() const override { return unit_; }
+  std::uint16_t address() const override { return unit_; }
   std::string where() const override;
 
  private:

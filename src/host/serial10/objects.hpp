@@ -15,7 +15,7 @@ class Serial10Objects final : public ObjectClient {
   void download(ObjectAddress object, std::span<const std::byte> data) override { client_.download(id_, object, data); }
   Time now() const override { return client_.now(); }
   void wait(Time span) override { client_.wait(span); }
-  std::uint8_t address() const override { return id_; }
+  std::uint16_t address() const override { return id_; }
   std::string where() const override { return client_.where(id_); }
 
  private:

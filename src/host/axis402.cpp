@@ -1,5 +1,5 @@
 // Status and power state of an axis. Motion is in axis402_motion.cpp.
-#include "host/canopen/axis402.hpp"
+#include "host/axis402.hpp"
 
 #include <algorithm>
 #include <array>
@@ -81,15 +81,6 @@ const char* name(OperationMode mode) {
   return static_cast<std::int8_t>(mode) < 0 ? "manufacturer's mode" : "reserved mode";
 }
 
-Axis402::Axis402(Bus& bus, std::uint8_t node_id, const AxisOptions& options)
-    : options_(options),
-      own_(std::make_unique<SdoClient>(bus, node_id, options.sdo)),
-      objects_(*own_),
-      listening_(bus.listen([this](const Frame& frame) {
-        const auto emergency = parse_emergency(frame);
-        if (emergency && emergency->node_id == objects_.address()) emergency_ = *emergency;
-      })) {}
-
 std::int32_t Axis402::position() {
   if (has_position_) {
     if (const auto value = objects_.read_if_present<std::int32_t>(0x6064)) return *value;
@@ -130,7 +121,7 @@ void Axis402::fail(const std::string& happened, const std::string& remedy) {
   if (const auto code = objects_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
     shown += fmt::format(", error code 603Fh {:04X}h {}", *code, text_of_error_code(*code));
   }
-  if (emergency_) shown += ", latest " + text_of(*emergency_);
+  if (const auto emergency = latest_emergency()) shown += ", latest " + text_of(*emergency);
   throw HostError(fmt::format("{} [{}]", happened, shown), objects_.where(), remedy);
 }
 

@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "host/canopen/axis402.hpp"
+#include "host/axis402.hpp"
 
 namespace servodrome::host {
 namespace {

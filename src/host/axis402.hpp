@@ -1,9 +1,11 @@
 #pragma once
 
+#include <functional>
+#include <initializer_list>
+
 #include "drive/power/power_state.hpp"
-#include "host/canopen/emergency.hpp"
-#include "host/canopen/sdo_client.hpp"
 #include "host/dialect.hpp"
+#include "host/object_client.hpp"
 
 namespace servodrome::host {
 
@@ -32,7 +34,6 @@ enum class OperationMode : std::int8_t {
 const char* name(OperationMode mode);
 
 struct AxisOptions {
-  SdoOptions sdo{};
   Time state_timeout = std::chrono::seconds(2);       // for each transition, mode change and handshake
   Time poll_interval = std::chrono::milliseconds(5);  // of the statusword
   Dialect dialect{};
@@ -71,10 +72,8 @@ class Axis402 {
   // Called at each poll of a motion; may throw to leave it, and may call stop() before.
   using Progress = std::function<void(const AxisStatus&)>;
 
-  // `objects` outlives this. No EMCY is heard.
+  // `objects` outlives this.
   explicit Axis402(ObjectClient& objects, const AxisOptions& options = {}) : options_(options), objects_(objects) {}
-  // A CANopen node, by SDO.
-  Axis402(Bus& bus, std::uint8_t node_id, const AxisOptions& options = {});
 
   std::uint16_t statusword() { return objects_.read<std::uint16_t>(0x6041); }
   PowerState state() { return state_of(statusword()); }
@@ -109,8 +108,8 @@ class Axis402 {
   std::optional<AxisUnits> units(std::optional<double> position = {});
 
   ObjectClient& objects() { return objects_; }
-  std::uint8_t address() const { return objects_.address(); }  // node-ID, station
-  const std::optional<Emergency>& latest_emergency() const { return emergency_; }
+  std::uint16_t address() const { return objects_.address(); }  // node-ID, station, position
+  std::optional<Emergency> latest_emergency() { return objects_.latest_emergency(); }
 
  private:
   void write_controlword(std::uint16_t word);
@@ -134,15 +133,12 @@ class Axis402 {
   [[noreturn]] void fail(const std::string& happened, const std::string& remedy);
 
   AxisOptions options_;
-  std::unique_ptr<ObjectClient> own_;  // of a CANopen node
   ObjectClient& objects_;
   std::uint16_t controlword_ = 0;
   bool has_position_ = true;
   bool has_mode_display_ = true;
   bool has_velocity_ = true;
   bool has_torque_ = true;
-  std::optional<Emergency> emergency_;
-  Bus::Subscription listening_;
 };
 
 }  // namespace servodrome::host
