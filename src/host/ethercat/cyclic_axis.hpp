@@ -1,0 +1,61 @@
+#pragma once
+
+#include "host/axis402.hpp"
+#include "host/ethercat/cyclic_exchange.hpp"
+
+namespace servodrome::host {
+
+// A CiA 402 axis by its process data, for the cyclic synchronous modes: reads what the last cycle brought, and sets
+// what the next one takes along. Nothing here waits; call it from CyclicExchange::on_cycle, or between waits.
+class CyclicAxis {
+ public:
+  // `exchange` outlives this. Controlword and statusword are mapped, or EthercatError.
+  CyclicAxis(CyclicExchange& exchange, std::size_t member);
+
+  // ---- From the last cycle; 0 what is not mapped ----
+  std::uint16_t statusword() const { return statusword_.get<std::uint16_t>(); }
+  PowerState state() const { return state_of(statusword()); }
+  std::int8_t mode() const { return value<std::int8_t>(mode_display_); }                  // 6061h
+  std::int32_t position() const { return value<std::int32_t>(position_); }                // 6064h
+  std::int32_t velocity() const { return value<std::int32_t>(velocity_); }                // 606Ch
+  std::int16_t torque() const { return value<std::int16_t>(torque_); }                    // 6077h
+  std::int32_t following_error() const { return value<std::int32_t>(following_error_); }  // 60F4h
+  std::uint16_t error_code() const { return value<std::uint16_t>(error_code_); }          // 603Fh
+  std::uint32_t digital_inputs() const { return value<std::uint32_t>(digital_inputs_); }  // 60FDh
+
+  // ---- For the next cycle; throw EthercatError where it is not mapped ----
+  void set_controlword(std::uint16_t word) { controlword_.set(word); }
+  void set_mode(OperationMode mode) { required(mode_, 0x6060).set(static_cast<std::int8_t>(mode)); }
+  bool can_set_mode() const { return mode_.has_value(); }
+  void set_target_position(std::int32_t position) { required(target_position_, 0x607A).set(position); }
+  void set_target_velocity(std::int32_t velocity) { required(target_velocity_, 0x60FF).set(velocity); }
+  void set_target_torque(std::int16_t torque) { required(target_torque_, 0x6071).set(torque); }
+  void set_velocity_offset(std::int32_t velocity) { required(velocity_offset_, 0x60B1).set(velocity); }
+  void set_torque_offset(std::int16_t torque) { required(torque_offset_, 0x60B2).set(torque); }
+
+  // One step towards operation enabled each time it is called; true when there. Until then targets are where the axis
+  // is, so that it does not jump. A fault is not reset: false for ever.
+  bool enable();
+  // One step towards switch on disabled.
+  bool disable();
+  // The rising edge of bit 7, over two calls; true when no fault is left.
+  bool reset_fault();
+
+ private:
+  template <typename T>
+  static T value(const std::optional<ProcessObject>& object) {
+    return object ? object->get<T>() : T{};
+  }
+  ProcessObject& required(std::optional<ProcessObject>& object, std::uint16_t index);
+  void hold();
+
+  std::string where_;
+  ProcessObject controlword_;
+  ProcessObject statusword_;
+  std::optional<ProcessObject> mode_, target_position_, target_velocity_, target_torque_, velocity_offset_,
+      torque_offset_;
+  std::optional<ProcessObject> mode_display_, position_, velocity_, torque_, following_error_, error_code_,
+      digital_inputs_;
+};
+
+}  // namespace servodrome::host

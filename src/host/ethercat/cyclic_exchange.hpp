@@ -1,0 +1,158 @@
+#pragma once
+
+#include "host/ethercat/process_data.hpp"
+
+namespace servodrome::host {
+
+// An object among the process data, at any bit.
+class ProcessObject {
+ public:
+  ProcessObject(std::uint8_t* bytes, MappedBits bits) : bytes_(bytes), bits_(bits) {}
+
+  // The low 64 bits, at most; sign-extended for signed types.
+  template <typename T>
+  requires std::is_integral_v<T> T get()
+  const {
+    std::uint64_t value = raw();
+    if (std::is_signed_v<T> && bits_.count < 64 && bits_.count != 0 && (value >> (bits_.count - 1) & 1) != 0) {
+      value |= ~std::uint64_t{0} << bits_.count;
+    }
+    return static_cast<T>(value);
+  }
+  template <typename T>
+  requires std::is_integral_v<T>
+  void set(T value) { set_raw(static_cast<std::uint64_t>(value)); }
+
+  std::uint64_t raw() const;
+  void set_raw(std::uint64_t value);
+  unsigned bits() const { return bits_.count; }
+
+ private:
+  std::uint8_t* bytes_;
+  MappedBits bits_;
+};
+
+struct CyclicOptions {
+  Time period = std::chrono::milliseconds(2);
+  // One LRW for outputs and inputs, where all slaves know it; else LWR and LRD.
+  bool use_lrw = true;
+  // Cycles in a row without all working counters after which check() throws.
+  unsigned tolerated_losses = 10;
+};
+
+struct CyclicStatistics {
+  std::uint64_t cycles = 0;
+  std::uint64_t lost = 0;            // cycles of which not every frame came back in time
+  std::uint64_t wrong_counters = 0;  // cycles in which a slave did not take part
+  std::uint64_t skipped = 0;         // cycles that this program came too late for
+  unsigned losses_in_a_row = 0;
+  unsigned longest_loss = 0;  // cycles in a row
+  Time worst_lateness{0};     // of a frame behind its time
+};
+
+// Exchanges the process data of several slaves in a fixed period, while the master waits or is busy with something
+// else. Lays the slaves' data into logical memory, one after the other: in each frame first outputs, then inputs, at
+// most ethercat::max_datagram_data (1486) bytes together.
+class CyclicExchange final : public CyclicTask {
+ public:
+  struct Member {
+    EthercatSlave* slave;
+    ProcessData data;
+  };
+
+  // Sets up sync managers 2 and 3 and FMMUs of the slaves, which are in PREOP and outlive this.
+  CyclicExchange(EthercatMaster& master, std::vector<Member> members, const CyclicOptions& options = {});
+  ~CyclicExchange() { stop(); }
+  CyclicExchange(const CyclicExchange&) = delete;
+  CyclicExchange& operator=(const CyclicExchange&) = delete;
+
+  // From now on a cycle every period, whenever the master waits.
+  void start();
+  void stop();
+  bool runs() const { return runs_; }
+
+  // With the distributed clock: every cycle distributes the time of the reference, and frames come `before_sync0`
+  // before each SYNC0, which is at `sync0` plus a multiple of the period.
+  void follow_clock(std::uint16_t reference, std::uint64_t sync0, Time before_sync0);
+  // How far the last frame was from its time by the reference clock.
+  Time clock_error() const { return clock_error_; }
+
+  // All members to SAFEOP, at the same time, and to OP with the exchange running; waits until they are there.
+  void to_safe_operational();
+  void to_operational();
+
+  // Throws EthercatError if a member left the state it was taken to, or too many cycles were lost.
+  void check() const;
+  AlStatus status(std::size_t member) const { return status_[member]; }
+  // What the newest cycle brought was complete.
+  bool inputs_are_fresh() const { return statistics_.losses_in_a_row == 0; }
+
+  // Nothing: not mapped. What is returned is valid as long as this lives.
+  std::optional<ProcessObject> output(std::size_t member, ObjectAddress object);
+  std::optional<ProcessObject> input(std::size_t member, ObjectAddress object);
+  std::span<std::uint8_t> outputs(std::size_t member);
+  std::span<const std::uint8_t> inputs(std::size_t member);
+
+  // Called after each cycle: what goes out with the next one is made here. It does not wait.
+  void on_cycle(std::function<void()> action) { on_cycle_ = std::move(action); }
+
+  const CyclicStatistics& statistics() const { return statistics_; }
+  void forget_statistics() { statistics_ = {}; }
+  const std::vector<Member>& members() const { return members_; }
+  Time period() const { return options_.period; }
+  bool uses_lrw() const { return lrw_; }
+  std::size_t frames_with_data() const { return groups_.size(); }
+
+  Time due() const override { return due_; }
+  void run() override;
+
+ private:
+  struct Place {
+    std::size_t group = 0;
+    std::size_t offset = 0;  // within the outputs or inputs of the group
+    std::size_t bytes = 0;
+  };
+  struct Group {
+    std::uint32_t logical = 0;
+    std::size_t output_bytes = 0;
+    std::size_t input_bytes = 0;
+    unsigned writers = 0;  // slaves that take outputs
+    unsigned readers = 0;
+    std::vector<std::uint8_t> bytes;
+  };
+
+  void lay_out();
+  Place place(std::size_t bytes, bool outputs);
+  void configure(std::size_t member);
+  void write_channel(EthercatSlave& slave, bool outputs, std::size_t bytes, std::uint16_t& start);
+  std::size_t input_offset(const Place& place) const { return groups_[place.group].output_bytes + place.offset; }
+  void request_all(AlState state);
+  void judge(bool back);
+  void schedule();
+
+  EthercatMaster& master_;
+  std::vector<Member> members_;
+  CyclicOptions options_;
+  bool lrw_ = true;
+  std::vector<Group> groups_;
+  std::vector<Place> output_places_;
+  std::vector<Place> input_places_;
+  std::vector<AlStatus> status_;
+  AlState wanted_ = AlState::pre_operational;
+  std::function<void()> on_cycle_;
+
+  bool runs_ = false;
+  Time due_ = Time::max();
+  std::vector<EthercatDatagram> datagrams_;  // of a cycle: time, AL status, process data
+  std::vector<unsigned> expected_;           // working counters of the process data
+  std::size_t next_status_ = 0;              // member whose AL status goes with the next cycle
+  std::array<std::uint8_t, 6> status_bytes_{};
+  CyclicStatistics statistics_;
+
+  std::optional<std::uint16_t> reference_;
+  std::uint64_t frame_phase_ = 0;  // of the reference's time, within a period
+  std::array<std::uint8_t, 8> time_bytes_{};
+  Time clock_error_{0};
+};
+
+}  // namespace servodrome::host

@@ -1,0 +1,123 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "ethercat/esc/registers.hpp"
+#include "ethercat/frame/frame_writer.hpp"
+#include "host/ethercat/error.hpp"
+#include "links/ethercat/client.hpp"
+
+namespace servodrome::host {
+
+using links::Time;
+
+// A datagram to be sent, and what came back.
+struct EthercatDatagram {
+  ethercat::Command command = ethercat::Command::nop;
+  std::uint32_t address = 0;       // ADP | ADO << 16, or logical
+  std::span<std::uint8_t> data{};  // at most ethercat::max_datagram_data bytes
+  std::uint16_t counter = 0;       // working counter
+  bool answered = false;
+};
+
+// Something that sends frames at times of its own, while others wait.
+class CyclicTask {
+ public:
+  virtual Time due() const = 0;
+  virtual void run() = 0;
+
+ protected:
+  ~CyclicTask() = default;
+};
+
+struct EthercatOptions {
+  Time timeout = std::chrono::milliseconds(50);  // for a frame to come back
+  unsigned retries = 3;                          // of lost frames
+};
+
+// The master's connection to a segment: sends datagrams, finds their answers, reads and writes registers, keeps a
+// cyclic task going while it waits. ETG.1000.4 clause 5. One thread.
+//
+// Frames of other masters, and answers that come too late, are skipped.
+class EthercatMaster {
+ public:
+  explicit EthercatMaster(std::unique_ptr<links::EthercatClient> client, const EthercatOptions& options = {})
+      : client_(std::move(client)), options_(options) {}
+  EthercatMaster(const EthercatMaster&) = delete;
+  EthercatMaster& operator=(const EthercatMaster&) = delete;
+
+  // Opens `raw:INTERFACE` or `udp:HOST:PORT`. Throws HostError.
+  static std::unique_ptr<EthercatMaster> open(std::string_view link, const EthercatOptions& options = {});
+
+  std::string name() const { return client_->name(); }
+  Time now() const { return client_->now(); }
+  // Lets time pass; the cyclic task runs meanwhile.
+  void wait(Time span);
+  // The task outlives its being set; nullptr: none.
+  void set_cyclic_task(CyclicTask* task) { task_ = task; }
+
+  // In as few frames as hold them, in their order. Lost frames are sent again: for what may act twice, use
+  // try_exchange. Throws EthercatError when they do not come back, HostError if the link is lost.
+  void exchange(std::span<EthercatDatagram> datagrams);
+  void exchange(EthercatDatagram& datagram) { exchange(std::span(&datagram, 1)); }
+  // Those not `answered`, once. False: not all came back in time.
+  bool try_exchange(std::span<EthercatDatagram> datagrams, Time timeout);
+
+  // ---- Registers and memory of one slave, by its station address; all throw EthercatError when it does not answer
+  // ----
+
+  void read(std::uint16_t station, std::uint16_t offset, std::span<std::uint8_t> into);
+  void write(std::uint16_t station, std::uint16_t offset, std::span<const std::uint8_t> bytes);
+  template <typename T>
+  T read(std::uint16_t station, std::uint16_t offset) {
+    std::array<std::uint8_t, sizeof(T)> bytes{};
+    read(station, offset, bytes);
+    return ethercat::load<T>(bytes.data());
+  }
+  template <typename T>
+  void write(std::uint16_t station, std::uint16_t offset, std::type_identity_t<T> value) {
+    std::array<std::uint8_t, sizeof(T)> bytes{};
+    ethercat::store(bytes.data(), value);
+    write(station, offset, bytes);
+  }
+  // The working counter instead of an error, 0 or 1.
+  unsigned read_if_there(std::uint16_t station, std::uint16_t offset, std::span<std::uint8_t> into);
+
+  // To all slaves; returns how many took it.
+  unsigned write_all(std::uint16_t offset, std::span<const std::uint8_t> bytes);
+
+  const EthercatOptions& options() const { return options_; }
+  // Frames that did not come back, also where they were sent again.
+  std::uint64_t lost_frames() const { return lost_frames_; }
+
+ private:
+  struct Sent {
+    std::size_t first;  // datagram
+    std::size_t count;
+    std::uint8_t index;
+    bool back = false;
+  };
+
+  void run_cyclic_task();
+  void send(std::span<EthercatDatagram> datagrams, std::vector<Sent>& sent);
+  bool take_answer(std::span<EthercatDatagram> datagrams, std::vector<Sent>& sent, std::size_t size);
+  [[noreturn]] void no_answer() const;
+  [[noreturn]] void absent(std::uint16_t station, std::uint16_t offset, const char* doing) const;
+
+  std::unique_ptr<links::EthercatClient> client_;
+  EthercatOptions options_;
+  CyclicTask* task_ = nullptr;
+  bool task_runs_ = false;
+  std::uint8_t index_ = 0;
+  std::uint64_t lost_frames_ = 0;
+  std::array<std::uint8_t, ethercat::max_payload> received_{};
+};
+
+// "udp:127.0.0.1:34980, slave 1001h"
+std::string slave_text(const EthercatMaster& master, std::uint16_t station);
+
+}  // namespace servodrome::host

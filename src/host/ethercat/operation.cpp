@@ -1,0 +1,97 @@
+#include "host/ethercat/operation.hpp"
+
+#include <algorithm>
+
+namespace servodrome::host {
+
+namespace {
+
+constexpr std::uint16_t sync0_bits = 0x0300;  // of assign activate: the cyclic unit and SYNC0
+
+// How the slave wants SYNC0; nothing if it does not.
+std::optional<SiiDcMode> dc_mode_of(const FoundSlave& slave) {
+  if (!slave.has_clock()) return std::nullopt;
+  for (const SiiDcMode& mode : slave.sii.dc_modes) {
+    if ((mode.assign_activate & sync0_bits) == sync0_bits) return mode;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const FoundSlave> line,
+                                     std::span<EthercatSlave* const> slaves, const OperationOptions& options)
+    : master_(master), slaves_(slaves.begin(), slaves.end()) {
+  std::vector<CyclicExchange::Member> members;
+  for (EthercatSlave* slave : slaves_) {
+    slave->to_pre_operational();
+    members.push_back({slave, read_process_data(*slave)});
+  }
+  exchange_.emplace(master_, std::move(members), options.cyclic);
+  take_present_values();
+  if (options.distributed_clocks) start_clocks(line, options);
+  exchange_->to_safe_operational();
+  exchange_->to_operational();
+}
+
+EthercatOperation::~EthercatOperation() {
+  exchange_->stop();
+  for (EthercatSlave* slave : slaves_) {
+    try {
+      slave->request(AlState::pre_operational);
+      if (clocks_ && dc_mode_of(slave->found())) clocks_->stop_sync(slave->station());
+    } catch (const HostError&) {
+      // It is gone, and with it what was to be undone.
+    }
+  }
+}
+
+// Without it the first frame would set modes and targets to 0. The controlword begins with 0: nothing is commanded yet.
+void EthercatOperation::take_present_values() {
+  constexpr std::uint16_t controlword = 0x6040;
+  for (std::size_t i = 0; i < slaves_.size(); ++i) {
+    if (!slaves_[i]->has_coe()) continue;
+    for (const Pdo& pdo : exchange_->members()[i].data.outputs) {
+      for (const PdoEntry& entry : pdo.entries) {
+        auto object = exchange_->output(i, entry.object);
+        if (!object || entry.object.index == controlword) continue;
+        try {
+          const std::vector<std::byte> bytes = slaves_[i]->coe().upload(entry.object);
+          std::uint64_t value = 0;
+          std::memcpy(&value, bytes.data(), std::min(bytes.size(), sizeof value));
+          object->set_raw(value);
+        } catch (const CoeError&) {
+          // Write-only, or a dummy: 0 is what it gets.
+        }
+      }
+    }
+  }
+}
+
+void EthercatOperation::start_clocks(std::span<const FoundSlave> line, const OperationOptions& options) {
+  clocks_.emplace(master_, line);
+  if (!clocks_->any()) {
+    clocks_.reset();
+    return;
+  }
+  clocks_->start(options.clock);
+  const auto cycle = static_cast<std::uint32_t>(options.cyclic.period.count());
+  sync0_start_ = clocks_->common_start(cycle);
+  for (const EthercatSlave* slave : slaves_) {
+    const auto mode = dc_mode_of(slave->found());
+    if (!mode) continue;
+    clocks_->start_sync(slave->station(), sync0_start_,
+                        {.sync0_cycle_ns = cycle,
+                         .shift_ns = static_cast<std::int32_t>(options.sync0_shift.count()) + mode->sync0_shift_ns,
+                         .assign_activate = mode->assign_activate});
+  }
+  const Time before = options.before_sync0.value_or(options.cyclic.period / 2);
+  exchange_->follow_clock(clocks_->reference(), sync0_start_ + static_cast<std::uint64_t>(options.sync0_shift.count()),
+                          before);
+}
+
+std::size_t EthercatOperation::member_of(const EthercatSlave& slave) const {
+  return static_cast<std::size_t>(std::find(slaves_.begin(), slaves_.end(), &slave) - slaves_.begin());
+}
+
+}  // namespace servodrome::host

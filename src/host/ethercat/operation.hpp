@@ -1,0 +1,46 @@
+#pragma once
+
+#include "host/ethercat/cyclic_exchange.hpp"
+#include "host/ethercat/distributed_clocks.hpp"
+
+namespace servodrome::host {
+
+struct OperationOptions {
+  CyclicOptions cyclic{};
+  // SYNC0 of the period, where the slave's SII has a DC mode with SYNC0; else free run.
+  bool distributed_clocks = false;
+  ClockOptions clock{};
+  Time sync0_shift{0};
+  // Frames come this long before SYNC0; half a period if not given.
+  std::optional<Time> before_sync0{};
+};
+
+// Takes slaves to OP and keeps them there, as long as it lives and the master waits; then back to PREOP. Outputs begin
+// with the values that the objects have. All calls throw EthercatError or CoeError.
+class EthercatOperation {
+ public:
+  // `line`: all slaves of the segment, for the clocks. `slaves` outlive this.
+  EthercatOperation(EthercatMaster& master, std::span<const FoundSlave> line, std::span<EthercatSlave* const> slaves,
+                    const OperationOptions& options = {});
+  ~EthercatOperation();
+  EthercatOperation(const EthercatOperation&) = delete;
+  EthercatOperation& operator=(const EthercatOperation&) = delete;
+
+  CyclicExchange& exchange() { return *exchange_; }
+  const CyclicExchange& exchange() const { return *exchange_; }
+  // Nothing without distributed clocks.
+  std::optional<DistributedClocks>& clocks() { return clocks_; }
+  std::size_t member_of(const EthercatSlave& slave) const;
+
+ private:
+  void start_clocks(std::span<const FoundSlave> line, const OperationOptions& options);
+  void take_present_values();
+
+  EthercatMaster& master_;
+  std::vector<EthercatSlave*> slaves_;
+  std::optional<DistributedClocks> clocks_;
+  std::uint64_t sync0_start_ = 0;
+  std::optional<CyclicExchange> exchange_;
+};
+
+}  // namespace servodrome::host

@@ -1,0 +1,95 @@
+#include "host/ethercat/scan.hpp"
+
+#include <fmt/format.h>
+
+#include "host/ethercat/sii_client.hpp"
+
+namespace servodrome::host {
+
+namespace reg = ethercat::reg;
+using ethercat::Command;
+
+unsigned count_slaves(EthercatMaster& master) {
+  std::array<std::uint8_t, 1> type{};
+  EthercatDatagram datagram{.command = Command::brd, .address = ethercat::address_of(0, reg::type), .data = type};
+  try {
+    master.exchange(datagram);
+  } catch (const EthercatError& error) {
+    if (error.kind() != EthercatError::Kind::no_answer) throw;
+    return 0;
+  }
+  return datagram.counter;
+}
+
+namespace {
+
+// The same register of all slaves, by position.
+std::vector<std::uint16_t> read_each(EthercatMaster& master, unsigned count, std::uint16_t offset) {
+  std::vector<std::array<std::uint8_t, 2>> data(count);
+  std::vector<EthercatDatagram> datagrams;
+  for (unsigned i = 0; i < count; ++i) {
+    datagrams.push_back({.command = Command::aprd,
+                         .address = ethercat::address_of(static_cast<std::uint16_t>(0U - i), offset),
+                         .data = data[i]});
+  }
+  master.exchange(datagrams);
+  std::vector<std::uint16_t> values;
+  for (unsigned i = 0; i < count; ++i) {
+    if (datagrams[i].counter == 0) {
+      throw EthercatError(EthercatError::Kind::working_counter,
+                          fmt::format("the slave at position {} of {} does not answer", i + 1, count), master.name(),
+                          "the line changes while it is scanned: see whether cables are loose, and scan again");
+    }
+    values.push_back(ethercat::load_u16(data[i].data()));
+  }
+  return values;
+}
+
+void give_stations(EthercatMaster& master, unsigned count) {
+  const std::vector<std::uint16_t> present = read_each(master, count, reg::station_address);
+  for (unsigned i = 0; i < count; ++i) {
+    const auto wanted = static_cast<std::uint16_t>(first_station + i);
+    if (present[i] == wanted) continue;
+    std::array<std::uint8_t, 2> data{};
+    ethercat::store_u16(data.data(), wanted);
+    EthercatDatagram datagram{.command = Command::apwr,
+                              .address = ethercat::address_of(static_cast<std::uint16_t>(0U - i), reg::station_address),
+                              .data = data};
+    master.exchange(datagram);
+  }
+}
+
+}  // namespace
+
+std::vector<FoundSlave> scan_slaves(EthercatMaster& master) {
+  const unsigned count = count_slaves(master);
+  std::vector<FoundSlave> slaves;
+  if (count == 0) return slaves;
+  give_stations(master, count);
+  const auto aliases = read_each(master, count, reg::station_alias);
+  const auto dl_status = read_each(master, count, reg::dl_status);
+  const auto features = read_each(master, count, reg::features);
+  for (unsigned i = 0; i < count; ++i) {
+    FoundSlave slave{.position = static_cast<std::uint16_t>(i + 1),
+                     .station = static_cast<std::uint16_t>(first_station + i),
+                     .alias = aliases[i],
+                     .status = {},
+                     .dl_status = dl_status[i],
+                     .features = features[i],
+                     .sii = {}};
+    slave.status = read_al_status(master, slave.station);
+    slave.sii = SiiClient(master, slave.station).content();
+    slaves.push_back(std::move(slave));
+  }
+  return slaves;
+}
+
+std::string text_of_links(const FoundSlave& slave) {
+  std::string text;
+  for (unsigned port = 0; port < 4; ++port) {
+    if (slave.link(port)) text += fmt::format("{}{}", text.empty() ? "" : " ", port);
+  }
+  return text.empty() ? "-" : text;
+}
+
+}  // namespace servodrome::host
