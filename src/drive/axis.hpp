@@ -58,9 +58,10 @@ struct Monitors {
   float power_stage_hot_c = 95.0F;
   float motor_hot_c = 130.0F;
   float encoder_hot_c = 95.0F;
-  float warning_margin_c = 10.0F;  // a warning is shown so far below a hot threshold; 0: none is
-  float over_speed_rpm = 0.0F;     // 0: 1.2 x the motor's greatest speed, or 6080h where it is lower
-  double velocity_error = 0.0;     // counts/s
+  float warning_margin_c = 10.0F;    // a warning is shown so far below a hot threshold; 0: none is
+  bool over_speed_by_object = true;  // 120 % of 6080h is over speed as well
+  float over_speed_rpm = 0.0F;       // 0: 1.2 x the motor's greatest speed, or 6080h where it is lower
+  double velocity_error = 0.0;       // counts/s
   std::uint32_t velocity_error_ms = 1000;
   bool i2t = true;
   float i2t_peak_time_s = 3.0F;  // the peak current may flow so long

@@ -171,7 +171,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   const MotorData& motor = axis.configuration.motor;
 
   float over_speed_rpm = monitors.over_speed_rpm > 0.0F ? monitors.over_speed_rpm : 1.2F * motor.max_speed_rpm;
-  if (objects.max_motor_speed_rpm != 0) {
+  if (objects.max_motor_speed_rpm != 0 && monitors.over_speed_by_object) {
     over_speed_rpm = std::min(over_speed_rpm, 1.2F * static_cast<float>(objects.max_motor_speed_rpm));
   }
   if (std::abs(axis.velocity()) > axis.rpm_to_counts_per_s(static_cast<double>(over_speed_rpm))) {

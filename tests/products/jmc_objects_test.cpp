@@ -23,7 +23,7 @@ TEST(JmcObjects, AreThoseOfTable219) {
   std::erase_if(rows, [](const test::CsvRow& row) { return row.at("index") == "0x60D0"; });
   EXPECT_EQ(rig.device.dictionary().find(0x60D0, 1), nullptr);
   // Slots 0Ch of the six last maps are not printed, the second 1602h:0Ch is (D-04, reading of section 2.2).
-  EXPECT_EQ(test::compare_objects(rig.device.dictionary(), 0, rows, test::read_differences("jmc_od_differences.csv")),
+  EXPECT_EQ(test::compare_objects(rig.device.bus_dictionary(), 0, rows, test::read_differences("jmc_od_differences.csv")),
             218U);
 }
 
@@ -34,7 +34,7 @@ TEST(JmcObjects, NoOthers) {
     printed.insert(static_cast<std::uint32_t>(std::stoul(row.at("index"), nullptr, 16) << 8 |
                                               std::stoul(row.at("sub"), nullptr, 16)));
   }
-  for (const dictionary::Entry& entry : JmcEc::table) {
+  for (const dictionary::Entry& entry : JmcEc::bus_table) {
     const bool synchronisation = (entry.index == 0x1C32 || entry.index == 0x1C33) && entry.sub > 3;
     const bool slot = entry.sub == 12 && (entry.index == 0x1603 || (entry.index >= 0x1A00 && entry.index <= 0x1A03));
     EXPECT_EQ(printed.count(entry.key()) == 0, synchronisation || slot)

@@ -20,10 +20,25 @@ inline products::Settings jmc_settings(std::string_view rating = products::jmc_e
   return settings;
 }
 
-struct JmcRig : EthercatRig<products::JmcEc> {
-  explicit JmcRig(std::string_view rating = products::jmc_ec::default_rating)
+// As it leaves the factory: P01-02 standard, rigidity 13, which is slow.
+struct FactoryJmcRig : EthercatRig<products::JmcEc> {
+  explicit FactoryJmcRig(std::string_view rating = products::jmc_ec::default_rating)
       : EthercatRig(jmc_plant(rating), jmc_settings(rating)) {}
-  JmcRig(const plant::Parameters& parameters, const products::Settings& settings) : EthercatRig(parameters, settings) {}
+  FactoryJmcRig(const plant::Parameters& parameters, const products::Settings& settings)
+      : EthercatRig(parameters, settings) {}
+
+  // Panel parameters as the manual writes them, in their steps.
+  dictionary::AbortCode set_panel(std::uint8_t group, std::uint8_t number, std::int64_t value) {
+    const products::jmc_ec::ParameterId id{group, number};
+    return set(id.index(), id.sub(), value);
+  }
+  std::int64_t panel(std::uint8_t group, std::uint8_t number) {
+    const products::jmc_ec::ParameterId id{group, number};
+    return get(id.index(), id.sub());
+  }
+  std::int64_t monitor(std::uint8_t item) {
+    return get(products::jmc_ec::monitor_index, static_cast<std::uint8_t>(item + 1));
+  }
 
   // Outputs and inputs of the first PDOs, 1600h and 1A00h.
   void control(std::uint16_t word) {
@@ -33,6 +48,31 @@ struct JmcRig : EthercatRig<products::JmcEc> {
       put<std::uint16_t>(0, word);
       exchange();
     }
+  }
+};
+
+// Commissioned by hand for the bare motor, so that motion is quick and exact. Without a memory a power cycle takes it
+// back to the factory's.
+struct JmcRig : FactoryJmcRig {
+  explicit JmcRig(std::string_view rating = products::jmc_ec::default_rating) : FactoryJmcRig(rating) { commission(); }
+  JmcRig(const plant::Parameters& parameters, const products::Settings& settings)
+      : FactoryJmcRig(parameters, settings) {
+    commission();
+  }
+
+ private:
+  void commission() {
+    set_panel(1, 2, 0);     // gains by hand
+    set_panel(1, 4, 0);     // no load
+    set_panel(2, 0, 1000);  // position 100/s
+    set_panel(2, 10, 700);  // velocity 70 Hz,
+    set_panel(2, 11, 150);  // integral 15 ms,
+    set_panel(2, 3, 1000);  // feed-forwards in full, at once
+    set_panel(2, 4, 0);
+    set_panel(2, 19, 100);
+    set_panel(2, 20, 0);
+    set_panel(8, 19, 30);  // filters 0.3 ms
+    set_panel(8, 20, 20);
   }
 };
 

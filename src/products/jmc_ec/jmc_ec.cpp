@@ -28,9 +28,6 @@ constexpr std::uint32_t shown_velocity_cycles = 8;  // 4 ms: of 4000 increments 
 // A jerk-limited ramp (6086h = 3) is at the default of 60C5h after 100 ms; there is no object for it.
 constexpr std::uint32_t jerk_per_max_acceleration = 10;
 
-constexpr double in_position_counts = 30.0;    // P03-06
-constexpr float over_speed_rpm = 6400.0F;      // P04-05
-constexpr std::uint32_t brake_delay_ms = 100;  // P01-30
 constexpr std::int64_t sync_granularity_ns = 125'000;
 
 std::uint32_t milli(float value) { return static_cast<std::uint32_t>(std::lround(1000.0F * value)); }
@@ -62,6 +59,7 @@ void JmcEc::prepare(dictionary::Area areas) {
   const std::string_view name = made.device_name;
   own.own.device_name.length = static_cast<std::uint32_t>(std::min(name.size(), own.own.device_name.bytes.size()));
   std::copy_n(name.begin(), own.own.device_name.length, own.own.device_name.bytes.begin());
+  if (contains(areas, dictionary::Area::manufacturer)) prepare_panel();
   if (!contains(areas, dictionary::Area::profile)) return;
   own.drive.motor_rated_current_ma = milli(made.model.motor.rated_current_a / jmc_ec::rating::root2);
   own.drive.motor_rated_torque_mnm = milli(made.model.motor.rated_torque_nm);
@@ -73,10 +71,6 @@ void JmcEc::prepare(dictionary::Area areas) {
 drive::Configuration JmcEc::configuration() const {
   const Model& model = rating().model;
   drive::Configuration configuration;
-  configuration.motor = settings().motor;
-  configuration.motor.peak_current_a = model.motor.peak_current_a;
-  configuration.gains =
-      drive::default_gains(configuration.motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
   drive::Monitors& monitors = configuration.monitors;
   monitors.over_voltage_v = over_voltage_share * model.supply_v;
   monitors.under_voltage_v = under_voltage_share * model.supply_v;
@@ -87,7 +81,6 @@ drive::Configuration JmcEc::configuration() const {
   monitors.encoder_hot_c = monitors.ambient_hot_c = 0.0F;
   monitors.ambient_cold_c = -1e9F;
   monitors.warning_margin_c = 0.0F;
-  monitors.over_speed_rpm = over_speed_rpm;
   monitors.i2t_peak_time_s = 3.0F;  // L225
   monitors.stage_rated_current_a = model.stage_rated_current_a;
   monitors.stage_peak_current_a = model.motor.peak_current_a;
@@ -98,10 +91,10 @@ drive::Configuration JmcEc::configuration() const {
   monitors.jammed_ms = jammed_ms;
   monitors.limit_switch_levels = true;
   monitors.window_of_zero = jmc_ec::window_of_zero;
+  configure_panel(configuration);
   for (std::size_t i = 0; i < terminals.size(); ++i) configuration.inputs[i].signal = terminals[i];
   configuration.touch_probe = {
       .probes = 2, .input_rising = true, .input_falling = true, .index_rising = true, .index_falling = true};
-  configuration.brake_release_ms = configuration.brake_engage_ms = brake_delay_ms;
   configuration.homing_end = drive::HomingEnd::offset;  // D-25
   configuration.shown_velocity_cycles = shown_velocity_cycles;
   configuration.speed_windows.used = true;
@@ -130,19 +123,17 @@ void JmcEc::cycle(Time now) {
     frames_ = esc().frames();
     last_frame_ = now;
   }
-  // DO0: alarm, DO1: in position (L277-280).
-  const bool in_position = (objects().drive.statusword & drive::statusword::target_reached) != 0;
-  drive().set_outputs((drive().any_fault() ? 1U : 0U) | (in_position ? 2U : 0U));
+  cycle_panel();
   EthercatDevice::cycle(now);
 }
 
 // The window of bit 10, in the units of a position.
 void JmcEc::set_position_window() {
-  const double units = in_position_counts * drive().axis().units.position.inverse().value();
+  const double units = objects().panel.in_position_window * drive().axis().units.position.inverse().value();
   objects().drive.position_window = static_cast<std::uint32_t>(std::max(1L, std::lround(units)));
 }
 
-AbortCode JmcEc::check(const Entry& entry, std::span<const std::byte>) {
+AbortCode JmcEc::check(const Entry& entry, std::span<const std::byte> value) {
   switch (entry.index) {
     case 0x608F:
     case 0x6091:
@@ -153,7 +144,7 @@ AbortCode JmcEc::check(const Entry& entry, std::span<const std::byte>) {
       const bool before = state == ethercat::AlState::init || state == ethercat::AlState::pre_operational;
       return before && !drive().energised() ? AbortCode::none : AbortCode::device_state;
     }
-    default: return AbortCode::none;
+    default: return check_panel(entry, dictionary::decode_number(entry.type, value));
   }
 }
 
@@ -184,7 +175,7 @@ void JmcEc::written(const Entry& entry) {
       own.drive.torque_offset = static_cast<std::int16_t>(std::clamp(own.own.torque_offset, low, high));
       break;
     }
-    default: break;
+    default: panel_written(entry); break;
   }
 }
 

@@ -2,9 +2,12 @@
 
 #include "products/ethercat_device.hpp"
 #include "products/jmc_ec/leds.hpp"
+#include "products/jmc_ec/monitor.hpp"
 #include "products/jmc_ec/object_table.hpp"
+#include "products/jmc_ec/panel_control.hpp"
 #include "products/jmc_ec/policy.hpp"
 #include "products/jmc_ec/ratings.hpp"
+#include "products/jmc_ec/service_port.hpp"
 
 namespace servodrome::products {
 
@@ -13,6 +16,7 @@ class JmcEc final
     : public EthercatDevice<JmcEc, jmc_ec::Objects, EthercatSizes{.mapped_objects = 48, .sii_bytes = 4096}> {
  public:
   static constexpr std::span<const dictionary::Entry> table{jmc_ec::object_table};
+  static constexpr std::span<const dictionary::Entry> bus_table{jmc_ec::bus_object_table};
   static constexpr drive::Policy policy = jmc_ec::make_policy();
   static constexpr dictionary::LengthAborts length_aborts{};
   static constexpr ethercat::Profile ethercat_profile{.greatest_outputs = 4 * jmc_ec::pdo_bytes,
@@ -25,10 +29,17 @@ class JmcEc final
                                                       .cycle_too_short = ethercat::AlStatusCode{0x002E}};  // E61B
   static ethercat::SiiDescription sii_description(const Settings& settings);
 
+  // The service port.
+  static constexpr std::span<const modbus::Register> registers{jmc_ec::service_registers};
+  static constexpr modbus::Profile modbus_profile = jmc_ec::service_profile;
+  static bool supports(const modbus::CharacterFormat& format);
+
   explicit JmcEc(const Settings& settings) : EthercatDevice(settings) {}
 
   // That of Settings::model; the default one for a name that is not known.
   const jmc_ec::Rating& rating() const { return jmc_ec::find_rating(settings().model); }
+
+  SerialPort* serial_port() override { return &serial_port_; }
 
   void power_on(const drive::Feedback& feedback, Time now) override;
   void cycle(Time now) override;
@@ -37,17 +48,29 @@ class JmcEc final
   // The alarm that is shown: the newest fault, else that of the bus, else a warning; "" without one.
   jmc_ec::AlarmText alarm() { return jmc_ec::alarm_text(shown_alarm()); }
   jmc_ec::Leds leds(Time now);
+  const jmc_ec::PanelControl& panel() const { return panel_control_; }
 
  private:
   friend EthercatDevice;
   friend ServoDevice;
 
   void prepare(dictionary::Area areas);
+  void loaded(dictionary::Area) { start_panel(); }
   drive::Configuration configuration() const;
 
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
   void written(const dictionary::Entry& entry) override;
+  void refresh(const dictionary::Entry& entry) override;
   void set_position_window();
+
+  // panel.cpp
+  drive::MotorData rated_motor() const;
+  void prepare_panel();
+  void configure_panel(drive::Configuration& configuration) const;
+  void start_panel();
+  void cycle_panel();
+  dictionary::AbortCode check_panel(const dictionary::Entry& entry, std::int64_t value);
+  void panel_written(const dictionary::Entry& entry);
 
   // alarms.cpp
   std::uint16_t shown_alarm();
@@ -63,6 +86,10 @@ class JmcEc final
   void warning_raised(const drive::FaultRow&) override {}  // shown in statusword bit 7 only
   void errors_gone(std::uint8_t remaining) override;
 
+  jmc_ec::PanelControl panel_control_{};
+  jmc_ec::Monitor monitor_{};
+  SerialPort serial_port_{dictionary(), registers, modbus_profile};
+  bool was_energised_ = false;
   bool position_change_written_ = false;  // 607Bh
   double set_point_period_s_ = 0.0;       // of SYNC0; 0: 60C2h
   ethercat::AlStatusCode bus_error_ = ethercat::AlStatusCode::none;

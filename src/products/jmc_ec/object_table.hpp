@@ -50,10 +50,12 @@ inline constexpr auto own_section = [] {
 inline constexpr auto object_table = dictionary::make_table<[] {
   using namespace dictionary;  // NOLINT(google-build-using-namespace)
   using Communication = decltype(Objects::communication);
-  TableBuilder<320> builder;
+  TableBuilder<448> builder;
   builder.append(ethercat::communication_section<Communication>, offsetof(Objects, communication));
   builder.pick(drive::cia402_section, cia402_objects, offsetof(Objects, drive));
   builder.append(own_section, offsetof(Objects, own));
+  builder.append(panel_section, offsetof(Objects, panel));
+  builder.append(monitor_section, offsetof(Objects, monitor));
 
   builder.set_default(0x1000, 0, device_type);
   builder.set_default(0x1018, 1, vendor_id).set_default(0x1018, 3, revision_number);
@@ -133,5 +135,9 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   return builder;
 }>();
 static_assert(dictionary::is_valid_table(object_table));
+
+// Without panel parameters and monitoring items.
+inline constexpr auto bus_object_table = dictionary::make_bus_table<object_table>();
+static_assert(dictionary::is_valid_table(bus_object_table));
 
 }  // namespace servodrome::products::jmc_ec

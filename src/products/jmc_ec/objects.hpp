@@ -3,6 +3,8 @@
 #include "dictionary/entry.hpp"
 #include "drive/objects.hpp"
 #include "ethercat/slave/communication_objects.hpp"
+#include "products/jmc_ec/monitor.hpp"
+#include "products/jmc_ec/panel_objects.hpp"
 
 // The values behind the object dictionary of the JMC EC drives.
 namespace servodrome::products::jmc_ec {
@@ -19,6 +21,8 @@ struct Objects {
   ethercat::CommunicationObjects<4, 4, 12, 4> communication{};
   drive::Objects drive{};
   Own own{};
+  Panel panel{};
+  MonitorObjects monitor{};
 };
 
 }  // namespace servodrome::products::jmc_ec

@@ -69,7 +69,8 @@ constexpr drive::Policy make_policy() {
                          .at_once_from = 3};
   policy.status_bits = status_bits;
   policy.energised_in_switched_on = energised_in_switched_on;
-  policy.cyclic_modes_show_reached = true;  // L3459, L3630
+  policy.brake_engages_before_power_off = true;  // L680
+  policy.cyclic_modes_show_reached = true;       // L3459, L3630
   policy.faults = faults;
   policy.set_point_queue = 1;             // D-39
   policy.zero_ramps_are_greatest = true;  // D-34

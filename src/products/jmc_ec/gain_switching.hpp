@@ -1,0 +1,67 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+// The choice between the two gain sets of the JMC EC drives, P02-30 to P02-34 (L580-584, L713-737).
+namespace servodrome::products::jmc_ec {
+
+// P02-30
+enum class SwitchingMode : std::uint16_t {
+  first,
+  second,
+  input,  // DI function 9: no input of the EC series can be given it (README)
+  torque_command,
+  speed_command_change,
+  speed_command,
+  position_deviation,
+  position_command,  // there is one
+  positioning_incomplete,
+  actual_speed,
+  command_and_speed,  // second while there is a position command, and until the axis is slow
+};
+
+class GainSwitching {
+ public:
+  struct Settings {
+    SwitchingMode mode = SwitchingMode::first;
+    double level = 0.0;
+    double hysteresis = 0.0;         // to both sides of the level, and no more than it
+    std::uint32_t delay_cycles = 0;  // from second to first
+    std::uint32_t blend_cycles = 0;  // of the position gain, from one set's to the other's
+  };
+  // All but the conditions in the units of P02-31, without sign.
+  struct Inputs {
+    bool input = false;
+    double torque_command = 0.0;
+    double speed_command = 0.0;  // with its sign
+    double position_deviation = 0.0;
+    double actual_speed = 0.0;
+    bool position_command = false;
+    bool positioned = false;
+  };
+
+  // Once per position-loop cycle. True when the gains to be used have changed.
+  bool update(const Settings& settings, const Inputs& inputs);
+
+  // The set in use, and how far the position gain is on its way from the first (0) to the second (1).
+  std::size_t set() const { return set_; }
+  double blend() const { return blend_; }
+
+  // Cycles over which a change of the speed command is measured: 10 ms.
+  static constexpr std::size_t change_cycles = 20;
+
+ private:
+  bool wants_second(const Settings& settings, const Inputs& inputs) const;
+  double change_of(double speed_command);
+
+  std::size_t set_ = 0;
+  double blend_ = 0.0;
+  std::uint32_t waited_ = 0;  // cycles that the first set has been wanted
+  std::array<double, change_cycles> speed_commands_{};
+  std::size_t next_ = 0;
+  double change_ = 0.0;
+};
+
+}  // namespace servodrome::products::jmc_ec
