@@ -69,6 +69,7 @@ void Segment::run_forward(std::size_t first, Travel& travel) {
     } else {
       pass_damaged(slave, travel);
     }
+    if (way == Way::ends && slave != last && !travel.destroyed) slaves_[slave + 1].esc->frame_at_closed_port(0);
     if (way != Way::open || travel.destroyed || slave == last) {
       travel.last = slave;
       travel.end = way;
@@ -105,7 +106,11 @@ Segment::Passage Segment::process(std::span<std::uint8_t> bytes, Time now, Port 
 
 inline Segment::Passage Segment::enter_front(Travel& travel) {
   Slave& front = slaves_.front();
-  if (!front.cable || !front.powered || front.esc->loop_closed(0)) return {};
+  if (!front.cable || !front.powered) return {};
+  if (front.esc->loop_closed(0)) {
+    front.esc->frame_at_closed_port(0);
+    return {};
+  }
   travel.time += front.forward;
   run_forward(0, travel);
   if (travel.corrupted || travel.destroyed || travel.end == Way::ends) return {};
@@ -118,8 +123,12 @@ inline Segment::Passage Segment::enter_front(Travel& travel) {
 Segment::Passage Segment::enter_back(Travel& travel) {
   // Into port 1 of the last slave, through to port 0 without processing, until a port 0 has its loop closed.
   std::size_t slave = slaves_.size() - 1;
-  const Slave& back = slaves_[slave];
-  if (!ring_cable_ || !back.powered || back.esc->loop_closed(1)) return {};
+  Slave& back = slaves_[slave];
+  if (!ring_cable_ || !back.powered) return {};
+  if (back.esc->loop_closed(1)) {
+    back.esc->frame_at_closed_port(1);
+    return {};
+  }
   const Time entered = travel.time;
   for (Way way = way_before(slave); way != Way::turns; way = way_before(slave)) {
     if (way == Way::ends) return {};

@@ -67,6 +67,24 @@ TEST(Segment, LoopsByDlControl) {
   EXPECT_EQ(count(line), 3U);
 }
 
+// What closed because its link was gone opens for the frame that comes to it, which is lost.
+TEST(Segment, AFrameOpensAnAutoClosedPort) {
+  Line line(3);
+  line.put<std::uint8_t>(1, reg::dl_control + 1, 0x01);  // port 0
+  line.segment->set_cable(1, false);
+  line.segment->set_cable(1, true);
+  EXPECT_EQ(count(line), 0U);
+  EXPECT_EQ(count(line), 3U);
+}
+
+// Whoever closes all ports of a slave does not lock everybody out.
+TEST(Segment, Port0IsTheWayBackWhenAllAreClosed) {
+  Line line(1);
+  line.put<std::uint8_t>(0, reg::dl_control + 1, 0x0F);
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::dl_status) & 0x0500, 0x0500);  // both shown as closed
+  EXPECT_EQ(count(line), 1U);
+}
+
 TEST(Segment, TemporarySettingOfLoops) {
   Line line(2);
   line.write(0, reg::dl_control, {0x01, 0x00, 0x07, 0x00});

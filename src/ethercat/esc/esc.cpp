@@ -108,9 +108,18 @@ void Esc::configure_ports() {
     status |= loop_closed_[port] ? 0x100U << 2 * port : 0U;
     status |= link_[port] && !loop_closed_[port] ? 0x200U << 2 * port : 0U;
   }
+  // With all loops closed nobody could ever open one again: port 0 then takes frames, whatever DL status says.
+  if (loop_closed_[0] && loop_closed_[1]) loop_closed_[0] = !link_[0];
   if (status == load_u16(&memory_[reg::dl_status])) return;
   store_u16(&memory_[reg::dl_status], status);
   ecat_events_ |= reg::ecat_event::dl_status;
+}
+
+void Esc::frame_at_closed_port(unsigned port) {
+  const unsigned control = memory_[reg::dl_control + 1] >> 2 * port & 3U;
+  if (control != 1 || !link_[port]) return;
+  loop_closed_[port] = false;
+  configure_ports();
 }
 
 void Esc::latch_port_time(unsigned port, Time arrival) {

@@ -45,6 +45,8 @@ class Esc {
   bool link(unsigned port) const { return link_[port]; }
   // A closed loop turns frames back inside the controller (DL control, ETG.1000.4 table 33).
   bool loop_closed(unsigned port) const { return loop_closed_[port]; }
+  // A frame came to a port with its loop closed, and is lost: it opens a loop that closed because the link was gone.
+  void frame_at_closed_port(unsigned port);
   // DL control bit 0: frames that are not EtherCAT are destroyed, those that are get their source address changed.
   bool processes_only() const { return (memory_[reg::dl_control] & 0x01) != 0; }
   void latch_port_time(unsigned port, Time arrival);
