@@ -129,9 +129,11 @@ Time LineServer::catch_up() {
 
 void LineServer::report(const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); }
 
-// Looks at the links that wait without sleeping, and in between at everything else, until stop().
+// Looks at the links that wait without sleeping, and now and then at everything else, until stop(). The line is kept up
+// with real time meanwhile, so that a frame finds nothing left to be caught up with.
 void LineServer::serve_busy() {
-  constexpr unsigned looks_between = 64;
+  constexpr auto looks_between = 20us;
+  constexpr unsigned frames_between = 32;
   std::vector<links::EthercatLink*> busy;
   for (const auto& bus : line_.ethercat_buses()) {
     for (const auto& link : bus->links) {
@@ -139,10 +141,17 @@ void LineServer::serve_busy() {
     }
   }
   if (busy.empty()) return;
+  auto next_look = std::chrono::steady_clock::now();
+  unsigned frames = 0;
   while (!io_.stopped()) {
-    for (unsigned look = 0; look < looks_between; ++look) {
-      for (links::EthercatLink* link : busy) link->poll();
-    }
+    bool any = false;
+    for (links::EthercatLink* link : busy) any = link->poll() || any;
+    if (any && ++frames < frames_between) continue;
+    frames = 0;
+    const auto present = std::chrono::steady_clock::now();
+    if (present < next_look) continue;
+    next_look = present + looks_between;
+    catch_up();
     io_.poll();
   }
 }

@@ -143,6 +143,17 @@ TEST_F(EthercatRaw, BurstsLongerThanABatchAreServedWhole) {
   EXPECT_EQ(link->counters().dropped, 0U);
 }
 
+TEST_F(EthercatRaw, FramesThatFindNoRoomAreCounted) {
+  open("raw:servo0");
+  Port port("master0");
+  OneDatagram frame(Command::brd, 0, Bytes(2));
+  for (int i = 0; i < 600; ++i) port.send(frame.bytes);  // 512 have room
+  ASSERT_TRUE(until([&] { return link->counters().from_bus == 512; }));
+  for (int i = 0; i < 10; ++i) port.send(frame.bytes);
+  ASSERT_TRUE(until([&] { return link->counters().from_bus == 522; }));
+  EXPECT_EQ(link->counters().dropped, 88U);
+}
+
 TEST_F(EthercatRaw, VlanTagsStay) {
   open("raw:servo0");
   Port port("master0");

@@ -13,6 +13,7 @@
 #include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <utility>
 
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
@@ -162,10 +163,12 @@ std::uint8_t* PacketSocket::slot(std::size_t ahead) const { return ring_ + (firs
 std::span<std::uint8_t> PacketSocket::frame(std::size_t ahead) {
   if (ahead == slots) return {};
   std::uint8_t* place = slot(ahead);
-  if ((status_of(place) & TP_STATUS_USER) == 0) return {};
+  const std::uint32_t status = status_of(place);
+  if ((status & TP_STATUS_USER) == 0) return {};
+  losing_ = losing_ || (status & TP_STATUS_LOSING) != 0;
   const tpacket2_hdr& header = header_of(place);
   const std::span<std::uint8_t> bytes(place + header.tp_mac, header.tp_snaplen);
-  return (header.tp_status & TP_STATUS_VLAN_VALID) != 0 ? with_vlan_tag(bytes, header) : bytes;
+  return (status & TP_STATUS_VLAN_VALID) != 0 ? with_vlan_tag(bytes, header) : bytes;
 }
 
 void PacketSocket::release(std::size_t count) {
@@ -195,6 +198,7 @@ int PacketSocket::take_error() {
 }
 
 std::uint32_t PacketSocket::take_overruns() {
+  if (!std::exchange(losing_, false)) return 0;
   tpacket_stats statistics{};
   socklen_t size = sizeof statistics;
   ::getsockopt(socket_.get(), SOL_PACKET, PACKET_STATISTICS, &statistics, &size);

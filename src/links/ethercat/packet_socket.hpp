@@ -40,7 +40,7 @@ class PacketSocket {
 
   // What is wrong with the interface since the last call (ENETDOWN); 0: nothing.
   int take_error();
-  // Frames that were lost since the last call because nobody released others.
+  // Frames that were lost since the last call because nobody released others; a system call only if there were any.
   std::uint32_t take_overruns();
 
  private:
@@ -49,6 +49,7 @@ class PacketSocket {
   FileDescriptor socket_;
   std::uint8_t* ring_ = nullptr;
   std::size_t first_ = 0;  // slot of the oldest frame
+  bool losing_ = false;    // a received frame says that others were lost
 };
 
 }  // namespace servodrome::links

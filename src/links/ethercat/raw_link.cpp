@@ -87,6 +87,7 @@ std::size_t RawLink::serve(Side& side) {
     for (const auto& exit : sides_) send(*exit);
     bus_.settle(at);
     side.socket->release(count);
+    counters_.dropped += side.socket->take_overruns();
     counters_.to_bus += count;
     total += count;
   }
