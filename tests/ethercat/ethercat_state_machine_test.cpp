@@ -137,6 +137,18 @@ TEST_F(StateMachine, WatchdogEndsOperation) {
   EXPECT_EQ(request(0x18), good(8));
 }
 
+TEST_F(StateMachine, OutputsThatStoppedComingAreNone) {
+  to_operational();
+  run(100ms);
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_status), 0);  // expired until outputs come
+  EXPECT_EQ(request(0x18), good(4));
+  run(1s);
+  EXPECT_EQ(status(), good(4));
+  cycle();
+  EXPECT_EQ(status(), good(8));
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_status), 1);
+}
+
 TEST_F(StateMachine, WatchdogSwitchedOff) {
   line.put<std::uint16_t>(0, reg::watchdog_process_data, 0);
   to_operational();

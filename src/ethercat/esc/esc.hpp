@@ -89,7 +89,6 @@ class Esc {
   const DistributedClock& clock() const { return clock_; }
   SiiInterface& sii() { return sii_; }
   const Watchdog& process_data_watchdog() const { return process_data_watchdog_; }
-  void stop_process_data_watchdog() { process_data_watchdog_.stop(); }
   void pdi_alive(Time now) {
     pdi_watchdog_.check(now);
     pdi_watchdog_.trigger(now);

@@ -75,6 +75,7 @@ AlStatusCode Slave::change_state(AlState to, Time now) {
   if (code != AlStatusCode::none) return code;
   if (to == AlState::operational) {
     operational_until_ = now + profile_.operational_timeout;
+    report();  // an error that was acknowledged is gone while outputs are waited for
     await_operational(now);
     return AlStatusCode::none;
   }
@@ -126,7 +127,6 @@ void Slave::enter(AlState to, AlStatusCode cause, Time now) {
     reset_mailbox();
   }
   if (to == AlState::safe_operational && from == AlState::pre_operational) start_exchange();
-  if (to != AlState::operational) esc_.stop_process_data_watchdog();
   operational_until_ = never;
   report();
   events_.state_changed(from, to, cause, now);
@@ -143,9 +143,10 @@ void Slave::fall_back(AlState state, AlStatusCode code, Time now) {
   enter(state, code, now);
 }
 
-// Safe-Operational to Operational: once there are outputs, and pulses if they are to time them.
+// Safe-Operational to Operational: once there are outputs, and pulses if they are to time them. Outputs that stopped
+// coming, by the watchdog, are none.
 void Slave::await_operational(Time now) {
-  const bool outputs = outputs_.bytes() == 0 || outputs_seen_;
+  const bool outputs = outputs_.bytes() == 0 || (outputs_seen_ && !esc_.process_data_watchdog().expired);
   const bool pulses = sync_type_ != SyncType::dc_sync0 || sync_seen_;
   if (outputs && pulses) {
     missed_ = 0;
