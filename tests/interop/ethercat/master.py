@@ -1,0 +1,132 @@
+"""pysoem's master, cycling in a thread of its own."""
+
+import threading
+import time
+
+import pysoem
+from line import PATIENCE
+
+# How fast an answer comes is not what is tested: as long as a busy machine may need.
+pysoem.settings.timeouts.ret = 50_000
+pysoem.settings.timeouts.safe = 1_000_000
+pysoem.settings.timeouts.eeprom = 1_000_000
+pysoem.settings.timeouts.tx_mailbox = 5_000_000
+pysoem.settings.timeouts.rx_mailbox = 10_000_000
+pysoem.settings.timeouts.state = 10_000_000
+pysoem.settings.always_release_gil = True
+
+INIT, PREOP, BOOT, SAFEOP, OP = 1, 2, 3, 4, 8
+ERROR = 0x10
+
+
+class Master:
+    def __init__(self, interface, second=None):
+        self.soem = pysoem.Master()
+        self.soem.sdo_read_timeout = self.soem.sdo_write_timeout = 30_000_000
+        if second:
+            self.soem.open(interface, second)
+        else:
+            self.soem.open(interface)
+        self.cycles = 0
+        self.working_counter = 0
+        self.each_cycle = []  # called with the number of the cycle, before its frame goes out
+        self._thread = None
+        self._ends = threading.Event()
+        self._cycled = threading.Condition()
+        self._failure = None
+
+    def close(self):
+        self.stop_cycle()
+        self.soem.close()
+
+    @property
+    def slaves(self):
+        return self.soem.slaves
+
+    def scan(self):
+        """Finds the slaves, which are then in Pre-Operational. How many; -1 if there is none."""
+        return self.soem.config_init()
+
+    def map(self, dc_cycle_ns=None, watchdog_ms=5000):
+        """Lays out the process data and has the slaves go to Safe-Operational; with SYNC0 started before, if a cycle is
+        given. The slaves' watchdogs get a time that a busy machine does not exceed."""
+        if dc_cycle_ns:
+            assert self.soem.config_dc()
+        for slave in self.slaves:
+            if watchdog_ms:
+                slave.set_watchdog("processdata", watchdog_ms)
+            if dc_cycle_ns:
+                slave.dc_sync(True, dc_cycle_ns)
+        self.soem.config_map()
+        assert self.soem.state_check(SAFEOP, int(PATIENCE * 1e6)) == SAFEOP, self.states()
+
+    def states(self):
+        """(state, AL status code) of each slave, as they are now."""
+        self.soem.read_state()
+        return [(slave.state, slave.al_status) for slave in self.slaves]
+
+    def start_cycle(self, period_s=0.002):
+        self._ends.clear()
+        self._thread = threading.Thread(target=self._cycle, args=(period_s,), daemon=True)
+        self._thread.start()
+        self.pass_cycles(1)
+
+    def stop_cycle(self):
+        if self._thread:
+            self._ends.set()
+            self._thread.join()
+            self._thread = None
+
+    def _cycle(self, period_s):
+        try:
+            due = time.monotonic()
+            while not self._ends.is_set():
+                for step in list(self.each_cycle):
+                    step(self.cycles)
+                self.soem.send_processdata()
+                self.working_counter = self.soem.receive_processdata(200_000)
+                with self._cycled:
+                    self.cycles += 1
+                    self._cycled.notify_all()
+                due = max(due + period_s, time.monotonic())
+                time.sleep(max(0.0, due - time.monotonic()))
+        except BaseException as failure:
+            self._failure = failure
+            raise
+
+    def pass_cycles(self, count):
+        end = self.cycles + count
+        with self._cycled:
+            assert self._cycled.wait_for(lambda: self.cycles >= end or self._failure, PATIENCE), "no cycles"
+        assert not self._failure, self._failure
+
+    def wait(self, condition, what, seconds=PATIENCE):
+        """The first true value of condition(), asked after every cycle."""
+        deadline = time.monotonic() + seconds
+        while True:
+            if value := condition():
+                return value
+            assert time.monotonic() < deadline, f"waited for {what() if callable(what) else what}"
+            self.pass_cycles(1)
+
+    def request(self, state):
+        self.soem.state = state
+        self.soem.write_state()
+
+    def wait_states(self, state):
+        self.wait(lambda: all(found == state for found, _ in self.states()), lambda: f"{state}, are {self.states()}")
+
+    def go_operational(self):
+        """Safe-Operational to Operational, with a cycle running."""
+        if not self._thread:
+            self.start_cycle()
+        self.request(OP)
+        self.wait_states(OP)
+        self.wait(
+            lambda: self.working_counter == self.soem.expected_wkc,
+            lambda: f"working counter {self.soem.expected_wkc}, is {self.working_counter}",
+        )
+
+    def run(self, **options):
+        self.map(**options)
+        self.go_operational()
