@@ -1,0 +1,144 @@
+#include <gtest/gtest.h>
+
+#include "jmc_rig.hpp"
+
+// The brake sequence P01-30 to P01-32 (L680-682, L1636-1637): the motor works, and the brake is open, from Switched on.
+namespace servodrome {
+namespace {
+
+using drive::PowerState;
+using test::JmcRig;
+
+plant::Parameters vertical_axis() {
+  plant::Parameters parameters = test::jmc_plant();
+  parameters.motor.brake_torque_nm = 1.5;
+  parameters.motor.brake_engage_ms = 40.0;
+  parameters.motor.brake_release_ms = 40.0;
+  return parameters;
+}
+
+struct BrakeRig : JmcRig {
+  explicit BrakeRig(int delay_ms = 100) : JmcRig(vertical_axis(), test::jmc_settings()) {
+    set_panel(1, 30, delay_ms);
+    set(0x607F, 0, 400000);
+    set(0x60C5, 0, 4000000);
+    set(0x60C6, 0, 4000000);
+    set(0x6083, 0, 400000);
+    set(0x6084, 0, 400000);
+    set(0x6060, 0, 3);
+    run_ms(350);
+    control(0x06);
+    run_ms(2);
+    EXPECT_FALSE(actuation.brake_released) << "shutdown holds the brake (L2232)";
+    EXPECT_FALSE(actuation.pwm_enabled);
+  }
+  void turn(std::int64_t rpm) {
+    set(0x60FF, 0, rpm * 4000 / 60);
+    control(0x0F);
+    run_ms(600);
+    EXPECT_NEAR(plant.velocity_rpm(), static_cast<double>(rpm), 20.0);
+  }
+  double ms_until(const std::function<bool()>& condition, double limit_ms = 2000) {
+    const std::int64_t ticks = run_until(condition, limit_ms);
+    return ticks < 0 ? -1.0 : static_cast<double>(ticks) / 16.0;
+  }
+};
+
+TEST(JmcBrake, OpensInSwitchedOnAndHoldsTheLoad) {
+  BrakeRig rig;
+  rig.plant.set_external_torque_nm(0.2);
+  rig.control(0x07);
+  rig.run_ms(2);
+  EXPECT_EQ(rig.status() & 0x6F, 0x23);
+  EXPECT_TRUE(rig.actuation.pwm_enabled);
+  EXPECT_TRUE(rig.actuation.brake_released);
+  rig.run_ms(500);
+  EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), 0.0, 15.0) << "held by the motor";
+  const auto rated_nm = static_cast<double>(rig.device.drive().configuration().motor.rated_torque_nm);
+  EXPECT_NEAR(static_cast<double>(rig.monitor(10)), 100.0 * 0.2 / rated_nm, 6.0);
+}
+
+// Commands are taken once P01-30 has passed since power came on (L680).
+TEST(JmcBrake, CommandsWaitForItsDelay) {
+  for (const int delay_ms : {0, 100, 255}) {
+    BrakeRig rig(delay_ms);
+    rig.set(0x60FF, 0, 40000);
+    rig.control(0x07);
+    rig.control(0x0F);
+    const double ms = rig.ms_until([&] { return rig.device.drive().in_motion(); });
+    EXPECT_NEAR(ms, delay_ms, 2.0) << delay_ms;
+  }
+}
+
+// At rest: the brake closes first, the motor goes off P01-30 later.
+TEST(JmcBrake, ClosesBeforePowerOffAtRest) {
+  for (const int delay_ms : {50, 200}) {
+    BrakeRig rig(delay_ms);
+    rig.plant.set_external_torque_nm(0.2);
+    rig.control(0x0F);
+    rig.control(0x07);
+    rig.run_ms(500);
+    rig.control(0x06);
+    rig.run_ms(2);
+    EXPECT_FALSE(rig.actuation.brake_released);
+    EXPECT_TRUE(rig.actuation.pwm_enabled);
+    EXPECT_NEAR(rig.ms_until([&] { return !rig.actuation.pwm_enabled; }), delay_ms - 2, 2.0);
+    rig.run_ms(200);
+    EXPECT_EQ(rig.status() & 0x6F, 0x21);
+    EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), 0.0, 20.0) << "nothing falls";
+  }
+}
+
+// Turning: the motor goes off at once, the brake closes when the axis is slower than P01-31 ...
+TEST(JmcBrake, WaitsForASlowAxis) {
+  BrakeRig rig;
+  rig.set_panel(1, 31, 300);
+  rig.set_panel(1, 32, 255);
+  rig.plant.set_coulomb_friction_nm(0.05);
+  rig.control(0x07);
+  rig.run_ms(150);
+  rig.turn(900);
+  rig.control(0x00);
+  rig.run_ms(1);
+  EXPECT_FALSE(rig.actuation.pwm_enabled);
+  EXPECT_TRUE(rig.actuation.brake_released);
+  const double ms = rig.ms_until([&] { return !rig.actuation.brake_released; });
+  EXPECT_LT(ms, 150.0);
+  EXPECT_NEAR(rig.plant.velocity_rpm(), 300.0, 30.0);
+}
+
+// ... at the latest after P01-32.
+TEST(JmcBrake, WaitsNoLongerThanItsLimit) {
+  BrakeRig rig;
+  rig.set_panel(1, 31, 50);
+  rig.set_panel(1, 32, 40);
+  rig.control(0x07);
+  rig.run_ms(150);
+  rig.turn(900);
+  rig.control(0x00);
+  const double ms = rig.ms_until([&] { return !rig.actuation.brake_released; });
+  EXPECT_NEAR(ms, 40.0, 2.0);
+  EXPECT_GT(rig.plant.velocity_rpm(), 300.0);
+  rig.run_ms(300);
+  EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 0.1) << "the brake stops it";
+}
+
+// 60FEh bit 0 sets the brake by hand where its mask bit is set (L3130).
+TEST(JmcBrake, BySixtyFe) {
+  BrakeRig rig;
+  rig.control(0x07);
+  rig.run_ms(150);
+  EXPECT_TRUE(rig.actuation.brake_released);
+  rig.set(0x60FE, 1, 1);
+  rig.run_ms(2);
+  EXPECT_TRUE(rig.actuation.brake_released) << "not enabled";
+  rig.set(0x60FE, 2, 1);
+  rig.run_ms(2);
+  EXPECT_FALSE(rig.actuation.brake_released);
+  rig.set(0x60FE, 1, 0);
+  rig.run_ms(2);
+  EXPECT_TRUE(rig.actuation.brake_released);
+}
+
+}  // namespace
+}  // namespace servodrome
