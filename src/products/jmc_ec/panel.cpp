@@ -54,6 +54,7 @@ void JmcEc::start_panel() {
   setup.timing = modbus::at_least(settings().serial.silence, setup.timing);
   setup.timing.silence += std::chrono::milliseconds(panel.response_delay_ms);  // P00-26
   serial_port_.open(setup);
+  drive().inject(jmc_ec::cause::power_cycle_pending, false);
   was_energised_ = false;
 }
 
