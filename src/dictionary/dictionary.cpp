@@ -70,7 +70,11 @@ AbortCode Dictionary::write(const Entry& entry, std::span<const std::byte> value
   return write_any(entry, value);
 }
 
-AbortCode Dictionary::write_any(const Entry& entry, std::span<const std::byte> value) {
+AbortCode Dictionary::check(const Entry& entry, std::span<const std::byte> value) const {
+  return entry.writable() ? check_value(entry, value) : AbortCode::read_only;
+}
+
+AbortCode Dictionary::check_value(const Entry& entry, std::span<const std::byte> value) const {
   const std::size_t size = size_of(entry.type);
   if (value.size() > (size != 0 ? size : entry.capacity)) return length_aborts_.too_long;
   if (value.size() < size) return length_aborts_.too_short;
@@ -78,9 +82,13 @@ AbortCode Dictionary::write_any(const Entry& entry, std::span<const std::byte> v
     if (const AbortCode abort = check_range(entry, value); abort != AbortCode::none) return abort;
   }
   Listener* owner = listener(entry);
-  if (owner != nullptr) {
-    if (const AbortCode abort = owner->check(entry, value); abort != AbortCode::none) return abort;
-  }
+  return owner != nullptr ? owner->check(entry, value) : AbortCode::none;
+}
+
+AbortCode Dictionary::write_any(const Entry& entry, std::span<const std::byte> value) {
+  if (const AbortCode abort = check_value(entry, value); abort != AbortCode::none) return abort;
+  const std::size_t size = size_of(entry.type);
+  Listener* owner = listener(entry);
   if (entry.offset != Field::no_storage) {
     std::byte* place = objects_.data() + entry.offset;
     if (size == 0) {

@@ -72,7 +72,11 @@ class Dictionary {
   // owner. Nothing changes unless the answer is `none`.
   AbortCode write(const Entry& entry, std::span<const std::byte> value);
 
-  // The same, without the access check: for a device's own use and for restoring saved values.
+  // Whether `write` would take the value, of a number or a string alike. The owner's check is asked as well, so not for
+  // entries whose check acts (1010h, 1011h).
+  AbortCode check(const Entry& entry, std::span<const std::byte> value) const;
+
+  // `write` without the access check: for a device's own use and for restoring saved values.
   AbortCode write_any(const Entry& entry, std::span<const std::byte> value);
 
   // Numbers as int64 (unsigned 64-bit values wrap). A missing object reads as 0.
@@ -95,6 +99,8 @@ class Dictionary {
   AbortCode check_range(const Entry& entry, std::span<const std::byte> value) const;
 
  private:
+  AbortCode check_value(const Entry& entry, std::span<const std::byte> value) const;
+
   std::span<const Entry> table_;
   std::span<std::byte> objects_;
   LengthAborts length_aborts_;

@@ -44,6 +44,18 @@ class Store {
   Medium& medium_;
 };
 
+// What a master writes to 1010h and 1011h (CiA 301 7.5.2.13 and 7.5.2.14), and what their sub-indices are about.
+inline constexpr std::uint32_t save_signature = 0x65766173;  // "save"
+inline constexpr std::uint32_t load_signature = 0x64616F6C;  // "load"
+constexpr Area area_of_storage_sub(std::uint8_t sub) {
+  switch (sub) {
+    case 1: return Area::all;
+    case 2: return Area::communication;
+    case 3: return Area::profile | Area::motor;
+    default: return Area::manufacturer;
+  }
+}
+
 // The first bytes of a bank. `mark` comes last: it is what makes a bank valid.
 struct StoreHeader {
   static constexpr std::uint32_t current_version = 1;

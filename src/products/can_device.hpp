@@ -65,6 +65,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   std::uint32_t bit_rate() const override { return bit_rate_; }
 
  protected:
+  using Base::forget;
   using Base::listen;
   using Base::load_objects;
   using Base::objects;
@@ -89,10 +90,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
     if (state == canopen::NmtState::stopped) abort_connection();
   }
   dictionary::AbortCode store(dictionary::Area areas) override { return save(areas); }
-  dictionary::AbortCode restore_defaults(dictionary::Area areas) override {
-    if (settings().store == nullptr) return dictionary::AbortCode::hardware_error;
-    return dictionary::Store(*settings().store).restore_defaults(areas);
-  }
+  dictionary::AbortCode restore_defaults(dictionary::Area areas) override { return forget(areas); }
   void sync(std::uint8_t, canopen::Time now) override {
     last_sync_ = now;
     drive().synchronise();

@@ -63,6 +63,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   std::span<const std::uint8_t> sii() const { return sii_; }
 
  protected:
+  using Base::forget;
   using Base::listen;
   using Base::load_objects;
   using Base::objects;
@@ -78,6 +79,8 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
     if (from == ethercat::AlState::operational) drive().communication_lost();
   }
   void process_data(Time) override { drive().synchronise(); }
+  dictionary::AbortCode store(dictionary::Area areas) override { return save(areas); }
+  dictionary::AbortCode restore_defaults(dictionary::Area areas) override { return forget(areas); }
 
   // --- drive::DriveEvents
   void fault_raised(const drive::FaultRow& fault) override { report(fault.code, fault.error_register); }

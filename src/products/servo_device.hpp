@@ -64,6 +64,12 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
     return dictionary::Store(*settings_.store).save(dictionary_, areas);
   }
 
+  // Forgets what was saved; acts after the next restart.
+  dictionary::AbortCode forget(dictionary::Area areas) {
+    if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
+    return dictionary::Store(*settings_.store).restore_defaults(areas);
+  }
+
   // The objects of these areas have their saved values: for what follows from them.
   void loaded(dictionary::Area) {}
 

@@ -1,6 +1,7 @@
 // What the node says to writes of the objects 1000h..1FFFh (CiA 301 7.5.2), and what they change.
 #include "canopen/node.hpp"
 #include "canopen/object_access.hpp"
+#include "dictionary/store.hpp"
 
 namespace servodrome::canopen {
 
@@ -8,9 +9,6 @@ using dictionary::AbortCode;
 using dictionary::Entry;
 
 namespace {
-
-constexpr std::uint32_t save_signature = 0x65766173;  // "save"
-constexpr std::uint32_t load_signature = 0x64616F6C;  // "load"
 
 enum class Group : std::uint8_t { general, rpdo, tpdo };
 
@@ -21,16 +19,6 @@ constexpr Group group_of(std::uint16_t index) {
   return Group::general;
 }
 constexpr std::uint16_t number_of(std::uint16_t index) { return index & 0x1FF; }
-
-// Sub-indices of 1010h and 1011h.
-constexpr dictionary::Area area_of_sub(std::uint8_t sub) {
-  switch (sub) {
-    case 1: return dictionary::Area::all;
-    case 2: return dictionary::Area::communication;
-    case 3: return dictionary::Area::profile | dictionary::Area::motor;
-    default: return dictionary::Area::manufacturer;
-  }
-}
 
 // A COB-ID whose bit 31 says "not valid" (1014h, 1028h): the CAN-ID changes only while it is not.
 AbortCode check_cob_id(std::uint32_t present, std::uint32_t value) {
@@ -60,8 +48,9 @@ AbortCode Node::check(const Entry& entry, std::span<const std::byte> bytes) {
 // Nothing can refuse the write after this check, so storing happens here, where its failure can be answered.
 AbortCode Node::check_signature(const Entry& entry, std::uint32_t value) {
   const bool storing = entry.index == 0x1010;
-  if (value != (storing ? save_signature : load_signature)) return AbortCode::cannot_transfer_or_store;
-  const dictionary::Area areas = area_of_sub(entry.sub);
+  if (value != (storing ? dictionary::save_signature : dictionary::load_signature))
+    return AbortCode::cannot_transfer_or_store;
+  const dictionary::Area areas = dictionary::area_of_storage_sub(entry.sub);
   return storing ? events_.store(areas) : events_.restore_defaults(areas);
 }
 

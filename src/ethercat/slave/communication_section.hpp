@@ -132,7 +132,30 @@ constexpr auto communication() {
   return table;
 }
 
+// 1010h and 1011h, for devices that store on command; they read as such (bit 0) and take a signature.
+inline constexpr auto storage = [] {
+  constexpr const char* store_names[] = {"Save all parameters", "Save communication parameters",
+                                         "Save application parameters", "Save manufacturer defined parameters"};
+  constexpr const char* restore_names[] = {"Restore all default parameters", "Restore communication default parameters",
+                                           "Restore application default parameters",
+                                           "Restore manufacturer defined default parameters"};
+  std::array<Entry, 10> table{};
+  std::size_t n = 0;
+  table[n++] = highest_sub(0x1010, ObjectCode::array, "Store parameters", 4);
+  table[n++] = highest_sub(0x1011, ObjectCode::array, "Restore default parameters", 4);
+  for (std::uint8_t i = 0; i < 4; ++i) {
+    const auto sub = static_cast<std::uint8_t>(i + 1);
+    table[n++] = element(0x1010, sub, ObjectCode::array, store_names[i], {Type::unsigned32}, Access::rw, Pdo::none,
+                         owned({.default_value = 1}));
+    table[n++] = element(0x1011, sub, ObjectCode::array, restore_names[i], {Type::unsigned32}, Access::rw, Pdo::none,
+                         owned({.default_value = 1}));
+  }
+  return table;
+}();
+
 }  // namespace section
+
+inline constexpr auto storage_section = section::storage;
 
 template <typename Objects>
 inline constexpr auto communication_section = section::communication<Objects>();

@@ -1,5 +1,7 @@
 #include "ethercat/slave/foe_server.hpp"
 
+#include <algorithm>
+
 namespace servodrome::ethercat {
 
 namespace {
@@ -22,9 +24,10 @@ void begin(Message& reply, std::uint8_t operation, std::uint32_t value) {
 
 }  // namespace
 
-void FoeServer::fail(FoeError error, Message& reply) {
+void FoeServer::fail(FoeError error, Message& reply, std::string_view reason) {
   state_ = State::idle;
   begin(reply, error_request, static_cast<std::uint32_t>(error));
+  reply.bytes(std::span(reason.data(), std::min(reason.size(), reply.left())));
 }
 
 void FoeServer::acknowledge(Message& reply) const { begin(reply, acknowledge_request, packet_); }
@@ -52,7 +55,7 @@ void FoeServer::open(std::span<const std::uint8_t> request, bool writes, Message
   std::string_view name(reinterpret_cast<const char*>(request.data()) + header_size, request.size() - header_size);
   name = name.substr(0, name.find('\0'));
   const FoeError error = files_->open(name, load_u32(&request[2]), writes);
-  if (error != FoeError::none) return fail(error, reply);
+  if (error != FoeError::none) return fail(error, reply, files_->reason());
   packet_ = position_ = 0;
   state_ = writes ? State::writing : State::reading;
   if (writes) {
@@ -67,7 +70,7 @@ void FoeServer::send_packet(Message& reply) {
   const std::span<std::uint8_t> place = reply.room.subspan(reply.length);
   std::size_t count = 0;
   const FoeError error = files_->read(position_, place, count);
-  if (error != FoeError::none) return fail(error, reply);
+  if (error != FoeError::none) return fail(error, reply, files_->reason());
   reply.add(count);
   position_ += static_cast<std::uint32_t>(count);
   last_ = count < place.size();
@@ -79,7 +82,7 @@ void FoeServer::take_packet(std::span<const std::uint8_t> request, std::size_t p
   const std::span<const std::uint8_t> data = request.subspan(header_size);
   const bool last = data.size() < packet_size;
   const FoeError error = files_->write(position_, data, last);
-  if (error != FoeError::none) return fail(error, reply);
+  if (error != FoeError::none) return fail(error, reply, files_->reason());
   ++packet_;
   position_ += static_cast<std::uint32_t>(data.size());
   acknowledge(reply);

@@ -38,6 +38,8 @@ class FoeFiles {
   virtual FoeError write(std::uint32_t /*position*/, std::span<const std::uint8_t> /*data*/, bool /*last*/) {
     return FoeError::not_defined;
   }
+  // Why the last call failed, for people; goes out with the error, as much of it as there is room for.
+  virtual std::string_view reason() const { return {}; }
 
  protected:
   ~FoeFiles() = default;
@@ -62,7 +64,7 @@ class FoeServer {
   void send_packet(Message& reply);
   void take_packet(std::span<const std::uint8_t> request, std::size_t packet_size, Message& reply);
   void acknowledge(Message& reply) const;
-  void fail(FoeError error, Message& reply);
+  void fail(FoeError error, Message& reply, std::string_view reason = {});
 
   FoeFiles* files_ = nullptr;
   State state_ = State::idle;

@@ -1,5 +1,7 @@
 #include "ethercat/slave/slave.hpp"
 
+#include "dictionary/store.hpp"
+
 namespace servodrome::ethercat {
 
 using dictionary::AbortCode;
@@ -155,6 +157,15 @@ void Slave::serve_coe(const Mailbox::Request& request, Message& reply) {
 AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
   const auto value = static_cast<std::uint32_t>(dictionary::decode_number(dictionary::Type::unsigned64, bytes));
   const std::uint16_t index = entry.index;
+  if (index == 0x1010 || index == 0x1011) {
+    // Nothing can refuse the write after this check, so storing happens here, where its failure can be answered.
+    const bool storing = index == 0x1010;
+    if (value != (storing ? dictionary::save_signature : dictionary::load_signature)) {
+      return AbortCode::cannot_transfer_or_store;
+    }
+    const dictionary::Area areas = dictionary::area_of_storage_sub(entry.sub);
+    return storing ? events_.store(areas) : events_.restore_defaults(areas);
+  }
   if (index == 0x1C32 || index == 0x1C33) {
     if (entry.sub != sync_parameter::type || !entry.writable()) return AbortCode::none;
     if (inputs_run()) return AbortCode::device_state;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "dictionary/abort_code.hpp"
+#include "dictionary/entry.hpp"
 #include "ethercat/slave/al_status.hpp"
 #include "ethercat/time.hpp"
 
@@ -16,6 +17,9 @@ class SlaveEvents {
   virtual void state_changed(AlState /*from*/, AlState /*to*/, AlStatusCode /*cause*/, Time /*now*/) {}
   // The outputs of a cycle are in the objects; what the device puts into its objects now goes out with the inputs.
   virtual void process_data(Time /*now*/) {}
+  // 1010h and 1011h, for devices that have them (`storage_section`). Errors: hardware_error.
+  virtual dictionary::AbortCode store(dictionary::Area) { return dictionary::AbortCode::hardware_error; }
+  virtual dictionary::AbortCode restore_defaults(dictionary::Area) { return dictionary::AbortCode::hardware_error; }
   // SYNC0, after the outputs were taken over and `process_data` ran.
   virtual void sync0(Time /*now*/) {}
 

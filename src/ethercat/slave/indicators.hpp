@@ -1,0 +1,56 @@
+#pragma once
+
+#include "ethercat/slave/al_status.hpp"
+#include "ethercat/time.hpp"
+
+// The RUN and ERR indicators of a slave (ETG.1300 clause 4).
+namespace servodrome::ethercat {
+
+enum class Blink : std::uint8_t { off, single_flash, double_flash, blinking, flickering, on };
+
+constexpr Blink run_indicator(AlState state) {
+  switch (state) {
+    case AlState::init: return Blink::off;
+    case AlState::pre_operational: return Blink::blinking;
+    case AlState::bootstrap: return Blink::flickering;
+    case AlState::safe_operational: return Blink::single_flash;
+    case AlState::operational: return Blink::on;
+  }
+  return Blink::off;
+}
+
+// `code` of AL status, and whether it is an error that stands. Blinking: a state change was refused; single flash: the
+// slave changed its state by itself; double flash: the watchdog of the process data ran out.
+constexpr Blink error_indicator(bool error, AlStatusCode code) {
+  if (!error) return Blink::off;
+  switch (code) {
+    case AlStatusCode::sync_manager_watchdog: return Blink::double_flash;
+    case AlStatusCode::synchronization_error:
+    case AlStatusCode::fatal_sync_error:
+    case AlStatusCode::no_sync:
+    case AlStatusCode::restarted_locally: return Blink::single_flash;
+    default: return Blink::blinking;
+  }
+}
+
+// Is the lamp lit at `time`, counted from anywhere? Flickering is 50 ms on and off, blinking 200 ms; a flash is 200 ms
+// long, flashes are 200 ms apart, and 1 s follows the last.
+constexpr bool is_lit(Blink blink, Time time) {
+  constexpr Time flash = std::chrono::milliseconds(200);
+  constexpr Time flicker = std::chrono::milliseconds(50);
+  constexpr Time pause = std::chrono::milliseconds(1000);
+  switch (blink) {
+    case Blink::off: return false;
+    case Blink::on: return true;
+    case Blink::flickering: return time % (2 * flicker) < flicker;
+    case Blink::blinking: return time % (2 * flash) < flash;
+    case Blink::single_flash: return time % (flash + pause) < flash;
+    case Blink::double_flash: {
+      const Time at = time % (3 * flash + pause);
+      return at < flash || (at >= 2 * flash && at < 3 * flash);
+    }
+  }
+  return false;
+}
+
+}  // namespace servodrome::ethercat
