@@ -8,7 +8,7 @@
 namespace servodrome::products::generic402 {
 
 struct EthercatObjects {
-  ethercat::CommunicationObjects<4, 4, 16, 4> communication{};
+  ethercat::CommunicationObjects<5, 5, 16, 4> communication{};
   drive::Objects drive{};
   Manufacturer manufacturer{};
 };
@@ -20,6 +20,7 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   using Communication = decltype(EthercatObjects::communication);
   TableBuilder<800> builder;
   builder.append(ethercat::communication_section<Communication>, offsetof(EthercatObjects, communication));
+  builder.append(ethercat::storage_section);
   builder.add(text_constant(0x1008, "Manufacturer device name", "Servodrome CiA 402 reference drive, EtherCAT"));
   builder.add(text_constant(0x1009, "Manufacturer hardware version", "simulated"));
   builder.add(text_constant(0x100A, "Manufacturer software version", "1.0"));
@@ -29,7 +30,7 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   builder.append(manufacturer_section, offsetof(EthercatObjects, manufacturer));
   // Not there: what belongs to CANopen, and what the CAN variant leaves out as well.
   for (const std::uint16_t index :
-       std::to_array<std::uint16_t>({0x1021, 0x1022, 0x2F00, 0x2F01, 0x6090, 0x6093, 0x6094})) {
+       std::to_array<std::uint16_t>({0x1021, 0x1022, 0x2F00, 0x2F01, 0x2F20, 0x6090, 0x6093, 0x6094})) {
     builder.remove(index);
   }
   builder.set_default(0x1000, 0, servo_drive);
@@ -47,10 +48,12 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   map(0x1601, {0x60400010, 0x607A0020});
   map(0x1602, {0x60400010, 0x60FF0020});
   map(0x1603, {0x60400010, 0x60710010});
+  map(0x1604, {0x60400010, 0x607A0020, 0x60810020, 0x60830020, 0x60840020, 0x60600008, 0x00000008});
   map(0x1A00, {0x60410010, 0x60640020, 0x606C0020, 0x60770010, 0x60610008, 0x00000008});
   map(0x1A01, {0x60410010, 0x60640020});
   map(0x1A02, {0x60410010, 0x606C0020});
   map(0x1A03, {0x60410010, 0x60770010});
+  map(0x1A04, {0x60410010, 0x60640020, 0x606C0020, 0x60FD0020, 0x60610008, 0x00000008});
   builder.set_default(0x1C12, 0, 1).set_default(0x1C12, 1, 0x1600);
   builder.set_default(0x1C13, 0, 1).set_default(0x1C13, 1, 0x1A00);
   return builder;

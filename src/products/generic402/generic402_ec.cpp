@@ -27,6 +27,14 @@ drive::Configuration Generic402Ec::configuration() const {
   return generic402::configuration(objects().manufacturer, settings().motor);
 }
 
+// With SYNC0 the set-points come with its period, whatever 60C2h was.
+void Generic402Ec::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time now) {
+  EthercatDevice::state_changed(from, to, cause, now);
+  if (from != ethercat::AlState::pre_operational || to != ethercat::AlState::safe_operational) return;
+  drive::Objects& common = objects().drive;
+  generic402::set_interpolation_period(common, objects().communication.output_sync.sync0_cycle_time_ns);
+}
+
 void Generic402Ec::written(const dictionary::Entry& entry) {
   if (entry.index < 0x2F00) reconfigure();
 }

@@ -3,6 +3,7 @@
 #include "products/ethercat_device.hpp"
 #include "products/generic402/ethercat_objects.hpp"
 #include "products/generic402/servo.hpp"
+#include "products/parameter_file.hpp"
 
 namespace servodrome::products {
 
@@ -12,10 +13,16 @@ class Generic402Ec final : public EthercatDevice<Generic402Ec, generic402::Ether
   static constexpr std::span<const dictionary::Entry> table{generic402::ethercat_object_table};
   static constexpr const drive::Policy& policy = generic402::policy;
   static constexpr dictionary::LengthAborts length_aborts{};
-  static constexpr ethercat::Profile ethercat_profile{};
+  // What a master may want to set before it sends targets: the mode, and how often they come.
+  static constexpr auto start_up = std::to_array<ethercat::StartUpParameter>({
+      {"PS", 0x6060, 0, 8, "Mode: cyclic synchronous position"},
+      {"PS", 0x60C2, 1, 1, "Interpolation time period: 1"},
+      {"PS", 0x60C2, 2, -3, "ms"},
+  });
+  static constexpr ethercat::Profile ethercat_profile{.bootstrap = true, .file_access = true, .start_up = start_up};
   static ethercat::SiiDescription sii_description(const Settings& settings);
 
-  explicit Generic402Ec(const Settings& settings) : EthercatDevice(settings) {}
+  explicit Generic402Ec(const Settings& settings) : EthercatDevice(settings) { slave().set_files(&parameter_file_); }
 
  private:
   friend EthercatDevice;
@@ -26,6 +33,11 @@ class Generic402Ec final : public EthercatDevice<Generic402Ec, generic402::Ether
 
   void written(const dictionary::Entry& entry) override;
   void refresh(const dictionary::Entry& entry) override;
+
+  // --- ethercat::SlaveEvents
+  void state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time now) override;
+
+  ParameterFile parameter_file_{dictionary(), drive(), settings().store};
 };
 
 }  // namespace servodrome::products

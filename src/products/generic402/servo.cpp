@@ -128,6 +128,17 @@ SerialSetup serial_setup(const Manufacturer& own, const Settings& settings) {
   return setup;
 }
 
+void set_interpolation_period(drive::Objects& objects, std::uint32_t period_ns) {
+  std::uint32_t unit_ns = 1'000'000'000;
+  for (std::int8_t power = 0; power >= -6; --power, unit_ns /= 10) {
+    const std::uint32_t units = period_ns / unit_ns;
+    if (units == 0 || units > 255 || units * unit_ns != period_ns) continue;
+    objects.interpolation_time_period_value = static_cast<std::uint8_t>(units);
+    objects.interpolation_time_index = power;
+    return;
+  }
+}
+
 std::uint16_t i2t_utilisation(const drive::Drive& drive) {
   return static_cast<std::uint16_t>(std::min(65535.0, std::round(drive.i2t_utilisation_percent())));
 }

@@ -17,6 +17,9 @@ drive::Configuration configuration(const Manufacturer& own, const drive::MotorDa
 // Of its RS485 port; station 0: it has none.
 SerialSetup serial_setup(const Manufacturer& own, const Settings& settings);
 
+// 60C2h to a period in ns; left alone if that is 0, or no 8-bit number of any power of ten down to 1 us.
+void set_interpolation_period(drive::Objects& objects, std::uint32_t period_ns);
+
 std::uint16_t i2t_utilisation(const drive::Drive& drive);  // 2060h, %
 
 }  // namespace servodrome::products::generic402

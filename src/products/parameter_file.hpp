@@ -1,0 +1,77 @@
+#pragma once
+
+#include <array>
+
+#include "dictionary/store.hpp"
+#include "drive/drive.hpp"
+#include "ethercat/slave/foe_server.hpp"
+
+namespace servodrome::products {
+
+// The parameters of a drive as a text file for FoE: "parameters.txt".
+//
+// Lines end with LF, or CR LF; empty ones and those that begin with # are comments, but the first line, which is
+//     # servodrome parameters 1
+// Every other line is INDEX:SUB=VALUE, index and sub-index in hexadecimal behind 0x, the value of a number in decimal
+// or in hexadecimal behind 0x (REAL32: its bits), that of a string or block of bytes as pairs of hexadecimal digits:
+//     0x1018:01=0x53455256
+//     0x2011:02=150
+//     0x6098:00=-3
+// Read, it holds the vendor and product of 1018h and the values in use of all objects that are stored. Written, it is
+// checked as a whole: that it is of this vendor and product, that its objects are stored ones, that their values are
+// taken. Only then the values come into force and all stored objects are stored; what it does not name stays as it is.
+// The motor must be without power.
+class ParameterFile final : public ethercat::FoeFiles {
+ public:
+  static constexpr std::string_view name = "parameters.txt";
+  static constexpr std::size_t capacity = 16384;  // bytes of text
+  static constexpr std::size_t longest_value = 1024;
+
+  // `medium` is where parameters are stored; without one a file can be read but not written.
+  ParameterFile(dictionary::Dictionary& dictionary, const drive::Drive& drive, dictionary::Medium* medium)
+      : dictionary_(dictionary), drive_(drive), medium_(medium) {}
+
+  // Errors, each with its reason in words: not_found (another name), access_denied (the motor has power, no memory),
+  // disk_full (longer than `capacity`), illegal (a line is not as above, or its value is refused), program_error (the
+  // memory failed).
+  ethercat::FoeError open(std::string_view file, std::uint32_t password, bool writes) override;
+  ethercat::FoeError read(std::uint32_t position, std::span<std::uint8_t> into, std::size_t& count) override;
+  ethercat::FoeError write(std::uint32_t position, std::span<const std::uint8_t> data, bool last) override;
+  std::string_view reason() const override { return {reason_.data(), reason_length_}; }
+
+ private:
+  // A line's object and its raw value.
+  struct Assignment {
+    const dictionary::Entry* entry = nullptr;
+    std::size_t size = 0;
+  };
+  // Whether a line is one, and what it says; its value goes to `value_`.
+  enum class Line : std::uint8_t { comment, assignment, wrong };
+
+  void compose();
+  void compose_line(const dictionary::Entry& entry);
+  ethercat::FoeError take();
+  template <typename Visit>
+  ethercat::FoeError for_each_line(Visit visit);
+  Line parse(std::string_view line, Assignment& assignment);
+  bool parse_value(std::string_view text, Assignment& assignment);
+  const char* objection(const Assignment& assignment) const;
+
+  void put(char letter);
+  void put(std::string_view words);
+  void put_hex(std::uint32_t number, unsigned digits);
+  void put_decimal(std::int64_t number);
+
+  ethercat::FoeError refuse(ethercat::FoeError error, std::string_view words, unsigned line = 0);
+
+  dictionary::Dictionary& dictionary_;
+  const drive::Drive& drive_;
+  dictionary::Medium* medium_;
+  std::array<char, capacity> text_{};
+  std::size_t length_ = 0;
+  std::array<std::byte, longest_value> value_{};
+  std::array<char, 80> reason_{};
+  std::size_t reason_length_ = 0;
+};
+
+}  // namespace servodrome::products
