@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <fmt/format.h>
+#include <iterator>
 #include <set>
 
 #include "describe/description.hpp"
@@ -443,8 +444,14 @@ std::vector<std::uint8_t> sii(const Description& device) {
   return image;
 }
 
-std::string esi(const Description& device) {
-  if (!device.ethercat) return {};
+std::string esi(const Description& whole) {
+  if (!whole.ethercat) return {};
+  // What only the device's service port sees is not on the bus.
+  std::vector<Entry> table;
+  std::copy_if(whole.table.begin(), whole.table.end(), std::back_inserter(table),
+               [](const Entry& entry) { return !entry.local; });
+  Description device = whole;
+  device.table = table;
   const ethercat::SiiDescription& sii = device.ethercat->sii;
   Xml xml;
   xml.node("EtherCATInfo",
