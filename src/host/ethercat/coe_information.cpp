@@ -29,10 +29,10 @@ constexpr std::uint8_t with_minimum = 0x20;
 constexpr std::uint8_t with_maximum = 0x40;
 
 Mail request_of(std::uint8_t opcode, std::initializer_list<std::uint8_t> data) {
-  Mail mail(header);
+  Mail mail(header + data.size());
   ethercat::store_u16(mail.data(), static_cast<unsigned>(CoeService::sdo_information) << 12);
   mail[ethercat::coe_header_size] = opcode;
-  mail.insert(mail.end(), data);
+  std::copy(data.begin(), data.end(), mail.begin() + header);
   return mail;
 }
 

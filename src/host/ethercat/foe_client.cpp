@@ -24,16 +24,12 @@ constexpr std::uint8_t busy_answer = 6;
 constexpr Time busy_interval = std::chrono::milliseconds(10);
 constexpr std::size_t largest_file = std::size_t{256} << 20;
 
-Mail mail_of(std::uint8_t operation, std::uint32_t value) {
-  Mail mail(header);
+template <typename Bytes = std::span<const std::uint8_t>>
+Mail mail_of(std::uint8_t operation, std::uint32_t value, const Bytes& data = {}) {
+  Mail mail(header + data.size());
   mail[0] = operation;
   ethercat::store_u32(&mail[2], value);
-  return mail;
-}
-
-Mail opening(std::uint8_t operation, std::string_view file, std::uint32_t password) {
-  Mail mail = mail_of(operation, password);
-  mail.insert(mail.end(), file.begin(), file.end());
+  std::copy(data.begin(), data.end(), mail.begin() + header);
   return mail;
 }
 
@@ -98,7 +94,7 @@ Mail FoeClient::ask(std::span<const std::uint8_t> request, std::string_view file
 
 std::vector<std::uint8_t> FoeClient::read(std::string_view file, std::uint32_t password, const Progress& progress) {
   std::vector<std::uint8_t> content;
-  Mail request = opening(read_request, file, password);
+  Mail request = mail_of(read_request, password, file);
   for (std::uint32_t packet = 1;; ++packet) {
     const Mail answer = ask(request, file);
     if (answer[0] != data_packet || load_u32(&answer[2]) != packet) {
@@ -121,16 +117,13 @@ void FoeClient::write(std::string_view file, std::span<const std::uint8_t> conte
     if (answer[0] == acknowledgement && load_u32(&answer[2]) == packet) return;
     fail(file, fmt::format("packet {} is not acknowledged", packet), "try again");
   };
-  acknowledged(ask(opening(write_request, file, password), file), 0);
+  acknowledged(ask(mail_of(write_request, password, file), file), 0);
   const std::size_t packet_size = mailbox_.room_out() - header;
   std::size_t sent = 0;
   // A file that fills its packets ends with an empty one.
   for (std::uint32_t packet = 1;; ++packet) {
     const std::size_t count = std::min(packet_size, content.size() - sent);
-    Mail mail = mail_of(data_packet, packet);
-    const auto from = content.begin() + static_cast<std::ptrdiff_t>(sent);
-    mail.insert(mail.end(), from, from + static_cast<std::ptrdiff_t>(count));
-    acknowledged(ask(mail, file), packet);
+    acknowledged(ask(mail_of(data_packet, packet, content.subspan(sent, count)), file), packet);
     sent += count;
     if (progress) progress(sent);
     if (count < packet_size) return;
