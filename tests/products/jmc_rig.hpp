@@ -51,7 +51,7 @@ struct FactoryJmcRig : EthercatRig<products::JmcEc> {
   }
 };
 
-// Commissioned by hand for the bare motor, so that motion is quick and exact. Without a memory a power cycle takes it
+// Commissioned by hand, so that motion is quick and exact. Without a memory a power cycle takes it
 // back to the factory's.
 struct JmcRig : FactoryJmcRig {
   explicit JmcRig(std::string_view rating = products::jmc_ec::default_rating) : FactoryJmcRig(rating) { commission(); }
@@ -63,7 +63,6 @@ struct JmcRig : FactoryJmcRig {
  private:
   void commission() {
     set_panel(1, 2, 0);     // gains by hand
-    set_panel(1, 4, 0);     // no load
     set_panel(2, 0, 1000);  // position 100/s
     set_panel(2, 10, 700);  // velocity 70 Hz,
     set_panel(2, 11, 150);  // integral 15 ms,
