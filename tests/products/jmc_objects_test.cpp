@@ -23,8 +23,9 @@ TEST(JmcObjects, AreThoseOfTable219) {
   std::erase_if(rows, [](const test::CsvRow& row) { return row.at("index") == "0x60D0"; });
   EXPECT_EQ(rig.device.dictionary().find(0x60D0, 1), nullptr);
   // Slots 0Ch of the six last maps are not printed, the second 1602h:0Ch is (D-04, reading of section 2.2).
-  EXPECT_EQ(test::compare_objects(rig.device.bus_dictionary(), 0, rows, test::read_differences("jmc_od_differences.csv")),
-            218U);
+  EXPECT_EQ(
+      test::compare_objects(rig.device.bus_dictionary(), 0, rows, test::read_differences("jmc_od_differences.csv")),
+      218U);
 }
 
 // Nothing but the table, the sub-indices of ETG.1020 and the twelfth slots.

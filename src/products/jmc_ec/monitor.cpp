@@ -157,7 +157,7 @@ std::int32_t Monitor::item(std::uint8_t number, const drive::Drive& drive, std::
     case 5: return drive::wrap_to_32_bits(deviation);
     case 6: return shown(std::abs(units.velocity_to_user(axis.generator.velocity())) / 1000.0);
     case 7: return shown(static_cast<double>(loops.velocity_reference_counts_per_s) * rpm);
-    case 8: return shown(axis.velocity() * rpm);
+    case 8: return shown(axis.shown_velocity() * rpm);
     case 9: return shown(100.0 * static_cast<double>(loops.torque_reference));
     case 10: return shown(100.0 * static_cast<double>(loops.mean_torque));
     case 11: return shown(100.0 * total_.torque / held);
