@@ -10,6 +10,7 @@
 #include "products/generic402/generic402_ec.hpp"
 #include "products/ismc/ismc.hpp"
 #include "products/ismk/ismk.hpp"
+#include "products/ismk/ismk_ea.hpp"
 #include "products/pronet/pronet.hpp"
 
 namespace servodrome::line {
@@ -79,6 +80,11 @@ describe::Description describe_ismk() {  // iSMK manual L3211
                                         "Kinco iSMK integrated servo, variant AA, as servodrome simulates it");
 }
 
+describe::Description describe_ismk_ea() {
+  return description_of<products::IsmkEa>("Kinco", "iSMK", "ismk-ea", {}, "ismk-ea",
+                                          "Kinco iSMK integrated servo, variant EA, as servodrome simulates it");
+}
+
 constexpr std::array generic402_protocols{products::SerialProtocol::modbus_rtu};
 constexpr SerialInterface generic402_serial{
     .protocols = generic402_protocols,
@@ -96,6 +102,12 @@ constexpr SerialInterface ismk_serial{
     .profile = &products::Ismk::modbus_profile,
     .registers = products::Ismk::registers,
 };
+
+constexpr SerialInterface ismk_ea_serial = [] {
+  SerialInterface serial = ismk_serial;
+  serial.has_own_station = true;  // there is no node-ID to be it
+  return serial;
+}();
 
 const std::array products{
     // Wiring: ISMC manual L2680.
@@ -140,6 +152,16 @@ const std::array products{
             .input_wires = 8,
             .wiring = {0, 1, 2},
             .describe = describe_generic402_ec,
+            .fieldbus = Fieldbus::ethercat},
+    Product{.name = "ismk-ea",
+            .title = "Kinco iSMK integrated servo, EtherCAT and RS485",
+            .make = make<products::IsmkEa>,
+            .input_wires = 4,
+            .wiring = {0, 1, 2},
+            .describe = describe_ismk_ea,
+            .serial = &ismk_ea_serial,
+            .models = products::ismk::ratings,
+            .default_model = products::ismk::default_rating,
             .fieldbus = Fieldbus::ethercat},
 };
 

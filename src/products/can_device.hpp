@@ -65,6 +65,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   std::uint32_t bit_rate() const override { return bit_rate_; }
 
  protected:
+  using Base::drive_objects;
   using Base::forget;
   using Base::listen;
   using Base::load_objects;
@@ -113,7 +114,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
     if (reported_by_node_ == 0) {
       node_.raise(fault.code, fault.error_register);
     } else {
-      objects().drive.error_code = reported_by_node_;  // 603Fh tells what the EMCY tells
+      drive_objects().error_code = reported_by_node_;  // 603Fh tells what the EMCY tells
     }
   }
   void warning_raised(const drive::FaultRow& warning) override { node_.raise(warning.code, warning.error_register); }

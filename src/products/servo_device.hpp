@@ -16,7 +16,8 @@ namespace servodrome::products {
 //   void loaded(Area)              optional: values that follow from the saved ones
 //   drive::Configuration configuration() const      from the present objects and the motor
 //   bus_table                      optional: what the fieldbus sees of the table (dictionary::make_bus_table)
-// `ProductObjects` is a plain struct with members `communication` and `drive`.
+// `ProductObjects` is a plain struct with members `communication` and `drive`; a product with variants for several
+// fieldbuses has `drive` in a member `servo` that they share.
 template <typename Product, typename ProductObjects>
 class ServoDevice : public Device, protected drive::DriveEvents, protected dictionary::Listener {
  public:
@@ -34,10 +35,24 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
       : settings_(settings),
         dictionary_(Product::table, std::as_writable_bytes(std::span(&objects_, 1)), Product::length_aborts),
         bus_dictionary_(table_of_bus(), std::as_writable_bytes(std::span(&objects_, 1)), Product::length_aborts),
-        drive_(Product::policy, objects_.drive, offsetof(ProductObjects, drive)) {
+        drive_(Product::policy, drive_objects(), drive_offset()) {
     drive_.set_events(this);
     listen(dictionary::Owner::drive, &drive_);
     listen(dictionary::Owner::product, this);
+  }
+  drive::Objects& drive_objects() {
+    if constexpr (requires { objects_.servo; }) {
+      return objects_.servo.drive;
+    } else {
+      return objects_.drive;
+    }
+  }
+  static constexpr std::size_t drive_offset() {
+    if constexpr (requires(ProductObjects all) { all.servo; }) {
+      return offsetof(ProductObjects, servo) + offsetof(decltype(ProductObjects::servo), drive);
+    } else {
+      return offsetof(ProductObjects, drive);
+    }
   }
   static constexpr std::span<const dictionary::Entry> table_of_bus() {
     if constexpr (requires { Product::bus_table; }) {

@@ -37,12 +37,12 @@ std::uint8_t blind_window_for(double turns_from_edge) {
   return place < automatic_blind_turns || place > 1.0 - automatic_blind_turns ? blind_half_turn : 0;
 }
 
-std::uint8_t sync_period_ms(const Objects& objects) {
+std::uint8_t sync_period_ms(const ServoObjects& objects) {
   return static_cast<std::uint8_t>(1U << objects.motion.sync_period);  // L3212
 }
-Time sync_period(const Objects& objects) { return std::chrono::milliseconds(sync_period_ms(objects)); }
+Time sync_period(const ServoObjects& objects) { return std::chrono::milliseconds(sync_period_ms(objects)); }
 
-bool interpolates_by_sync(const drive::Drive& drive, const Objects& objects) {
+bool interpolates_by_sync(const drive::Drive& drive, const ServoObjects& objects) {
   return drive.mode() == Mode::interpolated_position && drive.state() == drive::PowerState::operation_enabled &&
          (objects.drive.controlword & drive::controlword::mode_bit_4) != 0 && objects.motion.sync_clock_mode != 0;
 }
@@ -61,7 +61,7 @@ double speed_error(const drive::Drive& drive, const drive::Objects& objects) {
 
 }  // namespace
 
-void MotionControl::configure(const Objects& objects, drive::Configuration& configuration) {
+void MotionControl::configure(const ServoObjects& objects, drive::Configuration& configuration) {
   const Motion& own = objects.motion;
   const drive::MotorData& motor = configuration.motor;
   configuration.speed_windows = {.used = true,
@@ -87,7 +87,7 @@ void MotionControl::configure(const Objects& objects, drive::Configuration& conf
   configuration.homing_torque_limit = current_a * motor.torque_constant_nm_per_a / motor.rated_torque_nm;
 }
 
-void MotionControl::loaded(Objects& objects) {
+void MotionControl::loaded(ServoObjects& objects) {
   const bool curved = objects.motion.profile_order == s_curve;
   objects.drive.motion_profile_type = curved ? s_curve_shape : std::int16_t{0};
   objects.drive.interpolation_time_period_value = sync_period_ms(objects);
@@ -101,7 +101,7 @@ AbortCode MotionControl::check(const Entry& entry, std::int64_t number, const dr
   }
 }
 
-bool MotionControl::written(const Entry& entry, Objects& objects, const drive::Drive& drive) {
+bool MotionControl::written(const Entry& entry, ServoObjects& objects, const drive::Drive& drive) {
   const double thousandth_per_dec = drive.axis().units.current * 1000.0;
   drive::Objects& common = objects.drive;
   Motion& own = objects.motion;
@@ -126,7 +126,7 @@ bool MotionControl::written(const Entry& entry, Objects& objects, const drive::D
   }
 }
 
-void MotionControl::refresh(const Entry& entry, Objects& objects, const drive::Drive& drive) {
+void MotionControl::refresh(const Entry& entry, ServoObjects& objects, const drive::Drive& drive) {
   const drive::Axis& axis = drive.axis();
   const double sign = axis.units.velocity_inverted ? -1.0 : 1.0;
   drive::Objects& common = objects.drive;
@@ -167,19 +167,19 @@ std::uint16_t SyncMonitor::wait(Time now, Time period) {
   return 1;
 }
 
-void MotionControl::sync(const drive::Drive& drive, Objects& objects, Time now) {
+void MotionControl::sync(const drive::Drive& drive, ServoObjects& objects, Time now) {
   if (!interpolates_by_sync(drive, objects)) return sync_monitor_.stop();
   objects.motion.sync_lost_count =
       static_cast<std::uint16_t>(objects.motion.sync_lost_count + sync_monitor_.sync(now, sync_period(objects)));
 }
 
-void MotionControl::watch_sync(const drive::Drive& drive, Objects& objects, Time now) {
+void MotionControl::watch_sync(const drive::Drive& drive, ServoObjects& objects, Time now) {
   if (!interpolates_by_sync(drive, objects)) return sync_monitor_.stop();
   objects.motion.sync_lost_count =
       static_cast<std::uint16_t>(objects.motion.sync_lost_count + sync_monitor_.wait(now, sync_period(objects)));
 }
 
-bool MotionControl::cycle(drive::Drive& drive, Objects& objects) {
+bool MotionControl::cycle(drive::Drive& drive, ServoObjects& objects) {
   const bool enabled = drive.state() == drive::PowerState::operation_enabled;
   if (homing_.running()) {
     homing_.step(drive, objects.drive);

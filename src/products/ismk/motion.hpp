@@ -35,21 +35,21 @@ class MotionControl {
 
   // Once per position-loop cycle, before the process image is read: homing that the device starts itself, and what it
   // learns by homing. Answers whether the drive needs a new configuration.
-  bool cycle(drive::Drive& drive, Objects& objects);
+  bool cycle(drive::Drive& drive, ServoObjects& objects);
 
-  void sync(const drive::Drive& drive, Objects& objects, Time now);
-  void watch_sync(const drive::Drive& drive, Objects& objects, Time now);
+  void sync(const drive::Drive& drive, ServoObjects& objects, Time now);
+  void watch_sync(const drive::Drive& drive, ServoObjects& objects, Time now);
 
   // `configuration.motor` must be there.
-  static void configure(const Objects& objects, drive::Configuration& configuration);
+  static void configure(const ServoObjects& objects, drive::Configuration& configuration);
   // Values that follow from saved ones.
-  static void loaded(Objects& objects);
+  static void loaded(ServoObjects& objects);
 
   // For objects of Owner::product; what is not of this group is left alone. `written` answers whether the drive needs
   // no new configuration.
   static dictionary::AbortCode check(const dictionary::Entry& entry, std::int64_t number, const drive::Drive& drive);
-  static bool written(const dictionary::Entry& entry, Objects& objects, const drive::Drive& drive);
-  static void refresh(const dictionary::Entry& entry, Objects& objects, const drive::Drive& drive);
+  static bool written(const dictionary::Entry& entry, ServoObjects& objects, const drive::Drive& drive);
+  static void refresh(const dictionary::Entry& entry, ServoObjects& objects, const drive::Drive& drive);
 
  private:
   SyncMonitor sync_monitor_{};

@@ -20,49 +20,21 @@ inline constexpr auto cia402_objects = std::to_array<std::uint16_t>(
      0x6065, 0x6067, 0x6068, 0x606C, 0x6071, 0x6073, 0x6078, 0x607A, 0x607C, 0x607D, 0x607E, 0x607F, 0x6080,
      0x6081, 0x6083, 0x6084, 0x6085, 0x6098, 0x6099, 0x609A, 0x60F4, 0x60FC, 0x60FD, 0x60FF, 0x6502});
 
-inline constexpr auto object_table = dictionary::make_table<[] {
+// The objects that all variants have: what 2000h to FFFFh hold, the station number 100Bh and the COB-ID 100Eh. `at` is
+// where the ServoObjects lie.
+template <std::size_t Capacity>
+constexpr void append_servo_objects(dictionary::TableBuilder<Capacity>& builder, std::size_t at) {
   using namespace dictionary;  // NOLINT(google-build-using-namespace)
-  using Communication = decltype(Objects::communication);
-  constexpr std::size_t at_communication = offsetof(Objects, communication);
-  constexpr std::size_t at_drive = offsetof(Objects, drive);
-  TableBuilder<400> builder;
-  constexpr auto general =
-      std::to_array<std::uint16_t>({0x1000, 0x1001, 0x1005, 0x100C, 0x100D, 0x1014, 0x1016, 0x1017, 0x1018});
-  builder.pick(canopen::general_section<Communication>, general, at_communication);
-  builder.append(canopen::sdo_server_section<Communication>, at_communication);
-  constexpr canopen::PdoSubIndices rpdo_subs{.inhibit_time = false, .event_timer = false, .sync_start_value = false};
-  constexpr canopen::PdoSubIndices tpdo_subs{.sync_start_value = false};
-  builder.append(canopen::rpdo_section<Communication, rpdo_subs>, at_communication);
-  builder.append(canopen::tpdo_section<Communication, tpdo_subs>, at_communication);
-  builder.add(text_constant(0x1008, "Manufacturer device name", "iSMK"));
+  const std::size_t at_drive = at + offsetof(ServoObjects, drive);
   builder.pick(drive::cia402_section, cia402_objects, at_drive);
-  builder.append(section::io, offsetof(Objects, io));
-  builder.append(section::tables, offsetof(Objects, tables));
-  builder.append(section::gains, offsetof(Objects, gains));
-  builder.append(section::tuning, offsetof(Objects, tuning));
-  builder.append(section::motion, offsetof(Objects, motion));
-  builder.append(section::alarms, offsetof(Objects, alarms));
-  builder.append(section::buses, offsetof(Objects, buses));
-  builder.append(section::device, offsetof(Objects, device));
-
-  builder.set_default(0x1000, 0, servo_drive);
-  builder.set_default(0x1018, 1, vendor_id)
-      .set_default(0x1018, 2, product_code)
-      .set_default(0x1018, 3, revision_number);
-  builder.set_default(0x100C, 0, 1000).set_default(0x100D, 0, 3);  // L3206-3207
-  // No communication object is printed as savable, but the station number: the master configures the node at every
-  // start (L3099-3101, L3217-3219).
-  for (std::size_t i = 0; i < builder.count; ++i) {
-    Entry& entry = builder.entries[i];
-    if (area_of(entry.index) == Area::communication && entry.index != 0x100B) entry.saved = false;
-  }
-  for (std::uint16_t pdo = 0; pdo < 4; ++pdo) {
-    builder.set_default(static_cast<std::uint16_t>(0x1400 + pdo), 2, 254);  // L3007
-    builder.set_default(static_cast<std::uint16_t>(0x1800 + pdo), 2, 254);
-    builder.at(static_cast<std::uint16_t>(0x1800 + pdo), 3).unit = "ms";  // L3034, L3042
-  }
-  builder.set_default(0x1600, 1, 0x60400010).set_default(0x1600, 0, 1);
-  builder.set_default(0x1A00, 1, 0x60410010).set_default(0x1A00, 0, 1);
+  builder.append(section::io, at + offsetof(ServoObjects, io));
+  builder.append(section::tables, at + offsetof(ServoObjects, tables));
+  builder.append(section::gains, at + offsetof(ServoObjects, gains));
+  builder.append(section::tuning, at + offsetof(ServoObjects, tuning));
+  builder.append(section::motion, at + offsetof(ServoObjects, motion));
+  builder.append(section::alarms, at + offsetof(ServoObjects, alarms));
+  builder.append(section::buses, at + offsetof(ServoObjects, buses));
+  builder.append(section::device, at + offsetof(ServoObjects, device));
 
   // 2508h sub 9 and 6068h are one value (L2066, L2195).
   builder.add(element(0x2508, 9, ObjectCode::record, "Reach position time window",
@@ -126,6 +98,42 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   }
   builder.at(0x6071, 0).unit = "%";
   builder.at(0x6073, 0).unit = builder.at(0x6078, 0).unit = "Ap (DEC raw)";
+}
+
+inline constexpr auto object_table = dictionary::make_table<[] {
+  using namespace dictionary;  // NOLINT(google-build-using-namespace)
+  using Communication = decltype(Objects::communication);
+  constexpr std::size_t at_communication = offsetof(Objects, communication);
+  TableBuilder<400> builder;
+  constexpr auto general =
+      std::to_array<std::uint16_t>({0x1000, 0x1001, 0x1005, 0x100C, 0x100D, 0x1014, 0x1016, 0x1017, 0x1018});
+  builder.pick(canopen::general_section<Communication>, general, at_communication);
+  builder.append(canopen::sdo_server_section<Communication>, at_communication);
+  constexpr canopen::PdoSubIndices rpdo_subs{.inhibit_time = false, .event_timer = false, .sync_start_value = false};
+  constexpr canopen::PdoSubIndices tpdo_subs{.sync_start_value = false};
+  builder.append(canopen::rpdo_section<Communication, rpdo_subs>, at_communication);
+  builder.append(canopen::tpdo_section<Communication, tpdo_subs>, at_communication);
+  builder.add(text_constant(0x1008, "Manufacturer device name", "iSMK"));
+  append_servo_objects(builder, offsetof(Objects, servo));
+
+  builder.set_default(0x1000, 0, servo_drive);
+  builder.set_default(0x1018, 1, vendor_id)
+      .set_default(0x1018, 2, product_code)
+      .set_default(0x1018, 3, revision_number);
+  builder.set_default(0x100C, 0, 1000).set_default(0x100D, 0, 3);  // L3206-3207
+  // No communication object is printed as savable, but the station number: the master configures the node at every
+  // start (L3099-3101, L3217-3219).
+  for (std::size_t i = 0; i < builder.count; ++i) {
+    Entry& entry = builder.entries[i];
+    if (area_of(entry.index) == Area::communication && entry.index != 0x100B) entry.saved = false;
+  }
+  for (std::uint16_t pdo = 0; pdo < 4; ++pdo) {
+    builder.set_default(static_cast<std::uint16_t>(0x1400 + pdo), 2, 254);  // L3007
+    builder.set_default(static_cast<std::uint16_t>(0x1800 + pdo), 2, 254);
+    builder.at(static_cast<std::uint16_t>(0x1800 + pdo), 3).unit = "ms";  // L3034, L3042
+  }
+  builder.set_default(0x1600, 1, 0x60400010).set_default(0x1600, 0, 1);
+  builder.set_default(0x1A00, 1, 0x60410010).set_default(0x1A00, 0, 1);
   return builder;
 }>();
 static_assert(dictionary::is_valid_table(object_table));

@@ -140,8 +140,8 @@ struct Device {
   std::uint16_t over_voltage_v = 70;                // 6510h sub 9
 };
 
-struct Objects {
-  canopen::CommunicationObjects<4, 4, 8, 1, 1> communication{};
+// What the variants have in common.
+struct ServoObjects {
   drive::Objects drive{};
   Io io{};
   Tables tables{};
@@ -151,6 +151,12 @@ struct Objects {
   Alarms alarms{};
   Buses buses{};
   Device device{};
+};
+
+// Variant AA.
+struct Objects {
+  canopen::CommunicationObjects<4, 4, 8, 1, 1> communication{};
+  ServoObjects servo{};
 };
 
 }  // namespace servodrome::products::ismk

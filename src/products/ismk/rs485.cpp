@@ -1,9 +1,9 @@
 // The RS485 port of the iSMK: Modbus RTU or the 10-byte protocol (L839-851, L2270-2288).
 #include <algorithm>
 
-#include "products/ismk/ismk.hpp"
+#include "products/ismk/servo.hpp"
 
-namespace servodrome::products {
+namespace servodrome::products::ismk {
 
 namespace {
 
@@ -17,42 +17,42 @@ SerialProtocol protocol_of(std::uint8_t selection) {
 
 }  // namespace
 
-bool Ismk::supports(const modbus::CharacterFormat& format) {
+bool supports(const modbus::CharacterFormat& format) {
   return format.data_bits == 8 && format.stop_bits == 1 && format.parity == modbus::Parity::none &&  // L851
-         std::any_of(ismk::rs485_bit_rates.begin(), ismk::rs485_bit_rates.end(),
-                     [&](std::uint16_t code) { return ismk::rs485_bit_rate_of(code) == format.bit_rate; });
+         std::any_of(rs485_bit_rates.begin(), rs485_bit_rates.end(),
+                     [&](std::uint16_t code) { return rs485_bit_rate_of(code) == format.bit_rate; });
 }
 
-void Ismk::prepare_rs485(dictionary::Area areas) {
-  ismk::Buses& own = objects().buses;
+void Servo::prepare_rs485(dictionary::Area areas) {
+  Buses& own = objects_.buses;
   if (contains(areas, dictionary::Area::manufacturer)) {
-    for (const std::uint16_t code : ismk::rs485_bit_rates) {
-      if (settings().serial.format && ismk::rs485_bit_rate_of(code) == settings().serial.format->bit_rate) {
+    for (const std::uint16_t code : rs485_bit_rates) {
+      if (settings_.serial.format && rs485_bit_rate_of(code) == settings_.serial.format->bit_rate) {
         own.rs485_bit_rate = code;
       }
     }
   }
-  if (contains(areas, dictionary::Area::profile) && settings().serial.protocol) {
-    own.rs485_protocol = *settings().serial.protocol == SerialProtocol::serial10 ? speaks_serial10 : 0;
+  if (contains(areas, dictionary::Area::profile) && settings_.serial.protocol) {
+    own.rs485_protocol = *settings_.serial.protocol == SerialProtocol::serial10 ? speaks_serial10 : 0;
   }
 }
 
-void Ismk::open_serial_port() {
-  const ismk::Buses& own = objects().buses;
+SerialSetup Servo::serial_setup() const {
+  const Buses& own = objects_.buses;
   SerialSetup setup;
   setup.protocol = protocol_of(own.rs485_protocol);
   setup.station = static_cast<std::uint8_t>(own.station);
-  setup.format = {.bit_rate = ismk::rs485_bit_rate_of(own.rs485_bit_rate), .parity = modbus::Parity::none};
+  setup.format = {.bit_rate = rs485_bit_rate_of(own.rs485_bit_rate), .parity = modbus::Parity::none};
   // The manual gives no pauses: 3.5 characters, as Modbus has it, and none that spoils a frame.
   setup.timing = modbus::character_timing(setup.format);
   setup.timing.inter_character = Time{0};
-  setup.timing = modbus::at_least(settings().serial.silence, setup.timing);
-  serial_port_.open(setup);
+  setup.timing = modbus::at_least(settings_.serial.silence, setup.timing);
+  return setup;
 }
 
-void Ismk::select_protocol() {
-  const std::uint8_t selection = objects().buses.rs485_protocol;
-  if ((selection & after_restart) == 0) serial_port_.select(protocol_of(selection));
+void Servo::select_protocol(SerialPort& port) {
+  const std::uint8_t selection = objects_.buses.rs485_protocol;
+  if ((selection & after_restart) == 0) port.select(protocol_of(selection));
 }
 
-}  // namespace servodrome::products
+}  // namespace servodrome::products::ismk

@@ -1,8 +1,8 @@
 // Storing, initialising and restarting the iSMK (L1942-1943, L2212-2213, L2252, L3367). There is no 1010h.
 #include "dictionary/store.hpp"
-#include "products/ismk/ismk.hpp"
+#include "products/ismk/servo.hpp"
 
-namespace servodrome::products {
+namespace servodrome::products::ismk {
 
 namespace {
 
@@ -17,45 +17,42 @@ constexpr std::int64_t boot_loader_command = 0x55AA;
 
 }  // namespace
 
-AbortCode Ismk::store_parameters(std::int64_t command) {
-  if (command == 0) return AbortCode::none;
-  if (command == store_command) return save(control_parameters);
-  if (command != ismk::initialise_command) return AbortCode::value_invalid;
-  return drive().energised() ? AbortCode::device_state : AbortCode::none;
+AbortCode Servo::save(Area areas) {
+  if (settings_.store == nullptr) return AbortCode::hardware_error;
+  return dictionary::Store(*settings_.store).save(dictionary_, areas);
 }
 
-AbortCode Ismk::store_motor_data(std::int64_t command) {
+AbortCode Servo::store_parameters(std::int64_t command) {
+  if (command == 0) return AbortCode::none;
+  if (command == store_command) return save(control_parameters);
+  if (command != initialise_command) return AbortCode::value_invalid;
+  return drive_.energised() ? AbortCode::device_state : AbortCode::none;
+}
+
+AbortCode Servo::store_motor_data(std::int64_t command) {
   return command == store_command ? save(Area::motor) : AbortCode::none;
 }
 
 // The factory values come back at once, and for good when they are stored (L3367, L3373). What is not stored, targets
 // and commands, stays.
-void Ismk::initialise_parameters() {
-  for (const dictionary::Entry& entry : table) {
+void Servo::initialise_parameters(std::uint8_t node_id) {
+  for (const dictionary::Entry& entry : dictionary_.table()) {
     if (!entry.saved || !entry.fixed_size() || dictionary::area_of(entry.index) == Area::motor) continue;
-    std::byte* place = dictionary().storage(entry);
+    std::byte* place = dictionary_.storage(entry);
     if (place == nullptr) continue;
-    const auto bytes = dictionary::encode_number(dictionary::Dictionary::default_number(entry, node_id()));
+    const auto bytes = dictionary::encode_number(dictionary::Dictionary::default_number(entry, node_id));
     std::memcpy(place, bytes.data(), dictionary::size_of(entry.type));
   }
-  loaded(control_parameters);
-  tuning_.objects_loaded(objects(), drive().configuration().motor);
+  loaded();
+  after_reset();
   reconfigure();
 }
 
-AbortCode Ismk::request_restart(std::int64_t command) {
+AbortCode Servo::request_restart(std::int64_t command) {
   if (command == boot_loader_command) return AbortCode::device_state;  // there is no boot loader to start
   if (command != restart_command) return AbortCode::value_invalid;
   restart_requested_ = true;  // after the answer
   return AbortCode::none;
 }
 
-// As if the supply had been off for a moment: the shaft stands where it is, and the encoder knows the turn only.
-void Ismk::restart(Time now) {
-  drive::Feedback feedback;
-  feedback.position_counts = drive().axis().encoder_position;
-  feedback.inputs = drive().wires();
-  power_on(feedback, now);
-}
-
-}  // namespace servodrome::products
+}  // namespace servodrome::products::ismk

@@ -20,7 +20,7 @@ constexpr std::uint16_t stored_falling = 0x04;
 
 }  // namespace
 
-void Terminals::configure(const Objects& objects, drive::Configuration& configuration) {
+void Terminals::configure(const ServoObjects& objects, drive::Configuration& configuration) {
   const Io& io = objects.io;
   inputs_.assign(input_functions, io.input_function, io.input_polarity, io.input_simulation, input_count);
   configuration.inputs = inputs_.map();
@@ -31,7 +31,7 @@ void Terminals::configure(const Objects& objects, drive::Configuration& configur
   configuration.brake_forced = (io.output_simulation >> brake_output & 1) != 0;
 }
 
-void Terminals::cycle(drive::Drive& drive, Objects& objects) {
+void Terminals::cycle(drive::Drive& drive, ServoObjects& objects) {
   if (objects.drive.touch_probe_function != probes_on) drive.set_touch_probe_function(probes_on);
   objects.io.input_real = inputs_.update(drive.wires());
   objects.io.positive_limit_position =
@@ -55,7 +55,7 @@ void Terminals::cycle(drive::Drive& drive, Objects& objects) {
   write_outputs(drive, objects);
 }
 
-void Terminals::write_outputs(drive::Drive& drive, Objects& objects) {
+void Terminals::write_outputs(drive::Drive& drive, ServoObjects& objects) {
   Io& io = objects.io;
   const Motion& motion = objects.motion;
   conditions_ = outputs_.update(

@@ -95,10 +95,10 @@ class Terminals {
   void reset() { *this = {}; }
 
   // Takes the function words, polarity and simulation over, and fills in what the drive has to know of them.
-  void configure(const Objects& objects, drive::Configuration& configuration);
+  void configure(const ServoObjects& objects, drive::Configuration& configuration);
 
   // Once per position-loop cycle, after the drive's own.
-  void cycle(drive::Drive& drive, Objects& objects);
+  void cycle(drive::Drive& drive, ServoObjects& objects);
 
   const drive::InputFunctions& inputs() const { return inputs_; }
   std::uint32_t conditions() const { return conditions_; }  // bit(drive::OutputCondition)
@@ -109,7 +109,7 @@ class Terminals {
   static void rearm(drive::Drive& drive, std::size_t unit, bool rising_edge);
 
  private:
-  void write_outputs(drive::Drive& drive, Objects& objects);
+  void write_outputs(drive::Drive& drive, ServoObjects& objects);
 
   drive::InputFunctions inputs_{};
   drive::InputCommands commands_{};

@@ -46,12 +46,12 @@ void LoopTuning::reset(double rotor_inertia_kgm2) {
   analysis_.stop();
 }
 
-void LoopTuning::objects_loaded(Objects& objects, const drive::MotorData& motor) {
+void LoopTuning::objects_loaded(ServoObjects& objects, const drive::MotorData& motor) {
   bandwidth_hz_ = bandwidth_of_kvp(objects.gains.velocity_kp[0], inertia_kgm2_, motor);
   if (!analysing_) objects.tuning.notch_control &= static_cast<std::uint8_t>(~notch_control::run);
 }
 
-void LoopTuning::configure(const Objects& objects, drive::Configuration& configuration) const {
+void LoopTuning::configure(const ServoObjects& objects, drive::Configuration& configuration) const {
   configuration.motor.inertia_kgm2 = static_cast<float>(inertia_kgm2_);
   configuration.gains = loop_gains(objects.gains, objects.tuning, configuration.motor);
   configuration.rates = (objects.gains.feedback_mode & fast_sampling) != 0 ? fast_rates : slow_rates;
@@ -79,11 +79,11 @@ AbortCode LoopTuning::check(const dictionary::Entry& entry, std::int64_t value, 
   }
 }
 
-void LoopTuning::set_kvp(Objects& objects, const drive::MotorData& motor) const {
+void LoopTuning::set_kvp(ServoObjects& objects, const drive::MotorData& motor) const {
   objects.gains.velocity_kp[0] = to_kvp(kvp_of_bandwidth(bandwidth_hz_, inertia_kgm2_, motor));
 }
 
-void LoopTuning::written(const dictionary::Entry& entry, Objects& objects, drive::Drive& drive) {
+void LoopTuning::written(const dictionary::Entry& entry, ServoObjects& objects, drive::Drive& drive) {
   Gains& gains = objects.gains;
   const drive::MotorData& motor = drive.configuration().motor;
   switch (entry.index << 8 | entry.sub) {
@@ -123,7 +123,7 @@ void LoopTuning::written(const dictionary::Entry& entry, Objects& objects, drive
   }
 }
 
-void LoopTuning::refresh(const dictionary::Entry& entry, Objects& objects, const drive::MotorData& motor) const {
+void LoopTuning::refresh(const dictionary::Entry& entry, ServoObjects& objects, const drive::MotorData& motor) const {
   Gains& gains = objects.gains;
   const auto within = [](double value, double low, double high) {
     return static_cast<std::uint16_t>(std::lround(std::clamp(value, low, high)));
@@ -141,7 +141,7 @@ void LoopTuning::refresh(const dictionary::Entry& entry, Objects& objects, const
   }
 }
 
-bool LoopTuning::cycle(drive::Drive& drive, Objects& objects, const Terminals& terminals) {
+bool LoopTuning::cycle(drive::Drive& drive, ServoObjects& objects, const Terminals& terminals) {
   bool changed = select_gains(objects, terminals);
   if (learning_ != 0 || (objects.tuning.control & auto_tuning::enabled) != 0) changed |= tune_online(drive, objects);
   if (recognising_) changed |= take_recognition(drive, objects);
@@ -149,7 +149,7 @@ bool LoopTuning::cycle(drive::Drive& drive, Objects& objects, const Terminals& t
   return changed;
 }
 
-bool LoopTuning::select_gains(Objects& objects, const Terminals& terminals) {
+bool LoopTuning::select_gains(ServoObjects& objects, const Terminals& terminals) {
   using drive::InputAction;
   Gains& gains = objects.gains;
   const drive::InputFunctions& inputs = terminals.inputs();
@@ -165,7 +165,7 @@ bool LoopTuning::select_gains(Objects& objects, const Terminals& terminals) {
   return true;
 }
 
-bool LoopTuning::tune_online(drive::Drive& drive, Objects& objects) {
+bool LoopTuning::tune_online(drive::Drive& drive, ServoObjects& objects) {
   constexpr std::uint8_t of_the_estimator = auto_tuning::enabled | auto_tuning::not_forward | auto_tuning::not_reverse;
   const std::uint8_t control = objects.tuning.control;
   const drive::MotorData& motor = drive.configuration().motor;
@@ -200,7 +200,7 @@ bool LoopTuning::tune_online(drive::Drive& drive, Objects& objects) {
 }
 
 // The bandwidths stay and the gains follow the inertia, as far as `adjust` has the bits for it.
-void LoopTuning::adopt(const drive::InertiaEstimate& estimate, Objects& objects, const drive::MotorData& motor,
+void LoopTuning::adopt(const drive::InertiaEstimate& estimate, ServoObjects& objects, const drive::MotorData& motor,
                        std::uint8_t adjust) {
   const double before = inertia_kgm2_;
   estimate_ = estimate;
@@ -224,7 +224,7 @@ bool LoopTuning::recognise_inertia(drive::Drive& drive, double turns) {
   return recognising_;
 }
 
-bool LoopTuning::take_recognition(drive::Drive& drive, Objects& objects) {
+bool LoopTuning::take_recognition(drive::Drive& drive, ServoObjects& objects) {
   if (drive.identification().running()) return false;
   recognising_ = false;
   if (drive.identification().outcome() != drive::InertiaIdentification::Outcome::done) return false;
@@ -232,7 +232,7 @@ bool LoopTuning::take_recognition(drive::Drive& drive, Objects& objects) {
   return true;
 }
 
-void LoopTuning::set_rigidity(double bandwidth_hz, Objects& objects, const drive::MotorData& motor) {
+void LoopTuning::set_rigidity(double bandwidth_hz, ServoObjects& objects, const drive::MotorData& motor) {
   constexpr double pi = 3.14159265358979;
   Gains& gains = objects.gains;
   bandwidth_hz_ = bandwidth_hz;
@@ -246,7 +246,7 @@ void LoopTuning::set_rigidity(double bandwidth_hz, Objects& objects, const drive
   gains.feedback_filter = static_cast<std::uint8_t>(std::clamp(n, 0.0, 45.0));
 }
 
-bool LoopTuning::set_notches(drive::Drive& drive, Objects& objects) {
+bool LoopTuning::set_notches(drive::Drive& drive, ServoObjects& objects) {
   using State = drive::ResonanceAnalysis::State;
   std::uint8_t& control = objects.tuning.notch_control;
   if (drive.state() != drive::PowerState::operation_enabled) analysis_.stop();

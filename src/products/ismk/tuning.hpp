@@ -40,7 +40,7 @@ class LoopTuning {
   // Power on: nothing is known of the load but the rotor.
   void reset(double rotor_inertia_kgm2);
   // The objects have their values: Velocity_BW is what kvp makes it, and what was running when they were stored is not.
-  void objects_loaded(Objects& objects, const drive::MotorData& motor);
+  void objects_loaded(ServoObjects& objects, const drive::MotorData& motor);
 
   // Rotor and load, as far as known.
   double inertia_kgm2() const { return inertia_kgm2_; }
@@ -51,16 +51,16 @@ class LoopTuning {
 
   // Completes a configuration: inertia, gains, rates of the loops. While resonances are looked for the loops are soft,
   // so that an axis that rings by itself becomes quiet.
-  void configure(const Objects& objects, drive::Configuration& configuration) const;
+  void configure(const ServoObjects& objects, drive::Configuration& configuration) const;
 
   // Whether an object of this class' groups may take a value in the present state.
   static dictionary::AbortCode check(const dictionary::Entry& entry, std::int64_t value, const drive::Drive& drive);
   // Objects that mean the same as others follow each other.
-  void written(const dictionary::Entry& entry, Objects& objects, drive::Drive& drive);
-  void refresh(const dictionary::Entry& entry, Objects& objects, const drive::MotorData& motor) const;
+  void written(const dictionary::Entry& entry, ServoObjects& objects, drive::Drive& drive);
+  void refresh(const dictionary::Entry& entry, ServoObjects& objects, const drive::MotorData& motor) const;
 
   // Once per position-loop cycle, after the drive's own and the terminals'.
-  bool cycle(drive::Drive& drive, Objects& objects, const Terminals& terminals);
+  bool cycle(drive::Drive& drive, ServoObjects& objects, const Terminals& terminals);
 
   // Inertia recognition of the PC software: moves of the drive's own, over up to `turns` revolutions to either side.
   // False unless the axis stands and is enabled. The outcome is the drive's identification().
@@ -69,18 +69,18 @@ class LoopTuning {
   // Rigidity of the PC software, by the velocity loop's bandwidth instead of its table, which is not printed: kvp by
   // the formula, Kpp at a quarter of it (L1759), integral and feedback filter to match (L1674-1682), for the inertia
   // known.
-  void set_rigidity(double bandwidth_hz, Objects& objects, const drive::MotorData& motor);
+  void set_rigidity(double bandwidth_hz, ServoObjects& objects, const drive::MotorData& motor);
 
   const drive::ResonanceAnalysis& analysis() const { return analysis_; }
 
  private:
-  static bool select_gains(Objects& objects, const Terminals& terminals);
-  bool tune_online(drive::Drive& drive, Objects& objects);
-  bool take_recognition(drive::Drive& drive, Objects& objects);
-  bool set_notches(drive::Drive& drive, Objects& objects);
-  void adopt(const drive::InertiaEstimate& estimate, Objects& objects, const drive::MotorData& motor,
+  static bool select_gains(ServoObjects& objects, const Terminals& terminals);
+  bool tune_online(drive::Drive& drive, ServoObjects& objects);
+  bool take_recognition(drive::Drive& drive, ServoObjects& objects);
+  bool set_notches(drive::Drive& drive, ServoObjects& objects);
+  void adopt(const drive::InertiaEstimate& estimate, ServoObjects& objects, const drive::MotorData& motor,
              std::uint8_t adjust);
-  void set_kvp(Objects& objects, const drive::MotorData& motor) const;
+  void set_kvp(ServoObjects& objects, const drive::MotorData& motor) const;
 
   double rotor_inertia_kgm2_ = 1e-5;
   double inertia_kgm2_ = 1e-5;

@@ -1,0 +1,51 @@
+#pragma once
+
+#include "ethercat/sii/image.hpp"
+#include "ethercat/slave/communication_section.hpp"
+#include "products/ismk/object_table.hpp"
+
+// The dictionary of variant EA: that of AA with the objects of the other bus from 1000h to 1FFFh. Its manual names the
+// variant and prints nothing of these (README.md).
+namespace servodrome::products::ismk {
+
+struct EthercatObjects {
+  ethercat::CommunicationObjects<4, 4, 12, 4> communication{};
+  ServoObjects servo{};
+};
+
+inline constexpr std::uint32_t ethercat_product_code = 0x49534541;  // "ISEA"
+
+inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
+  using namespace dictionary;  // NOLINT(google-build-using-namespace)
+  using Communication = decltype(EthercatObjects::communication);
+  TableBuilder<500> builder;
+  builder.append(ethercat::communication_section<Communication>, offsetof(EthercatObjects, communication));
+  builder.add(text_constant(0x1008, "Manufacturer device name", "iSMK-EA"));
+  append_servo_objects(builder, offsetof(EthercatObjects, servo));
+  builder.remove(0x100E);  // of CANopen's node guarding
+
+  builder.set_default(0x1000, 0, servo_drive);
+  builder.set_default(0x1018, 1, vendor_id)
+      .set_default(0x1018, 2, ethercat_product_code)
+      .set_default(0x1018, 3, revision_number);
+  const auto map = [&builder](std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
+    std::uint8_t sub = 0;
+    for (const std::uint32_t object : objects) builder.set_default(index, ++sub, object);
+    builder.set_default(index, 0, sub);
+  };
+  // A pair for all modes, and one for each of position, speed and current.
+  map(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60F60810, 0x60600008, 0x00000008});
+  map(0x1601, {0x60400010, 0x607A0020, 0x60810020});
+  map(0x1602, {0x60400010, 0x60FF0020});
+  map(0x1603, {0x60400010, 0x60F60810});
+  map(0x1A00, {0x60410010, 0x60630020, 0x606C0020, 0x60780010, 0x60610008, 0x00000008});
+  map(0x1A01, {0x60410010, 0x60630020});
+  map(0x1A02, {0x60410010, 0x606C0020});
+  map(0x1A03, {0x60410010, 0x60780010});
+  builder.set_default(0x1C12, 0, 1).set_default(0x1C12, 1, 0x1600);
+  builder.set_default(0x1C13, 0, 1).set_default(0x1C13, 1, 0x1A00);
+  return builder;
+}>();
+static_assert(dictionary::is_valid_table(ethercat_object_table));
+
+}  // namespace servodrome::products::ismk
