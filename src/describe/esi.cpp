@@ -435,6 +435,19 @@ void put_device(Xml& xml, const Description& device) {
   });
 }
 
+// What only the device's service port sees is not on the bus; what is on the nameplate the table leaves open.
+std::vector<Entry> table_of_bus(const Description& device) {
+  std::vector<Entry> table;
+  std::copy_if(device.table.begin(), device.table.end(), std::back_inserter(table),
+               [](const Entry& entry) { return !entry.local; });
+  const ethercat::SiiDescription& sii = device.ethercat->sii;
+  const std::uint32_t nameplate[] = {sii.vendor_id, sii.product_code, sii.revision_number};
+  for (Entry& entry : table) {
+    if (entry.index == 0x1018 && entry.sub >= 1 && entry.sub <= 3) entry.default_value = nameplate[entry.sub - 1];
+  }
+  return table;
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> sii(const Description& device) {
@@ -446,10 +459,7 @@ std::vector<std::uint8_t> sii(const Description& device) {
 
 std::string esi(const Description& whole) {
   if (!whole.ethercat) return {};
-  // What only the device's service port sees is not on the bus.
-  std::vector<Entry> table;
-  std::copy_if(whole.table.begin(), whole.table.end(), std::back_inserter(table),
-               [](const Entry& entry) { return !entry.local; });
+  const std::vector<Entry> table = table_of_bus(whole);
   Description device = whole;
   device.table = table;
   const ethercat::SiiDescription& sii = device.ethercat->sii;

@@ -61,7 +61,8 @@ def sources():
 
 # What a product's manual prints otherwise than CiA 301 has it, and the drive does as printed.
 HIGHEST_SUB_INDEX = {"pronet": {index: 4 for index in range(0x1800, 0x1804)}}  # though there is a 5 (L385, L479)
-PADDED_MAPPINGS = {"pronet": {0x60600010, 0x60610010}}  # 8 bits in 16 (L499-605)
+# 8 bits in 16 (ProNet L499-605), the low 16 bits of 32 (JMC EC, Table 219).
+PADDED_MAPPINGS = {"pronet": {0x60600010, 0x60610010}, "jmc_ec": {0x60FD0010}}
 
 
 # 1600h to 1C13h of a device on EtherCAT follow ETG.1000: sub-index 0 of an assignment is how many there are, PDOs may
@@ -229,7 +230,7 @@ def test_mapped_objects_exist_fit_and_have_the_direction(export):
             assert not isinstance(entry, ODVariable) or target_sub == 0, where
             assert variable.pdo_mappable, where
             if value in PADDED_MAPPINGS.get(export.name, ()):
-                assert len(variable) < bits, where
+                assert len(variable) != bits, where
             else:
                 assert len(variable) == (1 if variable.data_type == datatypes.BOOLEAN else bits), where
             assert variable.access_type in (("wo", "rww", "rw") if is_rpdo else ("ro", "const", "rwr", "rw")), where
