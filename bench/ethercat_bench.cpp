@@ -1,0 +1,134 @@
+// What a cycle of an EtherCAT segment costs in process: frames with an LRW of 16 bytes out and 16 in per slave, the
+// first with a BRD, through the controllers alone, and through whole drives in Operation enabled (CSP, one frame a
+// millisecond, every loop running), of which the control loops' part is known from tick_bench. Virtual time, one
+// thread, processor time, the quickest of several runs.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <string>
+
+#include "controller_line.hpp"
+#include "ethercat/slave/slave.hpp"
+#include "host/ethercat/coe_objects.hpp"
+#include "line/line.hpp"
+#include "line/line_file.hpp"
+#include "links/ethercat/memory_client.hpp"
+
+namespace {
+
+using namespace servodrome;
+using namespace std::chrono_literals;
+
+double processor_ns() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) * 1e9 + static_cast<double>(time.tv_nsec);
+}
+
+template <typename Action>
+double quickest_ns(int runs, const Action& action) {
+  double best = 1e300;
+  for (int i = 0; i < runs; ++i) {
+    const double start = processor_ns();
+    action();
+    best = std::min(best, processor_ns() - start);
+  }
+  return best;
+}
+
+double controllers_ns(std::size_t slaves) {
+  constexpr int cycles = 2000;
+  ethercat::ControllerLine line(slaves);
+  return quickest_ns(15,
+                     [&] {
+                       for (int i = 0; i < cycles; ++i) line.cycle();
+                     }) /
+         cycles / static_cast<double>(slaves);
+}
+
+// The frames of one cycle, as the master sends them.
+struct Cycle final : links::EthercatObserver {
+  void on_frame(std::span<const std::uint8_t> bytes, ethercat::Segment::Encapsulation, Direction direction,
+                links::Time at) override {
+    if (direction != Direction::in) return;
+    if (at != time) frames.clear();
+    time = at;
+    frames.emplace_back(bytes.begin(), bytes.end());
+  }
+  std::vector<std::vector<std::uint8_t>> frames;
+  links::Time time{};
+};
+
+void map_sixteen_bytes(host::CoeClient& coe) {
+  for (const std::uint16_t pdo : {std::uint16_t{0x1600}, std::uint16_t{0x1A00}}) {
+    coe.write<std::uint8_t>(pdo, 0, 0);
+    coe.write<std::uint32_t>(pdo, 7, 0x00000010);
+    coe.write<std::uint8_t>(pdo, 0, 7);
+  }
+}
+
+// Negative: it did not work.
+double drives_ns(std::size_t slaves) {
+  constexpr int cycles = 200;
+  std::string text = "clock = \"virtual\"\n[[bus]]\nname = \"ecat\"\ntype = \"ethercat\"\n";
+  for (std::size_t i = 1; i <= slaves; ++i) {
+    text += "[[axis]]\nname = \"a" + std::to_string(i) + "\"\nproduct = \"generic402-ec\"\n";
+  }
+  line::Line line(line::parse_line_file(text, "bench", line::all_products()).settings);
+  links::EthercatBus& bus = line.ethercat_buses().front()->bus;
+  host::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(bus, line));
+  const auto found = host::scan_slaves(master);
+  std::vector<std::unique_ptr<host::EthercatSlave>> owned;
+  std::vector<host::EthercatSlave*> all;
+  for (const host::FoundSlave& slave : found) {
+    owned.push_back(std::make_unique<host::EthercatSlave>(master, slave));
+    all.push_back(owned.back().get());
+    all.back()->to_pre_operational();
+    map_sixteen_bytes(all.back()->coe());
+  }
+  Cycle cycle;
+  bus.add_observer(cycle);
+  host::EthercatOperation operation(master, found, all, {.cyclic = {.period = 1ms}, .distributed_clocks = true});
+  host::CyclicExchange& exchange = operation.exchange();
+  for (const std::uint16_t word : {std::uint16_t{0x06}, std::uint16_t{0x07}, std::uint16_t{0x0F}}) {
+    for (std::size_t i = 0; i < slaves; ++i) {
+      exchange.output(i, {0x6060, 0})->set<std::int8_t>(8);
+      exchange.output(i, {0x6040, 0})->set(word);
+    }
+    master.wait(word == 0x07 ? 300ms : 10ms);
+  }
+  bus.remove_observer(cycle);
+  links::Time at = line.now();
+  const double cost = quickest_ns(7,
+                                  [&] {
+                                    for (int i = 0; i < cycles; ++i) {
+                                      line.run_until(at += 1ms);
+                                      for (auto& frame : cycle.frames) bus.exchange(frame, at);
+                                    }
+                                  }) /
+                      cycles / static_cast<double>(slaves);
+  for (const auto& axis : line.axes()) {
+    if (axis->device().ethercat_slave()->state() != ethercat::AlState::operational) return -1;
+    if (axis->device().drive().state() != drive::PowerState::operation_enabled) return -1;
+  }
+  return cost;
+}
+
+}  // namespace
+
+int main() {
+  std::printf("%-8s%26s%34s%22s\n", "slaves", "controllers, ns per slave", "drives enabled, us per slave and ms",
+              "of real time");
+  for (const std::size_t slaves : {1U, 8U, 32U, 64U}) {
+    const double controllers = controllers_ns(slaves);
+    const double drives = drives_ns(slaves);
+    if (drives < 0) {
+      std::fprintf(stderr, "a drive of %zu is not enabled any more\n", slaves);
+      return 1;
+    }
+    std::printf("%-8zu%26.1f%34.3f%20.1f %%\n", slaves, controllers, drives / 1e3,
+                drives * static_cast<double>(slaves) / 1e4);
+  }
+  return 0;
+}
