@@ -9,6 +9,7 @@
 #include <string>
 
 #include "controller_line.hpp"
+#include "drive/drive.hpp"
 #include "ethercat/slave/slave.hpp"
 #include "host/ethercat/coe_objects.hpp"
 #include "line/line.hpp"

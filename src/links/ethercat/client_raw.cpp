@@ -16,7 +16,7 @@ constexpr std::size_t header_size = addresses_size + 2;
 // A frame as short as Ethernet allows, without FCS; interfaces without hardware do not fill up by themselves.
 constexpr std::size_t shortest_frame = 60;
 constexpr std::uint8_t locally_administered = 0x02;  // what slave controllers set in the source address
-constexpr auto send_timeout = std::chrono::seconds(1);
+constexpr auto raw_send_timeout = std::chrono::seconds(1);
 
 const RawName& of_one_interface(const RawName& name) {
   if (!name.secondary) return name;
@@ -50,7 +50,7 @@ void RawEthercatClient::send(std::span<const std::uint8_t> content) {
   std::size_t size = header_size + content.size();
   for (; size < shortest_frame; ++size) outgoing_[size] = 0;
   const iovec frame{outgoing_.data(), size};
-  const Deadline deadline = std::chrono::steady_clock::now() + send_timeout;
+  const Deadline deadline = std::chrono::steady_clock::now() + raw_send_timeout;
   while (socket_.send(std::span(&frame, 1)) == 0) {
     if (errno == EINTR) continue;
     const bool full = errno == EAGAIN || errno == ENOBUFS;

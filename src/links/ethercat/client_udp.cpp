@@ -10,7 +10,7 @@
 namespace servodrome::links {
 namespace {
 
-constexpr auto send_timeout = std::chrono::seconds(1);
+constexpr auto udp_send_timeout = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -19,7 +19,7 @@ UdpEthercatClient::UdpEthercatClient(const EthercatUdpName& name)
 
 void UdpEthercatClient::send(std::span<const std::uint8_t> content) {
   check_content_size(content.size(), name());
-  const Deadline deadline = std::chrono::steady_clock::now() + send_timeout;
+  const Deadline deadline = std::chrono::steady_clock::now() + udp_send_timeout;
   while (::send(socket_.get(), content.data(), content.size(), 0) < 0) {
     if (errno == EINTR) continue;
     if (errno != EAGAIN || !wait_writable(socket_.get(), deadline)) lost(errno);

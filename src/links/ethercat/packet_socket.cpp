@@ -28,7 +28,7 @@ constexpr std::size_t block_size = 64 * 1024;
 constexpr unsigned vlan_tag_size = 4;
 constexpr int smallest_mtu = 1500;
 
-[[noreturn]] void fail(const std::string& link, std::string_view reason, std::string_view advice) {
+[[noreturn]] void fail_raw(const std::string& link, std::string_view reason, std::string_view advice) {
   const std::error_code code(errno, std::generic_category());
   throw LinkError(code, fmt::format("cannot open \"{}\": {} ({}); {}", link, reason, code.message(), advice));
 }
@@ -38,33 +38,34 @@ ifreq ask(int socket, unsigned long request, const std::string& interface, const
   ifreq question{};
   std::strncpy(question.ifr_name, interface.c_str(), IFNAMSIZ - 1);
   if (::ioctl(socket, request, &question) != 0) {
-    fail(link, fmt::format("interface \"{}\" does not answer", interface), "see \"ip link\"");
+    fail_raw(link, fmt::format("interface \"{}\" does not answer", interface), "see \"ip link\"");
   }
   return question;
 }
 
 void check_interface(int socket, const std::string& interface, const std::string& link) {
   if (::if_nametoindex(interface.c_str()) == 0) {
-    fail(link, fmt::format("there is no interface \"{}\"", interface),
-         fmt::format("\"ip link\" lists those there are; a pair of virtual ones: ip link add {0} type veth peer name "
-                     "{0}-master && ip link set {0} up && ip link set {0}-master up",
-                     interface));
+    fail_raw(
+        link, fmt::format("there is no interface \"{}\"", interface),
+        fmt::format("\"ip link\" lists those there are; a pair of virtual ones: ip link add {0} type veth peer name "
+                    "{0}-master && ip link set {0} up && ip link set {0}-master up",
+                    interface));
   }
   if (ask(socket, SIOCGIFHWADDR, interface, link).ifr_hwaddr.sa_family != ARPHRD_ETHER) {
     errno = EINVAL;
-    fail(link, fmt::format("\"{}\" is no Ethernet interface", interface),
-         "name one that is; programs on this computer reach the line with udp:127.0.0.1:34980");
+    fail_raw(link, fmt::format("\"{}\" is no Ethernet interface", interface),
+             "name one that is; programs on this computer reach the line with udp:127.0.0.1:34980");
   }
   if ((ask(socket, SIOCGIFFLAGS, interface, link).ifr_flags & IFF_UP) == 0) {
     errno = ENETDOWN;
-    fail(link, fmt::format("interface \"{}\" is down", interface), fmt::format("ip link set {} up", interface));
+    fail_raw(link, fmt::format("interface \"{}\" is down", interface), fmt::format("ip link set {} up", interface));
   }
   if (const int mtu = ask(socket, SIOCGIFMTU, interface, link).ifr_mtu; mtu < smallest_mtu) {
     errno = EMSGSIZE;
-    fail(link,
-         fmt::format("the MTU of interface \"{}\" is {}, EtherCAT frames have up to {} bytes", interface, mtu,
-                     smallest_mtu),
-         fmt::format("ip link set {} mtu {}", interface, smallest_mtu));
+    fail_raw(link,
+             fmt::format("the MTU of interface \"{}\" is {}, EtherCAT frames have up to {} bytes", interface, mtu,
+                         smallest_mtu),
+             fmt::format("ip link set {} mtu {}", interface, smallest_mtu));
   }
 }
 
@@ -116,9 +117,9 @@ PacketSocket::PacketSocket(const std::string& interface, const std::string& link
     // Without a protocol it receives nothing before it is complete.
     : socket_(::socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
   if (!socket_.is_open()) {
-    fail(link, "raw Ethernet is not permitted",
-         "run as root (sudo), or give the program the right (sudo setcap cap_net_raw+ep PROGRAM), or use "
-         "udp:127.0.0.1:34980, which needs none");
+    fail_raw(link, "raw Ethernet is not permitted",
+             "run as root (sudo), or give the program the right (sudo setcap cap_net_raw+ep PROGRAM), or use "
+             "udp:127.0.0.1:34980, which needs none");
   }
   const int socket = socket_.get();
   check_interface(socket, interface, link);
@@ -134,10 +135,10 @@ PacketSocket::PacketSocket(const std::string& interface, const std::string& link
       !set_packet_option(socket, PACKET_RESERVE, vlan_tag_size) ||
       !set_packet_option(socket, PACKET_IGNORE_OUTGOING, 1) || !set_packet_option(socket, PACKET_QDISC_BYPASS, 1) ||
       ::setsockopt(socket, SOL_PACKET, PACKET_RX_RING, &ring, sizeof ring) != 0) {
-    fail(link, "this kernel has no packet rings", "Linux 4.20 or later is needed");
+    fail_raw(link, "this kernel has no packet rings", "Linux 4.20 or later is needed");
   }
   void* memory = ::mmap(nullptr, slots * slot_size, PROT_READ | PROT_WRITE, MAP_SHARED, socket, 0);
-  if (memory == MAP_FAILED) fail(link, "there is no memory for received frames", "see \"ulimit -v\"");
+  if (memory == MAP_FAILED) fail_raw(link, "there is no memory for received frames", "see \"ulimit -v\"");
   ring_ = static_cast<std::uint8_t*>(memory);
 
   packet_mreq everything{};
@@ -152,7 +153,7 @@ PacketSocket::PacketSocket(const std::string& interface, const std::string& link
     const int reason = errno;
     ::munmap(ring_, slots * slot_size);
     errno = reason;
-    fail(link, fmt::format("interface \"{}\" cannot be used", interface), "see \"ip -details link\"");
+    fail_raw(link, fmt::format("interface \"{}\" cannot be used", interface), "see \"ip -details link\"");
   }
 }
 

@@ -12,7 +12,7 @@ using boost::system::error_code;
 
 constexpr auto retry_time = std::chrono::seconds(1);
 // Frames that a disturbance holds back; later ones are lost.
-constexpr std::size_t most_delayed = 256;
+constexpr std::size_t most_delayed_frames = 256;
 // Rounds of `most_at_once` frames in a row before other links have their turn.
 constexpr int most_rounds = 4;
 
@@ -108,7 +108,7 @@ void RawLink::send(Side& side) {
 }
 
 void RawLink::send_later(Side& side, std::span<const std::uint8_t> frame, Time delay) {
-  if (waiting_ == most_delayed) {
+  if (waiting_ == most_delayed_frames) {
     ++counters_.dropped;
     return;
   }

@@ -11,7 +11,7 @@ namespace {
 using boost::system::error_code;
 
 // Frames that a disturbance holds back; later ones are lost.
-constexpr std::size_t most_delayed = 256;
+constexpr std::size_t most_delayed_packets = 256;
 
 }  // namespace
 
@@ -89,7 +89,7 @@ void EthercatUdpLink::send(std::span<mmsghdr> answers) {
 }
 
 void EthercatUdpLink::send_later(const mmsghdr& answer, Time delay) {
-  if (waiting_ == most_delayed) {
+  if (waiting_ == most_delayed_packets) {
     ++counters_.dropped;
     return;
   }

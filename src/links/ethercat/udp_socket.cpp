@@ -32,7 +32,7 @@ FileDescriptor open_socket(const addrinfo& address) {
   return FileDescriptor(::socket(address.ai_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
 
-[[noreturn]] void fail(const std::string& link, const std::string& advice) {
+[[noreturn]] void fail_udp(const std::string& link, const std::string& advice) {
   const std::error_code code(errno, std::generic_category());
   throw LinkError(code, fmt::format("cannot open \"{}\": {}; {}", link, code.message(), advice));
 }
@@ -44,10 +44,10 @@ FileDescriptor udp_listen(const Endpoint& endpoint, const std::string& link) {
   FileDescriptor socket = open_socket(*addresses);
   if (!socket.is_open() || ::bind(socket.get(), addresses->ai_addr, addresses->ai_addrlen) != 0) {
     if (errno == EADDRINUSE) {
-      fail(link, fmt::format("another program has UDP port {}; stop it or choose another port", endpoint.port));
+      fail_udp(link, fmt::format("another program has UDP port {}; stop it or choose another port", endpoint.port));
     }
-    if (errno == EACCES) fail(link, "choose a port above 1023");
-    fail(link, "the host must be an address of this computer, such as 127.0.0.1");
+    if (errno == EACCES) fail_udp(link, "choose a port above 1023");
+    fail_udp(link, "the host must be an address of this computer, such as 127.0.0.1");
   }
   return socket;
 }
@@ -56,7 +56,7 @@ FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link) {
   const Addresses addresses = resolve(endpoint, 0, link);
   FileDescriptor socket = open_socket(*addresses);
   if (!socket.is_open() || ::connect(socket.get(), addresses->ai_addr, addresses->ai_addrlen) != 0) {
-    fail(link, "see whether there is a way to this address (ip route)");
+    fail_udp(link, "see whether there is a way to this address (ip route)");
   }
   return socket;
 }
