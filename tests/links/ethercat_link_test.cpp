@@ -22,8 +22,9 @@ struct EthercatUdp : testing::TestWithParam<bool> {
   EthercatUdp() {
     link = open_ethercat_link(EthercatUdpName{"127.0.0.1", 0, GetParam()}, rig.bus, rig.io, rig);
     server_name = link->name();
-    thread = std::make_unique<EthercatRigThread>(rig, GetParam() ? link.get() : nullptr);
+    start();
   }
+  void start() { thread = std::make_unique<EthercatRigThread>(rig, GetParam() ? link.get() : nullptr); }
   Master master() const { return Master(open_ethercat_client(server_name)); }
 
   EthercatRig rig{3};
@@ -70,7 +71,9 @@ TEST_P(EthercatUdp, WhatIsNoFrameHurtsNobody) {
 }
 
 TEST_P(EthercatUdp, ADelayedFrameIsOvertaken) {
+  thread.reset();
   rig.bus.disturb({.delay = 1, .delay_time = 20ms, .limit = 1});
+  start();
   Master one = master();
   one.send(1);
   one.send(2);
