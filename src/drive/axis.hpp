@@ -75,12 +75,13 @@ struct Monitors {
   std::uint32_t brake_resistor_ms = 0;  // it may conduct so long without a break; 0: for ever
   bool stage_apart = false;             // the power stage's overload is Cause::stage_i2t, not i2t
   // Warnings ahead of faults, and of what is clipped; 0 and false: none.
-  float overload_near_percent = 0.0F;  // i2t_near, stage_i2t_near
-  float under_voltage_near_v = 0.0F;   // under_voltage_near
-  float following_error_near = 0.0F;   // share of 6065h
-  bool acceleration_clipped = false;   // 6083h or 6084h above 60C5h or 60C6h in the profile modes
-  std::uint32_t jammed_ms = 0;         // jammed: so long at the torque limit without motion
-  std::uint32_t window_of_zero = 0;    // what 6065h stands for while it is 0
+  float overload_near_percent = 0.0F;        // i2t_near, stage_i2t_near
+  float under_voltage_near_v = 0.0F;         // under_voltage_near
+  float following_error_near = 0.0F;         // share of 6065h
+  bool acceleration_clipped = false;         // 6083h or 6084h above 60C5h or 60C6h in the profile modes
+  std::uint32_t index_lost_revolutions = 0;  // index_lost: no index pulse for more than so many
+  std::uint32_t jammed_ms = 0;               // jammed: so long at the torque limit without motion
+  std::uint32_t window_of_zero = 0;          // what 6065h stands for while it is 0
 };
 
 // When a velocity counts as reached and as zero, for devices that have windows of their own for it.

@@ -44,6 +44,7 @@ constexpr auto names = std::to_array<NamedCause>({
     {Cause::hall_wiring, "hall_wiring"},
     {Cause::hall_state, "hall_state"},
     {Cause::index_deviation, "index_deviation"},
+    {Cause::index_lost, "index_lost"},
     {Cause::second_encoder_connection, "second_encoder_connection"},
     {Cause::second_encoder_count, "second_encoder_count"},
     {Cause::second_encoder_direction, "second_encoder_direction"},

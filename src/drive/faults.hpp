@@ -46,6 +46,7 @@ enum class Cause : std::uint8_t {
   hall_wiring,
   hall_state,
   index_deviation,  // successive index pulses are not one revolution apart
+  index_lost,       // none for some revolutions
   second_encoder_connection,
   second_encoder_count,
   second_encoder_direction,  // counts against the motor's encoder

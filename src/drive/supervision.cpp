@@ -205,6 +205,15 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
     present_.set(Cause::jammed);
   }
 
+  if (monitors.index_lost_revolutions != 0) {
+    if (!situation.energised) index_position_ = axis.encoder_position;
+    for (const SignalEdge& edge : axis.edges) {
+      if (edge.signal == Signal::index) index_position_ = edge.position;
+    }
+    const Counts most = Counts{monitors.index_lost_revolutions} * motor.counts_per_revolution;
+    if (std::abs(axis.encoder_position - index_position_) > most) present_.set(Cause::index_lost);
+  }
+
   bool slow = false;
   if (situation.energised && situation.loop == Loop::velocity && monitors.velocity_error > 0.0) {
     slow = std::abs(axis.generator.velocity() - axis.velocity()) > monitors.velocity_error;
@@ -212,7 +221,9 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   if (velocity_.update(slow, axis.cycles(monitors.velocity_error_ms))) present_.set(Cause::velocity_error);
 
   if (axis.policy.out_of_limits == OutOfLimits::fault && situation.energised && axis.software_limits_active()) {
-    const std::int64_t user = axis.to_user_position(axis.position());
+    // A target at the limit may be overshot by some counts: in the position loop the demand decides.
+    const bool demanded = situation.loop == Loop::position;
+    const std::int64_t user = axis.to_user_position(demanded ? axis.generator.nearest_position() : axis.position());
     const double direction = axis.units.position_inverted ? -axis.generator.velocity() : axis.generator.velocity();
     if ((user < objects.min_position_limit && direction < 0.0) ||
         (user > objects.max_position_limit && direction > 0.0)) {

@@ -55,6 +55,7 @@ class Supervision {
   Counts phase_start_ = 0;
   std::uint32_t last_signals_ = 0;
   Counts brake_position_ = 0;
+  Counts index_position_ = 0;  // where the last index pulse was
   bool brake_was_closed_ = false;
 };
 
