@@ -11,6 +11,7 @@
 #include "products/ismc/ismc.hpp"
 #include "products/ismk/ismk.hpp"
 #include "products/ismk/ismk_ea.hpp"
+#include "products/jmc_ec/jmc_ec.hpp"
 #include "products/pronet/pronet.hpp"
 
 namespace servodrome::line {
@@ -83,6 +84,12 @@ describe::Description describe_ismk() {  // iSMK manual L3211
 describe::Description describe_ismk_ea() {
   return description_of<products::IsmkEa>("Kinco", "iSMK", "ismk-ea", {}, "ismk-ea",
                                           "Kinco iSMK integrated servo, variant EA, as servodrome simulates it");
+}
+
+describe::Description describe_jmc_ec() {  // vendor's name: JMC manual L4930
+  const char* name = products::jmc_ec::find_rating({}).device_name;
+  return description_of<products::JmcEc>("ShenZhen Just motion control", name, name, {}, "jmc_ec",
+                                         "JMC EC series servo, EtherCAT, as servodrome simulates it");
 }
 
 constexpr std::array generic402_protocols{products::SerialProtocol::modbus_rtu};
@@ -162,6 +169,16 @@ const std::array products{
             .serial = &ismk_ea_serial,
             .models = products::ismk::ratings,
             .default_model = products::ismk::default_rating,
+            .fieldbus = Fieldbus::ethercat},
+    // CW-, HW+, CCW+, DI3 and DI4, JMC manual L270-276; CW is positive.
+    Product{.name = "jmc_ec",
+            .title = "JMC EC series, integrated servos and stepper drives, EtherCAT",
+            .make = make<products::JmcEc>,
+            .input_wires = 5,
+            .wiring = {2, 0, 1},
+            .describe = describe_jmc_ec,
+            .models = products::jmc_ec::models,
+            .default_model = products::jmc_ec::default_rating,
             .fieldbus = Fieldbus::ethercat},
 };
 
