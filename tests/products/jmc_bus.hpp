@@ -27,15 +27,6 @@ struct JmcBus : JmcRig {
     }
     ASSERT_EQ(download(pdo, 0, sub, 1), dictionary::AbortCode::none);
   }
-  // What speaks against motion at the gear's default: 607Fh is 216 rpm, 60C5h 25 rev/s^2.
-  void open_limits() {
-    set(0x607F, 0, 400000);
-    set(0x60C5, 0, 4000000);
-    set(0x60C6, 0, 4000000);
-    set(0x6083, 0, 400000);
-    set(0x6084, 0, 400000);
-    set(0x6085, 0, 800000);
-  }
   // `sync0_ns` 0: free run.
   void connect(std::uint32_t sync0_ns = 0) {
     to_pre_operational();

@@ -40,6 +40,16 @@ struct FactoryJmcRig : EthercatRig<products::JmcEc> {
     return get(products::jmc_ec::monitor_index, static_cast<std::uint8_t>(item + 1));
   }
 
+  // What speaks against motion at the gear's default: 607Fh is 216 rpm, 60C5h 25 rev/s^2.
+  void open_limits() {
+    set(0x607F, 0, 400000);
+    set(0x60C5, 0, 4000000);
+    set(0x60C6, 0, 4000000);
+    set(0x6083, 0, 400000);
+    set(0x6084, 0, 400000);
+    set(0x6085, 0, 800000);
+  }
+
   // Outputs and inputs of the first PDOs, 1600h and 1A00h.
   void control(std::uint16_t word) {
     if (outputs.empty()) {

@@ -44,8 +44,9 @@ void JmcEc::fault_raised(const drive::FaultRow& fault) {
 }
 
 void JmcEc::errors_gone(std::uint8_t remaining) {
-  if (!fault_told_) return;  // warnings are not told
-  fault_told_ = drive().any_fault();
+  // Warnings come and go untold.
+  if (!fault_told_ || drive().any_fault()) return;
+  fault_told_ = false;
   if (bus_error_ != AlStatusCode::none) {
     remaining |= jmc_ec::communication_error_register;
     objects().drive.error_code = alarm_of(bus_error_).code;
@@ -66,7 +67,8 @@ jmc_ec::Leds JmcEc::leds(Time now) {
   jmc_ec::Leds leds;
   const bool linked = esc().link(0) || esc().link(1);
   leds.power = linked ? jmc_ec::Lamp::on : jmc_ec::Lamp::flashing;
-  leds.alarm_flashes = jmc_ec::flashes_of(shown_alarm());
+  const std::uint16_t shown = shown_alarm();
+  leds.alarm_flashes = jmc_ec::flashes_of(shown);
   leds.alarm_on = leds.alarm_flashes == 0 && drive().any_fault();
   if (leds.alarm_flashes == 0 && !leds.alarm_on) {
     const drive::Axis& axis = drive().axis();
@@ -85,7 +87,9 @@ jmc_ec::Leds JmcEc::leds(Time now) {
     case AlState::safe_operational: leds.run = jmc_ec::Lamp::single_flash; break;
     case AlState::operational: leds.run = jmc_ec::Lamp::on; break;
   }
-  if (bus_error_ != AlStatusCode::none) leds.error = alarm_of(bus_error_).led;
+  for (const jmc_ec::CommunicationAlarm& row : jmc_ec::communication_alarms) {
+    if (row.alarm == shown) leds.error = row.led;
+  }
   const bool traffic = last_frame_ >= Time{} && now - last_frame_ < activity_time;
   const auto port = [&](unsigned number) {
     if (!esc().link(number)) return jmc_ec::Lamp::off;

@@ -38,15 +38,14 @@ inline constexpr Cause divider_over_speed = own(15);
 inline constexpr Cause inertia_identification = own(16);
 inline constexpr Cause angle_identification = own(17);
 inline constexpr Cause encoder_supply = own(18);
-inline constexpr Cause index_lost = own(19);
-inline constexpr Cause absolute_encoder = own(20);
-inline constexpr Cause encoder_memory = own(21);
-inline constexpr Cause encoder_memory_parity = own(22);
-inline constexpr Cause motor_not_enabled = own(23);
-inline constexpr Cause deviation_at_servo_on = own(24);
-inline constexpr Cause power_cycle_pending = own(25);
-inline constexpr Cause memory_wear = own(26);
-inline constexpr Cause serial_interference = own(27);
+inline constexpr Cause absolute_encoder = own(19);
+inline constexpr Cause encoder_memory = own(20);
+inline constexpr Cause encoder_memory_parity = own(21);
+inline constexpr Cause motor_not_enabled = own(22);
+inline constexpr Cause deviation_at_servo_on = own(23);
+inline constexpr Cause power_cycle_pending = own(24);
+inline constexpr Cause memory_wear = own(25);
+inline constexpr Cause serial_interference = own(26);
 }  // namespace cause
 
 // FaultRow::alarm: the digits as they are printed, in hexadecimal; AL.051 is 0051h, E105 is E105h.
@@ -127,7 +126,7 @@ inline constexpr auto drive_faults = [] {
       encoder_offline(Cause::encoder_connection),
       encoder_offline(Cause::hall_wiring),
       encoder_offline(Cause::hall_state),
-      {cause::index_lost, 0xA611, 0x01, option_code, restart, "Incremental encoder Z signal lost", 0x611},
+      {Cause::index_lost, 0xA611, 0x01, option_code, restart, "Incremental encoder Z signal lost", 0x611},
       {cause::absolute_encoder, 0xA620, 0x01, angle_lost, restart, "Absolute encoder offline", 0x620},
       {cause::encoder_memory, 0xA621, 0x01, option_code, restart, "Encoder EEPROM abnormal", 0x621},
       {cause::encoder_memory_parity, 0xA622, 0x01, option_code, restart, "Encoder EEPROM parity error", 0x622},

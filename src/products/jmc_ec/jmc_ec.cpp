@@ -23,6 +23,7 @@ constexpr float motor_hot_c = 130.0F;
 constexpr float overload_near_percent = 90.0F;
 constexpr float following_error_near = 0.8F;  // of 6065h
 constexpr std::uint32_t jammed_ms = 500;
+constexpr std::uint32_t index_lost_revolutions = 3;
 constexpr double speed_reached_rpm = 20.0;
 constexpr std::uint32_t shown_velocity_cycles = 8;  // 4 ms: of 4000 increments a shorter mean jumps
 // A jerk-limited ramp (6086h = 3) is at the default of 60C5h after 100 ms; there is no object for it.
@@ -89,6 +90,7 @@ drive::Configuration JmcEc::configuration() const {
   monitors.following_error_near = following_error_near;
   monitors.acceleration_clipped = true;
   monitors.jammed_ms = jammed_ms;
+  monitors.index_lost_revolutions = index_lost_revolutions;
   monitors.limit_switch_levels = true;
   monitors.window_of_zero = jmc_ec::window_of_zero;
   configure_panel(configuration);
@@ -119,6 +121,10 @@ void JmcEc::power_on(const drive::Feedback& feedback, Time now) {
 
 void JmcEc::cycle(Time now) {
   follow_bus_error();
+  // A parameter waits for the next power-on (AL.941), and the motor is enabled nevertheless.
+  if (drive().warns(jmc_ec::cause::power_cycle_pending) && drive().energised()) {
+    drive().raise(jmc_ec::cause::power_cycle_needed);
+  }
   if (esc().frames() != frames_) {
     frames_ = esc().frames();
     last_frame_ = now;

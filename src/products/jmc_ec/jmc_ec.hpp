@@ -19,8 +19,8 @@ class JmcEc final
   static constexpr std::span<const dictionary::Entry> bus_table{jmc_ec::bus_object_table};
   static constexpr drive::Policy policy = jmc_ec::make_policy();
   static constexpr dictionary::LengthAborts length_aborts{};
-  static constexpr ethercat::Profile ethercat_profile{.greatest_outputs = 4 * jmc_ec::pdo_bytes,
-                                                      .greatest_inputs = 4 * jmc_ec::pdo_bytes,
+  static constexpr ethercat::Profile ethercat_profile{.greatest_outputs = jmc_ec::process_data_bytes,
+                                                      .greatest_inputs = jmc_ec::process_data_bytes,
                                                       .greatest_pdo = jmc_ec::pdo_bytes,
                                                       .mapped_length_may_differ = true,  // 60FDh with 16 bits, D-05
                                                       .empty_mapping = jmc_ec::empty_mapping,

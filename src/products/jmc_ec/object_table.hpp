@@ -14,6 +14,7 @@ inline constexpr std::uint32_t device_type = 0x00060192;      // L3168, D-01
 inline constexpr std::uint32_t revision_number = 0x00010000;  // printed XXXX
 inline constexpr std::uint32_t empty_mapping = 0xFFFFFFFF;    // L3188
 inline constexpr std::uint16_t pdo_bytes = 48;                // at most, of one PDO (L1429)
+inline constexpr std::uint16_t process_data_bytes = 128;      // of all assigned together; not printed
 inline constexpr const char* hardware_version = "1.0";        // printed XXXX
 inline constexpr const char* software_version = "1.42";       // the manual's (L10)
 
