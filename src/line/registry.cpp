@@ -116,6 +116,15 @@ constexpr SerialInterface ismk_ea_serial = [] {
   return serial;
 }();
 
+constexpr std::array jmc_ec_protocols{products::SerialProtocol::modbus_rtu};
+constexpr SerialInterface jmc_ec_serial{
+    .protocols = jmc_ec_protocols,
+    .has_own_station = true,
+    .supports = products::JmcEc::supports,
+    .profile = &products::JmcEc::modbus_profile,
+    .registers = products::JmcEc::registers,
+};
+
 const std::array products{
     // Wiring: ISMC manual L2680.
     Product{"ismc",
@@ -177,6 +186,7 @@ const std::array products{
             .input_wires = 5,
             .wiring = {2, 0, 1},
             .describe = describe_jmc_ec,
+            .serial = &jmc_ec_serial,
             .models = products::jmc_ec::models,
             .default_model = products::jmc_ec::default_rating,
             .fieldbus = Fieldbus::ethercat},

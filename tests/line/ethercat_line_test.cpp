@@ -143,7 +143,7 @@ TEST_F(EthercatLine, EachProductDescribesItself) {
     products::Device& device = alone.axes()[0]->device();
     EXPECT_EQ(device.dictionary().number(0x1018, 4), 77) << product.name;
     EXPECT_EQ(device.ethercat_slave()->state(), ethercat::AlState::init) << product.name;
-    EXPECT_EQ(product.describe().table.data(), device.dictionary().table().data()) << product.name;
+    EXPECT_EQ(product.describe().table.data(), device.bus_dictionary().table().data()) << product.name;
   }
 }
 

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "csv.hpp"
+#include "dictionary/failing_medium.hpp"
 #include "jmc_bus.hpp"
 
 // Every alarm of the JMC manual (tests/data/jmc_alarms.csv), raised by its cause in drive, plant or bus; by injection
@@ -79,6 +80,11 @@ void pressing(JmcBus& rig) {  // full torque allowed, against a locked rotor
 
 // --- What happens to it
 
+bool wrong(JmcBus& rig) {
+  const PowerState state = rig.device.drive().state();
+  return state == PowerState::fault || state == PowerState::fault_reaction_active;
+}
+
 Action inject(Injection injection, bool present = true) {
   return [=](JmcBus& rig) { rig.plant.inject(injection, present); };
 }
@@ -149,10 +155,17 @@ std::vector<Case> drive_cases() {
        .gone = Gone::when_removed,
        .disabled = true},
       injected_only("AL.106", 0xA106, 0x01, cause::divider, option, word),
-      {"AL.110", 0xA110, 0x01, [](JmcBus& rig) { turning(rig); },
-       [](JmcBus& rig) { rig.device.drive().inject(cause::power_cycle_pending, true); },
-       [](JmcBus& rig) { rig.device.drive().inject(cause::power_cycle_pending, false); }, Gone::with_reaction, option,
-       power},
+      {.alarm = "AL.110",  // enabled while a parameter waits for power-on
+       .code = 0xA110,
+       .error_register = 0x01,
+       .prepare = [](JmcBus& rig) { rig.run_ms(1); },
+       .raise =
+           [](JmcBus& rig) {
+             ASSERT_EQ(rig.set_panel(3, 9, 5000), AbortCode::none);
+             rig.enable();
+           },
+       .reset = Reset::by_power_cycle,
+       .disabled = true},
       injected_only("AL.120", 0xA120, 0x01, cause::servo_on_invalid, option, power),
       {"AL.401", 0x3220, 0x04, turning,
        [](JmcBus& rig) {
@@ -170,15 +183,17 @@ std::vector<Case> drive_cases() {
        Gone::with_reaction, option, word, 12000.0},
       {"AL.420", 0xA420, 0x01,
        [](JmcBus& rig) {
-         set(rig, 0x6080, 0, 400);
+         ASSERT_EQ(rig.set_panel(4, 5, 400), AbortCode::none);  // P04-05
          set(rig, 0x6065, 0, 0xFFFFFFFF);
          turning(rig);
        },
        [](JmcBus& rig) {
          set(rig, 0x6072, 0, 100);
          rig.plant.set_external_torque_nm(-0.3);
+         rig.run_until([&] { return wrong(rig); }, 1000.0);
+         rig.plant.set_external_torque_nm(0.0);
        },
-       [](JmcBus& rig) { rig.plant.lock_rotor(true); }, Gone::when_removed, option, word, 1000.0, "driven"},
+       lock(true), Gone::with_reaction, option, word, 1.0, "driven"},
       {"AL.420", 0xA420, 0x01,
        [](JmcBus& rig) {
          set(rig, 0x6080, 0, 400);
@@ -205,15 +220,29 @@ std::vector<Case> drive_cases() {
       injected_only("AL.502", 0xA502, 0x01, Cause::second_encoder_count, option, word),
       injected_only("AL.505", 0xA505, 0x01, Cause::pulse_frequency, option, word),
       injected_only("AL.550", 0xA550, 0x01, cause::inertia_identification, option, word),
-      injected_only("AL.551", 0xA551, 0x01, Cause::homing_timeout, option, word),
+      {"AL.551", 0xA551, 0x01,
+       [](JmcBus& rig) {
+         ASSERT_EQ(rig.set_panel(3, 68, 2), AbortCode::none);  // P03-68, s
+         set(rig, 0x6098, 0, 17);                              // there is no switch
+         set(rig, 0x6099, 1, 20000);
+         in_mode(6)(rig);
+       },
+       [](JmcBus& rig) { rig.control(0x1F); }, [](JmcBus&) {}, Gone::with_reaction, option, word, 2100.0},
       injected_only("AL.552", 0xA552, 0x01, cause::angle_identification, option, word),
       injected_only("AL.600", 0xA600, 0x01, cause::encoder_supply, at_once, power),
-      of_plant("AL.610", 0x7305, 0x01, Injection::encoder_loss, at_once, power),
+      // Standing: a coasting axis is somewhere else when the encoder is back.
+      {"AL.610", 0x7305, 0x01, in_mode(3), inject(Injection::encoder_loss), inject(Injection::encoder_loss, false),
+       Gone::when_removed, at_once, power},
       of_plant("AL.610", 0x7305, 0x01, Injection::hall_wiring, at_once, power, "Hall"),
       injected_only("AL.620", 0xA620, 0x01, cause::absolute_encoder, at_once, power),
       injected_only("AL.621", 0xA621, 0x01, cause::encoder_memory, option, power),
       injected_only("AL.622", 0xA622, 0x01, cause::encoder_memory_parity, option, power),
-      {"E105", 0x5005, 0x40, turning_under_load, inject(Injection::open_phase_u),
+      {"E105", 0x5005, 0x40, turning_under_load,
+       [](JmcBus& rig) {
+         rig.plant.inject(Injection::open_phase_u, true);
+         rig.run_until([&] { return wrong(rig); }, 2000.0);
+         rig.plant.set_external_torque_nm(0.0);
+       },
        inject(Injection::open_phase_u, false), Gone::with_reaction, at_once, power, 2000.0},
       injected_only("E107", 0x5000, 0x01, cause::motor_not_enabled, option, word),
   };
@@ -255,11 +284,6 @@ int printed_flashes(const test::CsvRow& row) {
   return std::regex_search(note, found, std::regex("LED (\\d+) flash")) ? std::stoi(found[1]) : 0;
 }
 
-bool wrong(JmcBus& rig) {
-  const PowerState state = rig.device.drive().state();
-  return state == PowerState::fault || state == PowerState::fault_reaction_active;
-}
-
 void reset_edge(JmcBus& rig) {
   rig.control(0x00);
   rig.run_ms(2);
@@ -298,7 +322,7 @@ void check(const Case& alarm, const test::CsvRow& row, std::int16_t option_code)
     EXPECT_NEAR(static_cast<double>(rig.ticks() - begin) / 16000.0, velocity / 800000.0, 0.003);
   }
   ASSERT_GE(rig.run_until([&] { return drive.state() == PowerState::fault; }, 3000.0), 0);
-  rig.run_ms(2);
+  rig.run_ms(150);  // of a coasting axis the brake closes after P01-32
   EXPECT_FALSE(rig.actuation.pwm_enabled);
   EXPECT_FALSE(rig.actuation.brake_released);
   EXPECT_EQ(rig.status() & 0x4F, 0x08);
@@ -397,6 +421,35 @@ TEST(JmcAlarms, OverloadOfTheDrive) {
   EXPECT_EQ(emergencies(rig), std::vector<std::string>{emergency(0xA411, 0x02)});
 }
 
+// AL.051: what was stored is damaged when power comes. AL.062: it cannot be written.
+TEST(JmcAlarms, DamagedMemory) {
+  dictionary::FailingMedium medium(65536);
+  products::Settings settings = test::jmc_settings();
+  settings.store = &medium;
+  {
+    JmcBus fresh(test::jmc_plant(), settings);
+    fresh.run_ms(3);
+    EXPECT_STREQ(fresh.device.alarm().data(), "") << "nothing stored is no damage";
+    ASSERT_EQ(fresh.set_panel(2, 0, 500), AbortCode::none);
+    EXPECT_STREQ(fresh.device.alarm().data(), "");
+    medium.dead = true;
+    fresh.set_panel(2, 0, 501);
+    fresh.run_ms(3);
+    EXPECT_STREQ(fresh.device.alarm().data(), "AL.062");
+    EXPECT_EQ(fresh.get(0x603F), 0x5003);
+    EXPECT_EQ(fresh.device.leds(fresh.now()).alarm_flashes, 11);
+    medium.dead = false;
+  }
+  for (std::size_t at = 40; at < medium.memory.size(); at += medium.memory.size() / 2)
+    medium.memory[at] ^= std::byte{1};
+  JmcBus damaged(test::jmc_plant(), settings);
+  damaged.run_ms(3);
+  EXPECT_STREQ(damaged.device.alarm().data(), "AL.051");
+  EXPECT_EQ(damaged.get(0x603F), 0x5003);
+  EXPECT_EQ(damaged.get(0x1001), 0xC0);
+  EXPECT_EQ(damaged.device.drive().state(), PowerState::fault);
+}
+
 // AL.611: no index pulse for three revolutions.
 TEST(JmcAlarms, LostIndex) {
   plant::Parameters parameters = test::jmc_plant();
@@ -448,8 +501,8 @@ std::vector<Warning> warnings() {
       {"AL.910", pressing, write(0x6071, 0, 2500), write(0x6071, 0, 0), 8000.0},
       {"AL.912", [](JmcBus&) {}, {}, {}},  // JmcAlarms.OverloadOfTheDrive
       {"AL.941", [](JmcBus& rig) { rig.run_ms(1); },
-       [](JmcBus& rig) { rig.device.drive().inject(cause::power_cycle_pending, true); },
-       [](JmcBus& rig) { rig.device.drive().inject(cause::power_cycle_pending, false); }},
+       [](JmcBus& rig) { ASSERT_EQ(rig.set_panel(3, 9, 5000), AbortCode::none); },
+       [](JmcBus& rig) { ASSERT_EQ(rig.set_panel(3, 9, 4000), AbortCode::none); }},
       injected_warning("AL.942", cause::memory_wear),
       injected_warning("AL.943", cause::serial_interference),
       limit_switch(0, -300.0),  // CW, while it turns CCW

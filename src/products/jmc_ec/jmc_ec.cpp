@@ -117,14 +117,15 @@ void JmcEc::power_on(const drive::Feedback& feedback, Time now) {
   last_frame_ = Time{-1};
   EthercatDevice::power_on(feedback, now);
   set_position_window();
+  drive().inject(drive::Cause::motor_mismatch, false);
+  drive().inject(jmc_ec::cause::power_cycle_pending, false);
+  if (settings().store != nullptr && dictionary::Store(*settings().store).damaged()) {
+    drive().raise(drive::Cause::memory);  // AL.051
+  }
 }
 
 void JmcEc::cycle(Time now) {
   follow_bus_error();
-  // A parameter waits for the next power-on (AL.941), and the motor is enabled nevertheless.
-  if (drive().warns(jmc_ec::cause::power_cycle_pending) && drive().energised()) {
-    drive().raise(jmc_ec::cause::power_cycle_needed);
-  }
   if (esc().frames() != frames_) {
     frames_ = esc().frames();
     last_frame_ = now;
