@@ -39,6 +39,8 @@ struct EthercatDescription {
   const ethercat::Profile* profile = nullptr;
   ethercat::SiiDescription sii;
   std::size_t sii_bytes = 0;  // of the memory
+  // Other sizes of the product with a product code of their own: each is a device of the ESI file.
+  std::vector<ethercat::SiiDescription> other_models = {};
 };
 
 // A device as its documents describe it: the object table, and what no object says. Vendor, product and revision number

@@ -448,6 +448,15 @@ std::vector<Entry> table_of_bus(const Description& device) {
   return table;
 }
 
+// A size of the product: the same device with another nameplate.
+void put_model(Xml& xml, const Description& device, const ethercat::SiiDescription& sii) {
+  Description model = device;
+  model.ethercat->sii = sii;
+  const std::vector<Entry> table = table_of_bus(model);
+  model.table = table;
+  put_device(xml, model);
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> sii(const Description& device) {
@@ -457,11 +466,8 @@ std::vector<std::uint8_t> sii(const Description& device) {
   return image;
 }
 
-std::string esi(const Description& whole) {
-  if (!whole.ethercat) return {};
-  const std::vector<Entry> table = table_of_bus(whole);
-  Description device = whole;
-  device.table = table;
+std::string esi(const Description& device) {
+  if (!device.ethercat) return {};
   const ethercat::SiiDescription& sii = device.ethercat->sii;
   Xml xml;
   xml.node("EtherCATInfo",
@@ -480,7 +486,12 @@ std::string esi(const Description& whole) {
                    put_name(xml, sii.group);
                  });
                });
-               xml.node("Devices", [&] { put_device(xml, device); });
+               xml.node("Devices", [&] {
+                 put_model(xml, device, sii);
+                 for (const ethercat::SiiDescription& other : device.ethercat->other_models) {
+                   put_model(xml, device, other);
+                 }
+               });
              });
            });
   return xml.take();

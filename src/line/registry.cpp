@@ -1,5 +1,6 @@
 #include "line/registry.hpp"
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <string>
@@ -49,6 +50,17 @@ describe::Description description_of(const char* vendor, const char* product, co
   return description;
 }
 
+// Sizes of a product on EtherCAT that masters tell apart, since each has a product code of its own.
+template <typename Model>
+void add_models(describe::Description& description, std::span<const products::Model> models) {
+  std::vector<ethercat::SiiDescription>& others = description.ethercat->other_models;
+  for (const products::Model& model : models) {
+    const ethercat::SiiDescription sii = Model::sii_description({.model = model.name});
+    const auto same = [&sii](const ethercat::SiiDescription& one) { return one.product_code == sii.product_code; };
+    if (!same(description.ethercat->sii) && std::none_of(others.begin(), others.end(), same)) others.push_back(sii);
+  }
+}
+
 describe::Description describe_ismc() {  // ISMC manual L2871, L3001
   return description_of<products::Ismc>("ISMC", "Sapphire", "ismc", {20, 50, 125, 250, 500, 800, 1000}, "ISMC.eds",
                                         "ISMC servo drive, CANopen, as servodrome simulates it");
@@ -82,8 +94,10 @@ describe::Description describe_ismk() {  // iSMK manual L3211
 }
 
 describe::Description describe_ismk_ea() {
-  return description_of<products::IsmkEa>("Kinco", "iSMK", "ismk-ea", {}, "ismk-ea",
-                                          "Kinco iSMK integrated servo, variant EA, as servodrome simulates it");
+  auto description = description_of<products::IsmkEa>(
+      "Kinco", "iSMK", "ismk-ea", {}, "ismk-ea", "Kinco iSMK integrated servo, variant EA, as servodrome simulates it");
+  add_models<products::IsmkEa>(description, products::ismk::ratings);
+  return description;
 }
 
 describe::Description describe_jmc_ec() {  // vendor's name: JMC manual L4930

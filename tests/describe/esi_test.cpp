@@ -338,6 +338,28 @@ TEST_F(Esi, ClockAndMemory) {
   EXPECT_EQ(device_.at({"Eeprom", "BootStrap"}).text, "0010000400140002");
 }
 
+TEST_F(Esi, EachModelWithACodeOfItsOwnIsADevice) {
+  Description description = device();
+  ethercat::SiiDescription big = description.ethercat->sii;
+  big.product_code = 0xABCE;
+  big.name = "Big sample";
+  description.ethercat->other_models = {big};
+  const std::string text = esi(description);
+  const Parser parser(text);
+  const auto devices = parser.root().at({"Descriptions", "Devices"}).all("Device");
+  ASSERT_EQ(devices.size(), 2U);
+  EXPECT_EQ(devices[0]->at({"Name"}).text, "Sample <EtherCAT>");
+  EXPECT_EQ(devices[1]->at({"Name"}).text, "Big sample");
+  EXPECT_EQ(devices[1]->at({"Type"}).attributes.at("ProductCode"), "#x0000ABCE");
+  const Element& code = devices[1]
+                            ->at({"Profile", "Dictionary", "Objects"})
+                            .with("Index", "#x1018")
+                            .at({"Info"})
+                            .with("Name", "Product code")
+                            .at({"Info", "DefaultValue"});
+  EXPECT_EQ(code.text, "#x0000ABCE");
+}
+
 TEST_F(Esi, TheMemoryIsThatOfTheSlave) {
   std::vector<std::uint8_t> image(2048);
   ASSERT_GT(ethercat::write_sii_image(device().ethercat->sii, profile, table, image), 0U);
