@@ -187,6 +187,35 @@ TEST_P(CyclicTest, MappedObjectsGoByTheProcessData) {
   EXPECT_THAT(problem_of([&] { objects.wait(50ms); }), HasSubstr("process data were not exchanged"));
 }
 
+TEST_P(CyclicTest, OneOfThemAfterAllOfThem) {
+  start(3);
+  operation.reset();
+  for (EthercatSlave* slave : all) {
+    operation.emplace(*line->master, line->found, std::span(&slave, 1), options());
+    operation->exchange().output(0, target)->set(5);
+    line->master->wait(20ms);
+    operation->exchange().check();
+    EXPECT_EQ(operation->exchange().statistics().wrong_counters, 0U);
+    EXPECT_EQ(operation->exchange().input(0, position)->get<std::int32_t>(), 6);
+    operation.reset();
+  }
+}
+
+// 1C32h sub 1 stays what an earlier start made of it.
+TEST_P(CyclicTest, FreeRunAfterClocksAndBack) {
+  start(2);
+  for (const bool clocks : {true, false, true}) {
+    operation.reset();
+    OperationOptions next = options();
+    next.distributed_clocks = clocks;
+    next.clock.drift_frames = 1000;
+    operation.emplace(*line->master, line->found, all, next);
+    line->master->wait(20ms);
+    operation->exchange().check();
+    EXPECT_EQ(line->device(1).objects.communication.output_sync.type, clocks ? 2 : 0);
+  }
+}
+
 TEST_P(CyclicTest, RefusalsNameTheSlave) {
   line.emplace(EthercatLine::Settings{.slaves = 3});
   all = line->open();

@@ -22,6 +22,7 @@ static_assert(ethercat::max_datagram_data <= logical_per_group);
 constexpr std::uint8_t output_control = 0x64;
 constexpr std::uint8_t input_control = 0x20;
 constexpr std::size_t sync_manager_size = 8;
+constexpr std::size_t fmmu_size = 16;
 constexpr std::uint8_t fmmu_reads = 1;
 constexpr std::uint8_t fmmu_writes = 2;
 
@@ -56,6 +57,9 @@ CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> membe
   lrw_ = options.use_lrw && std::all_of(members_.begin(), members_.end(),
                                         [](const Member& member) { return member.slave->found().knows_lrw(); });
   lay_out();
+  // Slaves that are no members may have mappings from before, and would answer to the same logical addresses.
+  const std::array<std::uint8_t, fmmu_size * reg::fmmus> no_fmmus{};
+  master_.write_all(reg::fmmu, no_fmmus);
   for (std::size_t i = 0; i < members_.size(); ++i) configure(i);
 }
 
@@ -117,7 +121,7 @@ void CyclicExchange::configure(std::size_t member) {
   EthercatSlave& slave = *members_[member].slave;
   std::uint8_t fmmu = 0;
   const auto map = [&](const Place& at, std::uint32_t logical, std::uint16_t physical, std::uint8_t type) {
-    std::array<std::uint8_t, 16> registers{};
+    std::array<std::uint8_t, fmmu_size> registers{};
     if (at.bytes != 0) {
       store_u32(registers.data(), logical);
       store_u16(&registers[4], static_cast<unsigned>(at.bytes));
@@ -126,7 +130,7 @@ void CyclicExchange::configure(std::size_t member) {
       registers[11] = type;
       registers[12] = 1;
     }
-    master_.write(slave.station(), static_cast<std::uint16_t>(reg::fmmu + 16 * fmmu), registers);
+    master_.write(slave.station(), static_cast<std::uint16_t>(reg::fmmu + fmmu_size * fmmu), registers);
     ++fmmu;
   };
   std::uint16_t start = 0;

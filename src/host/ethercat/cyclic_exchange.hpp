@@ -60,7 +60,8 @@ class CyclicExchange final : public CyclicTask {
     ProcessData data;
   };
 
-  // Sets up sync managers 2 and 3 and FMMUs of the slaves, which are in PREOP and outlive this.
+  // Sets up sync managers 2 and 3 and FMMUs of the slaves, which are in PREOP and outlive this. FMMUs of all other
+  // slaves of the segment are switched off.
   CyclicExchange(EthercatMaster& master, std::vector<Member> members, const CyclicOptions& options = {});
   ~CyclicExchange() { stop(); }
   CyclicExchange(const CyclicExchange&) = delete;

@@ -14,7 +14,11 @@ namespace {
 constexpr const char* check_wiring =
     "check that the link leads to slaves, that they are powered and the cable is plugged";
 
+constexpr const char* start_or_choose = "start `servodrome up` or give --bus LINK";
+
 [[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
+  // UDP finds that out with the first frame.
+  if (error.code() == std::errc::connection_refused) throw HostError("nothing listens there", name, start_or_choose);
   throw HostError("the link failed: " + error.code().message(), name, "see whether what it leads to still runs");
 }
 
@@ -29,9 +33,6 @@ std::unique_ptr<EthercatMaster> EthercatMaster::open(std::string_view link, cons
     return std::make_unique<EthercatMaster>(links::open_ethercat_client(link), options);
   } catch (const links::LinkError& error) {
     const auto& code = error.code();
-    if (code == std::errc::connection_refused) {
-      throw HostError("nothing listens there", std::string(link), "start `servodrome up` or give --bus LINK");
-    }
     if (code == std::errc::operation_not_permitted || code == std::errc::permission_denied) {
       throw HostError(error.what(), std::string(link),
                       "raw Ethernet needs CAP_NET_RAW: run it with sudo, or in a user namespace (tools/with-veth)");

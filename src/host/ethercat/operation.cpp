@@ -17,7 +17,35 @@ std::optional<SiiDcMode> dc_mode_of(const FoundSlave& slave) {
   return std::nullopt;
 }
 
+void write_if_possible(EthercatSlave& slave, std::uint16_t index, std::uint8_t sub, std::uint16_t value) {
+  if (!slave.has_coe()) return;
+  try {
+    slave.coe().write<std::uint16_t>(index, sub, value);
+  } catch (const CoeError& error) {
+    if (!error.from_slave()) throw;
+  }
+}
+
 }  // namespace
+
+// ETG.1020 table 72.
+void set_synchronisation(EthercatSlave& slave, bool sync0) {
+  constexpr std::uint16_t free_run = 0;
+  constexpr std::uint16_t sync_manager_event = 1;
+  constexpr std::uint16_t sync0_event = 2;
+  constexpr std::uint16_t input_follows_outputs = 0x22;  // 1C33h: with the event of sync manager 2
+  if (!slave.has_coe()) return;
+  std::uint16_t supported = 0;
+  try {
+    supported = slave.coe().read<std::uint16_t>(0x1C32, 4);
+  } catch (const CoeError& error) {
+    if (!error.from_slave()) throw;
+    return;
+  }
+  const std::uint16_t type = sync0 ? sync0_event : (supported & 1) != 0 ? free_run : sync_manager_event;
+  write_if_possible(slave, 0x1C32, 1, type);
+  write_if_possible(slave, 0x1C33, 1, type == sync_manager_event ? input_follows_outputs : type);
+}
 
 EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const FoundSlave> line,
                                      std::span<EthercatSlave* const> slaves, const OperationOptions& options)
@@ -25,6 +53,11 @@ EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const Fou
   std::vector<CyclicExchange::Member> members;
   for (EthercatSlave* slave : slaves_) {
     slave->to_pre_operational();
+    const bool sync0 = options.distributed_clocks && dc_mode_of(slave->found()).has_value();
+    set_synchronisation(*slave, sync0);
+    if (sync0 && options.sync_error_limit) {
+      write_if_possible(*slave, 0x10F1, 2, *options.sync_error_limit);
+    }
     members.push_back({slave, read_process_data(*slave)});
   }
   exchange_.emplace(master_, std::move(members), options.cyclic);

@@ -13,7 +13,14 @@ struct OperationOptions {
   Time sync0_shift{0};
   // Frames come this long before SYNC0; half a period if not given.
   std::optional<Time> before_sync0{};
+  // 10F1h sub 2, which lost cycles a slave bears in operation with SYNC0 (each adds 3, one that came takes 1 away; 0:
+  // any number); as the slave has it if not given.
+  std::optional<std::uint16_t> sync_error_limit{};
 };
+
+// 1C32h and 1C33h sub 1, in PREOP: SYNC0, or free run where the slave knows it, or sync manager events. A slave that
+// has no such object, or does not let it be written, decides by itself.
+void set_synchronisation(EthercatSlave& slave, bool sync0);
 
 // Takes slaves to OP and keeps them there, as long as it lives and the master waits; then back to PREOP. Outputs begin
 // with the values that the objects have. All calls throw EthercatError or CoeError.
