@@ -32,17 +32,18 @@ void add_bus_options(CLI::App& command, BusOptions& options, const std::string& 
 
 void add_node_option(CLI::App& command, BusOptions& options) {
   command.add_option("--node", options.node_id, "Node-ID, 1..127; the only node found if not given")
-      ->check(CLI::Range(1, 247).description(""));
+      ->check(CLI::Range(1, 65535).description(""));
 }
 
 void add_serial_options(CLI::App& command, BusOptions& options) {
   command.get_option("--bus")->description(
-      "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; or modbus:LINK or serial10:LINK with "
-      "pty:PATH, serial:DEVICE or (modbus) tcp:HOST:PORT");
+      "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; EtherCAT: udp:HOST[:PORT] or "
+      "raw:INTERFACE; or modbus:LINK or serial10:LINK with pty:PATH, serial:DEVICE or (modbus) tcp:HOST:PORT");
   if (CLI::Option* node = command.get_option_no_throw("--node")) {
     node->description(
-        "Node-ID, 1..127, or Modbus station, 1..247; if not given, the only node found on CAN, the unit alone behind a "
-        "TCP address, any drive (id 127) with serial10");
+        "Node-ID, 1..127, or Modbus station, 1..247, or on EtherCAT position behind the master, 1.., or (a number "
+        "above the count of slaves) station alias; if not given, the only one found on CAN or EtherCAT, the unit alone "
+        "behind a TCP address, any drive (id 127) with serial10");
   }
   command.add_option("--bit-rate", options.bit_rate, "Of a serial line, bit/s")
       ->check(CLI::Range(1200, 2'000'000).description(""))
@@ -53,10 +54,18 @@ void add_serial_options(CLI::App& command, BusOptions& options) {
                      "Product whose Modbus registers and peculiarities the drive has, if it does not say so itself");
 }
 
+void add_cycle_options(CLI::App& command, BusOptions& options) {
+  command.add_option("--cycle", options.cycle_ms, "EtherCAT: milliseconds from process data to process data")
+      ->check(number_within(0.25, 100.0))
+      ->capture_default_str();
+  command.add_flag("--clocks", options.clocks, "EtherCAT: distributed clocks with SYNC0, instead of free run");
+}
+
 BusKindAndLink bus_kind(const BusOptions& options) {
   constexpr std::string_view modbus = "modbus:";
   constexpr std::string_view serial10 = "serial10:";
   if (options.link.starts_with(modbus)) return {BusKind::modbus, options.link.substr(modbus.size())};
+  if (options.link.starts_with("udp:") || options.link.starts_with("raw:")) return {BusKind::ethercat, options.link};
   if (options.link.starts_with(serial10)) return {BusKind::serial10, options.link.substr(serial10.size())};
   return {BusKind::can, options.link};
 }

@@ -24,6 +24,9 @@ struct BusOptions {
   unsigned bit_rate = 115200;
   std::string format = "8N1";
   std::string product{};
+  // Of EtherCAT
+  double cycle_ms = 2.0;
+  bool clocks = false;
 
   host::Time timeout() const {
     return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(timeout_s));
@@ -31,13 +34,14 @@ struct BusOptions {
   host::Time answer_timeout() const { return timeout_is_for_motion ? host::Time(std::chrono::seconds(1)) : timeout(); }
 };
 
-enum class BusKind : std::uint8_t { can, modbus, serial10 };
+enum class BusKind : std::uint8_t { can, modbus, serial10, ethercat };
 
 struct BusKindAndLink {
   BusKind kind;
   std::string link;  // without the kind
 };
-// `modbus:LINK` and `serial10:LINK` are told by their beginning; everything else is a CAN link.
+// `modbus:LINK`, `serial10:LINK`, and the EtherCAT links `udp:` and `raw:` are told by their beginning; everything else
+// is a CAN link.
 BusKindAndLink bus_kind(const BusOptions& options);
 
 // --bus, --json, and --timeout with its meaning for this command; `options` holds the defaults.
@@ -45,6 +49,8 @@ void add_bus_options(CLI::App& command, BusOptions& options, const std::string& 
 void add_node_option(CLI::App& command, BusOptions& options);
 // For commands that work on other buses as well: --bit-rate, --format and --product, and what --bus takes.
 void add_serial_options(CLI::App& command, BusOptions& options);
+// --cycle and --clocks, for commands that take EtherCAT slaves to OP.
+void add_cycle_options(CLI::App& command, BusOptions& options);
 
 // Opens --bus, which must be a CAN link. Throws Failure if it is none, HostError if the link cannot be opened.
 std::unique_ptr<host::Bus> open_bus(const BusOptions& options);

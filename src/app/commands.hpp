@@ -32,5 +32,6 @@ void add_move(CLI::App& app);
 void add_monitor(CLI::App& app);
 void add_nmt(CLI::App& app);
 void add_prove(CLI::App& app);
+void add_state(CLI::App& app);
 
 }  // namespace servodrome::app

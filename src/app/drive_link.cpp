@@ -6,6 +6,7 @@
 #include "app/commands.hpp"
 #include "describe/words.hpp"
 #include "line/nearest_name.hpp"
+#include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
 #include "links/serial/format_text.hpp"
 #include "modbus/tcp_connection.hpp"
@@ -72,6 +73,10 @@ const line::Product* product_of(const host::FoundNode& node) {
   return node.identity ? product_of(node.identity->vendor_id, node.identity->product_code) : nullptr;
 }
 
+const line::Product* product_of(const host::FoundSlave& slave) {
+  return product_of(slave.sii.identity.vendor_id, slave.sii.identity.product_code);
+}
+
 std::string name_of(const host::FoundNode& node) {
   if (!node.name.empty()) return node.name;
   const line::Product* product = product_of(node);
@@ -107,6 +112,7 @@ DriveLink::DriveLink(const BusOptions& options, bool drives) : product_(named_pr
     case BusKind::can: open_can(options, drives); break;
     case BusKind::modbus: open_modbus(options, link); break;
     case BusKind::serial10: open_serial10(options, link); break;
+    case BusKind::ethercat: open_ethercat(options, drives); break;
   }
 }
 
@@ -121,6 +127,9 @@ void DriveLink::open_can(const BusOptions& options, bool drives) {
 void DriveLink::open_modbus(const BusOptions& options, const std::string& link) {
   const host::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
   modbus_ = std::make_unique<host::ModbusClient>(open_modbus_client(options, link, modbus_options));
+  if (options.node_id > modbus::highest_station) {
+    throw Failure::wrong_use(fmt::format("--node {}: stations are 1..{}", options.node_id, modbus::highest_station));
+  }
   auto unit = static_cast<std::uint8_t>(options.node_id);
   if (unit == 0) {
     if (!is_tcp(link)) {
@@ -169,6 +178,77 @@ void DriveLink::open_serial10(const BusOptions& options, const std::string& link
   const auto id = static_cast<std::uint8_t>(options.node_id != 0 ? options.node_id : serial10::universal_id);
   if (product_ == nullptr) product_ = product_that_speaks(products::SerialProtocol::serial10);
   objects_ = std::make_unique<host::Serial10Objects>(*serial10_, id);
+}
+
+// ---- EtherCAT ----
+
+std::unique_ptr<host::EthercatMaster> open_ethercat_master(const BusOptions& options) {
+  try {
+    links::parse_ethercat_link(options.link);
+  } catch (const links::LinkError& error) {
+    throw Failure::wrong_use(fmt::format("--bus: {}", error.what()));
+  }
+  return host::EthercatMaster::open(options.link);
+}
+
+std::vector<host::FoundSlave> scan_segment(host::EthercatMaster& master) {
+  auto slaves = host::scan_slaves(master);
+  if (!slaves.empty()) return slaves;
+  throw Failure::did_not_work(
+      fmt::format("{}: no slave answers; check that `servodrome up` runs there, or cable and "
+                  "power",
+                  master.name()));
+}
+
+const host::FoundSlave& choose_slave(const host::EthercatMaster& master, const std::vector<host::FoundSlave>& slaves,
+                                     const BusOptions& options) {
+  if (options.node_id == 0 && slaves.size() == 1) return slaves.front();
+  std::string list;
+  for (const host::FoundSlave& slave : slaves) {
+    const bool by_position = slave.position == options.node_id;
+    const bool by_alias = options.node_id > slaves.size() && slave.alias == options.node_id;
+    if (by_position || by_alias) return slave;
+    list += fmt::format("{}{} ({}{})", list.empty() ? "" : ", ", slave.position, slave.sii.name,
+                        slave.alias != 0 ? fmt::format(", alias {}", slave.alias) : "");
+  }
+  const std::string problem = options.node_id == 0 ? "several slaves answer"
+                                                   : fmt::format("no slave has position or alias {}", options.node_id);
+  throw Failure::wrong_use(fmt::format("{}: {}: {}; say which with --node", master.name(), problem, list));
+}
+
+bool is_drive(host::EthercatSlave& slave) {
+  constexpr std::uint32_t drive_profile = 402;
+  if (!slave.has_coe()) return false;
+  return (slave.coe().read<std::uint32_t>(0x1000) & 0xFFFF) == drive_profile;
+}
+
+host::OperationOptions operation_options(const BusOptions& options) {
+  const auto period =
+      std::chrono::duration_cast<host::Time>(std::chrono::duration<double, std::milli>(options.cycle_ms));
+  // Between two computers or under load a frame may take longer than a cycle; it is not lost for that.
+  constexpr std::uint16_t any = 0;  // lost cycles: this computer is no real-time system, and check() counts them
+  return {.cyclic = {.period = period, .tolerated_losses = 50},
+          .distributed_clocks = options.clocks,
+          .sync_error_limit = any};
+}
+
+void DriveLink::open_ethercat(const BusOptions& options, bool drives) {
+  ethercat_ = open_ethercat_master(options);
+  line_ = scan_segment(*ethercat_);
+  const host::FoundSlave& found = choose_slave(*ethercat_, line_, options);
+  slave_ = std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout());
+  if (product_ == nullptr) product_ = product_of(found);
+  if (drives && !is_drive(*slave_)) {
+    throw Failure::wrong_use(fmt::format("{}: it is no CiA 402 drive; say which is with --node", slave_->where()));
+  }
+  objects_ = std::make_unique<host::CoeObjects>(*slave_);
+}
+
+void DriveLink::operate(const BusOptions& options) {
+  if (!slave_) return;
+  host::EthercatSlave* const slaves[] = {slave_.get()};
+  operation_.emplace(*ethercat_, line_, slaves, operation_options(options));
+  objects_ = std::make_unique<host::CoeObjects>(*slave_, operation_->exchange(), 0);
 }
 
 const line::Product* DriveLink::product() {

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "app/bus_options.hpp"
+#include "host/ethercat/coe_objects.hpp"
 #include "host/modbus/objects.hpp"
 #include "host/serial10/objects.hpp"
 #include "line/registry.hpp"
@@ -21,21 +22,28 @@ class DriveLink {
   host::SdoClient* sdo() { return sdo_; }
   // What --product names or the drive says it is; nullptr: not known.
   const line::Product* product();
-  // "node", "station" or "drive", as its bus calls it.
-  const char* noun() const { return bus_ ? "node" : modbus_ ? "station" : "drive"; }
+  // "node", "station", "slave" or "drive", as its bus calls it.
+  const char* noun() const { return bus_ ? "node" : modbus_ ? "station" : slave_ ? "slave" : "drive"; }
 
-  // As an axis; on CAN its EMCYs are heard.
+  // An EtherCAT slave goes to OP, and stays there as long as this lives and waits; on other buses nothing happens.
+  // Axes opened before are not to be used any more.
+  void operate(const BusOptions& options);
   std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options);
 
  private:
   void open_can(const BusOptions& options, bool drives);
   void open_modbus(const BusOptions& options, const std::string& link);
   void open_serial10(const BusOptions& options, const std::string& link);
+  void open_ethercat(const BusOptions& options, bool drives);
   const line::Product& modbus_product(std::uint8_t unit) const;
 
   std::unique_ptr<host::Bus> bus_;
   std::unique_ptr<host::ModbusClient> modbus_;
   std::unique_ptr<host::Serial10Client> serial10_;
+  std::unique_ptr<host::EthercatMaster> ethercat_;
+  std::vector<host::FoundSlave> line_;  // all slaves of the segment
+  std::unique_ptr<host::EthercatSlave> slave_;
+  std::optional<host::EthercatOperation> operation_;
   std::unique_ptr<host::ObjectClient> objects_;
   host::SdoClient* sdo_ = nullptr;
   const line::Product* product_ = nullptr;
@@ -46,10 +54,22 @@ class DriveLink {
 const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code);
 
 const line::Product* product_of(const host::FoundNode& node);
+const line::Product* product_of(const host::FoundSlave& slave);
 // What the node calls itself; what it is by its identity if it has no name (1008h); "-".
 std::string name_of(const host::FoundNode& node);
 // Width of a table's column of names: the longest and a gap.
 int name_width(const std::vector<host::FoundNode>& nodes);
+
+// An EtherCAT master for --bus; throws Failure if the link is no name of one.
+std::unique_ptr<host::EthercatMaster> open_ethercat_master(const BusOptions& options);
+// All slaves; throws Failure if there is none.
+std::vector<host::FoundSlave> scan_segment(host::EthercatMaster& master);
+// The one at position --node, or with that alias; without --node the only one. Throws Failure.
+const host::FoundSlave& choose_slave(const host::EthercatMaster& master, const std::vector<host::FoundSlave>& slaves,
+                                     const BusOptions& options);
+// Does it have the objects of a CiA 402 drive? Asks it in PREOP.
+bool is_drive(host::EthercatSlave& slave);
+host::OperationOptions operation_options(const BusOptions& options);
 
 // A Modbus master for --bus modbus:LINK, without a drive.
 host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,

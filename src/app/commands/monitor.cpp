@@ -34,7 +34,7 @@ void repeat(const Clock& clock, const Options& options, const Step& step) {
 
 void monitor_bus(const Options& options) {
   if (bus_kind(options.bus).kind != BusKind::can) {
-    throw Failure::wrong_use("monitor: a serial line has one master, which nobody else can listen to; write --axis");
+    throw Failure::wrong_use("monitor: this bus has one master, which nobody else can listen to; write --axis");
   }
   const auto bus = open_bus(options.bus);
   const host::Time start = bus->now();

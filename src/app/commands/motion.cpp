@@ -1,4 +1,4 @@
-// `home` and `move`: one axis, by SDO.
+// `home` and `move`: one axis, by its objects.
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -37,10 +37,13 @@ void add_motion_options(CLI::App& command, MotionOptions& options) {
   add_bus_options(command, options.bus, "Seconds the motion may take");
   add_node_option(command, options.bus);
   add_serial_options(command, options.bus);
+  add_cycle_options(command, options.bus);
   command.add_flag("--revolutions", options.revolutions,
                    "Numbers are motor revolutions, /s and /s2, instead of the drive's units");
   command.add_flag("--reset-fault", options.reset_fault, "Reset a fault first");
-  command.add_flag("--disable", options.disable, "Disable the drive afterwards instead of holding the position");
+  command.add_flag("--disable", options.disable,
+                   "Disable the drive afterwards instead of holding the position (on EtherCAT always: a drive holds "
+                   "while a master exchanges data with it)");
 }
 
 // Turns numbers of the command line into the drive's units.
@@ -83,6 +86,7 @@ class Units {
 template <typename Plan>
 void run(const MotionOptions& options, const char* done, const Plan& plan) {
   DriveLink link(options.bus, true);
+  link.operate(options.bus);
   const auto opened = link.open_axis({});
   host::Axis402& axis = *opened;
   const auto motion = plan(Units(axis, options.revolutions));

@@ -32,8 +32,15 @@ constexpr double tolerance_revolutions = 0.001;
 // ... after this long at most: target reached may be about the demand, and the shaft follows.
 constexpr host::Time settling_time = std::chrono::milliseconds(500);
 
+// A drive to be proven, on whatever bus.
+struct Drive {
+  unsigned node = 0;
+  std::string name{};
+  const line::Product* product = nullptr;
+};
+
 struct Outcome {
-  host::FoundNode node{};
+  Drive drive{};
   int method = 0;
   double homing_seconds = 0.0;
   double moving_seconds = 0.0;
@@ -68,22 +75,23 @@ std::map<unsigned, std::int8_t> methods_of(const Options& options) {
   return methods;
 }
 
-void move_and_check(host::Bus& bus, host::Axis402& axis, std::int32_t target, const host::MotionProfile& profile,
+void move_and_check(host::Axis402& axis, std::int32_t target, const host::MotionProfile& profile,
                     std::int32_t tolerance, const Options& options) {
   axis.move_to(target, profile, options.bus.timeout(), motion_progress(axis, options.bus.json));
-  const host::Time deadline = bus.now() + settling_time;
+  host::ObjectClient& objects = axis.objects();
+  const host::Time deadline = objects.now() + settling_time;
   std::int32_t position = axis.position();
   while (std::abs(std::int64_t{position} - target) > tolerance) {
-    if (bus.now() >= deadline) {
+    if (objects.now() >= deadline) {
       throw Failure::did_not_work(
           fmt::format("target reached is set, but the position is {} and not {}", position, target));
     }
-    bus.run_for(std::chrono::milliseconds(5));
+    objects.wait(std::chrono::milliseconds(5));
     position = axis.position();
   }
 }
 
-void prove(host::Bus& bus, host::Axis402& axis, Outcome& outcome, const Options& options) {
+void prove(host::Axis402& axis, Outcome& outcome, const Options& options) {
   const bool given = options.units_per_revolution > 0;
   const host::AxisUnits units = axis.units(given ? std::optional(options.units_per_revolution) : std::nullopt)
                                     .value_or(units_of_drives_that_do_not_say);
@@ -102,15 +110,18 @@ void prove(host::Bus& bus, host::Axis402& axis, Outcome& outcome, const Options&
   const auto tolerance = static_cast<std::int32_t>(std::lround(units.position * tolerance_revolutions));
   axis.reset_fault();
   axis.enable();
-  const auto seconds_since = [&](host::Time start) { return std::chrono::duration<double>(bus.now() - start).count(); };
+  host::ObjectClient& objects = axis.objects();
+  const auto seconds_since = [&](host::Time since) {
+    return std::chrono::duration<double>(objects.now() - since).count();
+  };
 
-  host::Time start = bus.now();
+  host::Time start = objects.now();
   axis.home(homing, options.bus.timeout(), motion_progress(axis, options.bus.json));
   outcome.homing_seconds = seconds_since(start);
 
-  start = bus.now();
+  start = objects.now();
   for (const std::int32_t target : {0, far, 0}) {
-    move_and_check(bus, axis, target, profile, tolerance, options);
+    move_and_check(axis, target, profile, tolerance, options);
     outcome.distance += target;
   }
   outcome.distance *= 2;  // there and back
@@ -118,15 +129,14 @@ void prove(host::Bus& bus, host::Axis402& axis, Outcome& outcome, const Options&
   outcome.final_position = axis.position();
 }
 
-Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, const std::map<unsigned, std::int8_t>& methods,
-                   const Options& options) {
-  const line::Product* product = product_of(node);
-  const host::Dialect& dialect = host::dialect_of(product != nullptr ? product->name : "");
-  auto method = methods.find(node.node_id);
+// `open` makes the drive's objects; what it throws is the drive's problem as well.
+template <typename Open>
+Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& methods, const Options& options,
+                   const Open& open) {
+  const host::Dialect& dialect = host::dialect_of(drive.product != nullptr ? drive.product->name : "");
+  auto method = methods.find(drive.node);
   if (method == methods.end()) method = methods.find(0);
-  Outcome outcome{.node = node, .method = method != methods.end() ? method->second : dialect.cautious_homing_method};
-  host::SdoClient objects(bus, node.node_id);
-  host::Axis402 axis(objects, {.dialect = dialect});
+  Outcome outcome{.drive = drive, .method = method != methods.end() ? method->second : dialect.cautious_homing_method};
   const auto note = [&](const auto& action) {
     try {
       action();
@@ -134,10 +144,20 @@ Outcome outcome_of(host::Bus& bus, const host::FoundNode& node, const std::map<u
       if (outcome.problem.empty()) outcome.problem = error.what();
     }
   };
-  note([&] { prove(bus, axis, outcome, options); });
-  note([&] { axis.disable(); });  // however it went
+  note([&] {
+    const auto opened = open();
+    host::Axis402 axis(opened->objects(), {.dialect = dialect});
+    note([&] { prove(axis, outcome, options); });
+    note([&] { axis.disable(); });  // however it went
+  });
   end_progress(options.bus.json);
   return outcome;
+}
+
+// What it calls itself, or what it is.
+std::string shown_name(const Drive& drive) {
+  if (!drive.name.empty()) return drive.name;
+  return drive.product != nullptr ? std::string(drive.product->name) : "-";
 }
 
 void print(const Outcome& outcome, int width) {
@@ -145,15 +165,15 @@ void print(const Outcome& outcome, int width) {
       outcome.homing_seconds > 0 ? fmt::format("method {}, {:.2f} s", outcome.method, outcome.homing_seconds) : "no";
   const std::string moved =
       outcome.moving_seconds > 0 ? fmt::format("{} units, {:.2f} s", outcome.distance, outcome.moving_seconds) : "no";
-  fmt::print("{:<6}{:<{}}{:<22}{:<26}{:>14}  {}\n", outcome.node.node_id, name_of(outcome.node), width, homed, moved,
+  fmt::print("{:<6}{:<{}}{:<22}{:<26}{:>14}  {}\n", outcome.drive.node, shown_name(outcome.drive), width, homed, moved,
              outcome.final_position, outcome.problem.empty() ? "passed" : "FAILED");
   if (!outcome.problem.empty()) fmt::print("      {}\n", outcome.problem);
   std::fflush(stdout);
 }
 
 nlohmann::ordered_json json_of(const Outcome& outcome) {
-  return {{"node", outcome.node.node_id},
-          {"name", outcome.node.name},
+  return {{"node", outcome.drive.node},
+          {"name", outcome.drive.name},
           {"method", outcome.method},
           {"homing_seconds", outcome.homing_seconds},
           {"distance", outcome.distance},
@@ -173,31 +193,101 @@ std::vector<host::FoundNode> drives_on(host::Bus& bus) {
   return nodes;
 }
 
+// The table or the list of outcomes, while they come.
+class Report {
+ public:
+  Report(const Options& options, const std::vector<Drive>& drives) : options_(options), drives_(drives.size()) {
+    std::size_t longest = std::string_view("product").size();
+    for (const Drive& drive : drives) longest = std::max(longest, shown_name(drive).size());
+    width_ = static_cast<int>(longest) + 2;
+    if (drives.empty() || options.bus.json) return;
+    fmt::print("{:<6}{:<{}}{:<22}{:<26}{:>14}  {}\n", "node", "product", width_, "homed", "moved", "final position",
+               "result");
+    std::fflush(stdout);
+  }
+  void add(const Outcome& outcome) {
+    if (!outcome.problem.empty()) ++failed_;
+    options_.bus.json ? list_.push_back(json_of(outcome)) : print(outcome, width_);
+  }
+  void end() const {
+    if (options_.bus.json) {
+      fmt::print("{}\n", nlohmann::ordered_json{{"bus", options_.bus.link}, {"axes", list_}}.dump(2));
+    }
+    if (InterruptGuard::interrupted()) throw Failure::did_not_work("interrupted");
+    if (drives_ == 0) {
+      throw Failure::did_not_work(
+          fmt::format("{}: no CiA 402 drive answers; check bit rate, cable and power", options_.bus.link));
+    }
+    if (failed_ != 0) throw Failure::did_not_work(fmt::format("{} of {} axes failed, see above", failed_, drives_));
+  }
+
+ private:
+  const Options& options_;
+  nlohmann::ordered_json list_ = nlohmann::ordered_json::array();
+  std::size_t drives_;
+  int width_ = 0;
+  unsigned failed_ = 0;
+};
+
+void prove_can(const Options& options, const std::map<unsigned, std::int8_t>& methods) {
+  const auto bus = open_bus(options.bus);
+  std::vector<Drive> drives;
+  for (const host::FoundNode& node : drives_on(*bus)) {
+    if (node.is_drive()) drives.push_back({node.node_id, node.name, product_of(node)});
+  }
+  Report report(options, drives);
+  struct Node {
+    host::SdoClient client;
+    host::ObjectClient& objects() { return client; }
+  };
+  for (const Drive& drive : drives) {
+    if (InterruptGuard::interrupted()) break;
+    report.add(outcome_of(drive, methods, options, [&] {
+      return std::unique_ptr<Node>(new Node{.client = {*bus, static_cast<std::uint8_t>(drive.node)}});
+    }));
+  }
+  report.end();
+}
+
+// Each drive goes to OP when its turn comes.
+void prove_ethercat(const Options& options, const std::map<unsigned, std::int8_t>& methods) {
+  const auto master = open_ethercat_master(options.bus);
+  const std::vector<host::FoundSlave> line = scan_segment(*master);
+  std::vector<Drive> drives;
+  for (const host::FoundSlave& found : line) {
+    host::EthercatSlave slave(*master, found);
+    if (is_drive(slave)) drives.push_back({found.position, found.sii.name, product_of(found)});
+  }
+  Report report(options, drives);
+  struct Operated {
+    Operated(host::EthercatMaster& master, const std::vector<host::FoundSlave>& line, const Drive& drive,
+             const Options& options)
+        : slave(master, line[drive.node - 1]),
+          operation(master, line, slaves, operation_options(options.bus)),
+          client(slave, operation.exchange(), 0) {}
+    host::ObjectClient& objects() { return client; }
+
+    host::EthercatSlave slave;
+    std::array<host::EthercatSlave*, 1> slaves{&slave};
+    host::EthercatOperation operation;
+    host::CoeObjects client;
+  };
+  for (const Drive& drive : drives) {
+    if (InterruptGuard::interrupted()) break;
+    report.add(
+        outcome_of(drive, methods, options, [&] { return std::make_unique<Operated>(*master, line, drive, options); }));
+  }
+  report.end();
+}
+
 void run(const Options& options) {
   const auto methods = methods_of(options);
-  const auto bus = open_bus(options.bus);
   const InterruptGuard guard;
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  unsigned drives = 0;
-  unsigned failed = 0;
-  const std::vector<host::FoundNode> nodes = drives_on(*bus);
-  const int width = name_width(nodes);
-  for (const host::FoundNode& node : nodes) {
-    if (!node.is_drive() || InterruptGuard::interrupted()) continue;
-    if (drives++ == 0 && !options.bus.json) {
-      fmt::print("{:<6}{:<{}}{:<22}{:<26}{:>14}  {}\n", "node", "product", width, "homed", "moved", "final position",
-                 "result");
-    }
-    const Outcome outcome = outcome_of(*bus, node, methods, options);
-    if (!outcome.problem.empty()) ++failed;
-    options.bus.json ? list.push_back(json_of(outcome)) : print(outcome, width);
+  if (bus_kind(options.bus).kind == BusKind::ethercat) {
+    prove_ethercat(options, methods);
+  } else {
+    prove_can(options, methods);
   }
-  if (options.bus.json) fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"axes", list}}.dump(2));
-  if (InterruptGuard::interrupted()) throw Failure::did_not_work("interrupted");
-  if (drives == 0) {
-    throw Failure::did_not_work(fmt::format("{}: no CiA 402 drive answers; check bit rate and power", bus->name()));
-  }
-  if (failed != 0) throw Failure::did_not_work(fmt::format("{} of {} axes failed, see above", failed, drives));
 }
 
 }  // namespace
@@ -207,6 +297,10 @@ void add_prove(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print how it went");
   add_bus_options(*command, options->bus, "Seconds each motion may take");
+  command->get_option("--bus")->description(
+      "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; or EtherCAT: udp:HOST[:PORT] or "
+      "raw:INTERFACE");
+  add_cycle_options(*command, options->bus);
   command
       ->add_option("--method", options->methods,
                    "Homing method, or NODE=METHOD for one node; if not given one that needs no switch and moves by a "

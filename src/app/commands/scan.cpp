@@ -113,10 +113,63 @@ void scan_serial(Options options, BusKind kind, const std::string& link) {
   }
 }
 
+nlohmann::ordered_json json_of(const host::FoundSlave& slave) {
+  const line::Product* product = product_of(slave);
+  nlohmann::ordered_json json{{"node", slave.position}, {"alias", slave.alias}, {"name", slave.sii.name}};
+  json["product"] = product != nullptr ? nlohmann::ordered_json(product->name) : nullptr;
+  json["vendor_id"] = slave.sii.identity.vendor_id;
+  json["product_code"] = slave.sii.identity.product_code;
+  json["revision_number"] = slave.sii.identity.revision_number;
+  json["serial_number"] = slave.sii.identity.serial_number;
+  json["state"] = host::short_name(slave.status.state());
+  json["error"] = slave.status.error();
+  json["al_status_code"] = static_cast<unsigned>(slave.status.code);
+  json["al_status_text"] = text(slave.status.code);
+  json["links"] = nlohmann::ordered_json::array();
+  for (unsigned port = 0; port < 4; ++port) {
+    if (slave.link(port)) json["links"].push_back(port);
+  }
+  json["distributed_clock"] = slave.has_clock();
+  json["coe"] = slave.sii.has(host::mailbox_protocol::coe);
+  json["foe"] = slave.sii.has(host::mailbox_protocol::foe);
+  json["sii_checksum_right"] = slave.sii.checksum_right;
+  return json;
+}
+
+void scan_ethercat(const Options& options) {
+  const auto master = open_ethercat_master(options.bus);
+  const std::vector<host::FoundSlave> slaves = scan_segment(*master);
+  if (options.bus.json) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const host::FoundSlave& slave : slaves) list.push_back(json_of(slave));
+    fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"nodes", std::move(list)}}.dump(2));
+    return;
+  }
+  std::size_t width = std::string_view("name").size();
+  for (const host::FoundSlave& slave : slaves) width = std::max(width, slave.sii.name.size());
+  width += 2;
+  fmt::print("{:<10}{:<7}{:<{}}{:<15}{:<11}{:<11}{:<11}{:<11}{:<7}{}\n", "position", "alias", "name", width, "product",
+             "vendor", "code", "revision", "serial", "links", "state");
+  for (const host::FoundSlave& slave : slaves) {
+    const line::Product* product = product_of(slave);
+    const host::EthercatIdentity& identity = slave.sii.identity;
+    fmt::print("{:<10}{:<7}{:<{}}{:<15}{:08X}h  {:08X}h  {:08X}h  {:08X}h  {:<7}{}{}\n", slave.position,
+               slave.alias != 0 ? std::to_string(slave.alias) : "-", slave.sii.name, width,
+               product != nullptr ? product->name : "-", identity.vendor_id, identity.product_code,
+               identity.revision_number, identity.serial_number, text_of_links(slave), text_of(slave.status),
+               slave.sii.checksum_right ? "" : ", SII checksum wrong");
+  }
+}
+
 void run(const Options& given) {
   Options options = given;
   check_range(options);
-  if (const auto [kind, link] = bus_kind(options.bus); kind != BusKind::can) {
+  const auto [kind, link] = bus_kind(options.bus);
+  if (kind == BusKind::ethercat) {
+    scan_ethercat(options);
+    return;
+  }
+  if (kind != BusKind::can) {
     scan_serial(options, kind, link);
     return;
   }
@@ -144,7 +197,8 @@ void run(const Options& given) {
 
 void add_scan(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("scan", "List the nodes of a CANopen bus, or the stations of a serial line");
+  CLI::App* command = app.add_subcommand(
+      "scan", "List the nodes of a CANopen bus, the slaves of an EtherCAT segment, or the stations of a serial line");
   add_bus_options(*command, options->bus,
                   "Seconds to wait for an answer to each question; 0.25 on CAN, 0.05 on a serial line if not given");
   command->get_option("--timeout")->default_str("");

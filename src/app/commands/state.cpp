@@ -1,0 +1,135 @@
+// `state`: the EtherCAT state machine of slaves.
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "app/drive_link.hpp"
+#include "app/number_options.hpp"
+
+namespace servodrome::app {
+namespace {
+
+using host::AlState;
+
+struct Options {
+  BusOptions bus{.link = "udp:127.0.0.1:34980"};
+  std::string state;
+  double seconds = 0.0;  // 0: until Ctrl-C
+};
+
+constexpr host::Time look_interval = std::chrono::milliseconds(20);
+
+void print(const Options& options, std::vector<host::EthercatSlave*>& slaves,
+           const host::CyclicStatistics* statistics) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (host::EthercatSlave* slave : slaves) {
+    const host::AlStatus status = slave->status();
+    if (options.bus.json) {
+      list.push_back({{"node", slave->found().position},
+                      {"name", slave->found().sii.name},
+                      {"state", host::short_name(status.state())},
+                      {"error", status.error()},
+                      {"al_status_code", static_cast<unsigned>(status.code)},
+                      {"al_status_text", text(status.code)}});
+    } else {
+      fmt::print("slave {}: {}{}\n", slave->found().position, text_of(status),
+                 status.error() ? fmt::format("; {}", host::remedy_of(status.code)) : "");
+    }
+  }
+  if (options.bus.json) {
+    nlohmann::ordered_json json{{"bus", options.bus.link}, {"nodes", std::move(list)}};
+    if (statistics != nullptr) {
+      json["cycles"] = statistics->cycles;
+      json["lost"] = statistics->lost;
+      json["wrong_counters"] = statistics->wrong_counters;
+      json["skipped"] = statistics->skipped;
+    }
+    fmt::print("{}\n", json.dump(2));
+  } else if (statistics != nullptr) {
+    fmt::print("{} cycles, {} lost, {} with wrong working counters, {} skipped\n", statistics->cycles, statistics->lost,
+               statistics->wrong_counters, statistics->skipped);
+  }
+  std::fflush(stdout);
+}
+
+// OP lasts as long as somebody sends process data.
+void operate(const Options& options, host::EthercatMaster& master, const std::vector<host::FoundSlave>& line,
+             std::vector<host::EthercatSlave*>& slaves) {
+  const InterruptGuard guard;
+  host::EthercatOperation operation(master, line, slaves, operation_options(options.bus));
+  const host::Time start = master.now();
+  const auto lasts = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.seconds));
+  if (!options.bus.json) print(options, slaves, nullptr);
+  while (!InterruptGuard::interrupted() && (options.seconds <= 0 || master.now() - start < lasts)) {
+    master.wait(look_interval);
+    operation.exchange().check();
+  }
+  const host::CyclicStatistics statistics = operation.exchange().statistics();
+  print(options, slaves, &statistics);
+}
+
+void to_safe_operational(host::EthercatMaster& master, const std::vector<host::EthercatSlave*>& slaves) {
+  std::vector<host::CyclicExchange::Member> members;
+  for (host::EthercatSlave* slave : slaves) {
+    slave->to_pre_operational();
+    set_synchronisation(*slave, false);
+    members.push_back({slave, read_process_data(*slave)});
+  }
+  host::CyclicExchange(master, std::move(members)).to_safe_operational();
+}
+
+void run(const Options& options) {
+  const auto wanted = host::parse_al_state(options.state);
+  if (!options.state.empty() && !wanted) {
+    throw Failure::wrong_use(
+        fmt::format("state: \"{}\" is no state; write init, preop, boot, safeop or op", options.state));
+  }
+  if (bus_kind(options.bus).kind != BusKind::ethercat) {
+    throw Failure::wrong_use(
+        fmt::format("--bus {}: these are states of EtherCAT; on CAN there is `servodrome nmt`", options.bus.link));
+  }
+  const auto master = open_ethercat_master(options.bus);
+  const std::vector<host::FoundSlave> line = scan_segment(*master);
+  std::vector<std::unique_ptr<host::EthercatSlave>> opened;
+  std::vector<host::EthercatSlave*> slaves;
+  const auto open = [&](const host::FoundSlave& found) {
+    opened.push_back(std::make_unique<host::EthercatSlave>(*master, found, options.bus.timeout()));
+    slaves.push_back(opened.back().get());
+  };
+  if (options.bus.node_id != 0) {
+    open(choose_slave(*master, line, options.bus));
+  } else {
+    for (const host::FoundSlave& found : line) open(found);
+  }
+  if (wanted == AlState::operational) {
+    operate(options, *master, line, slaves);
+    return;
+  }
+  if (wanted == AlState::safe_operational) to_safe_operational(*master, slaves);
+  for (host::EthercatSlave* slave : slaves) {
+    if (wanted == AlState::init) slave->to_init();
+    if (wanted == AlState::pre_operational) slave->to_pre_operational();
+    if (wanted == AlState::bootstrap) slave->to_bootstrap();
+  }
+  print(options, slaves, nullptr);
+}
+
+}  // namespace
+
+void add_state(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "state", "Show or change the state of EtherCAT slaves; process data go on as long as OP is held");
+  command->add_option("STATE", options->state, "init, preop, boot, safeop or op; the states are shown if not given");
+  add_bus_options(*command, options->bus, "Seconds to wait for each answer of a slave");
+  command->get_option("--bus")->description("udp:HOST[:PORT] or raw:INTERFACE");
+  add_node_option(*command, options->bus);
+  command->get_option("--node")->description("Position behind the master, or station alias; all slaves if not given");
+  add_cycle_options(*command, options->bus);
+  command->add_option("--for", options->seconds, "Seconds to hold OP; until Ctrl-C if not given")
+      ->check(number_within(0.001, 1e9));
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app
