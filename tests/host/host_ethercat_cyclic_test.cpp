@@ -216,6 +216,17 @@ TEST_P(CyclicTest, FreeRunAfterClocksAndBack) {
   }
 }
 
+TEST_P(CyclicTest, PulsesThatAnotherMasterLeftAreSwitchedOff) {
+  start(1);
+  operation.reset();
+  DistributedClocks clocks(*line->master, line->found);
+  clocks.start_sync(all[0]->station(), clocks.common_start(1'000'000), {.sync0_cycle_ns = 1'000'000});
+  operation.emplace(*line->master, line->found, all, options());
+  EXPECT_FALSE(line->device(0).esc.clock().sync(0).pending);
+  line->master->wait(20ms);
+  operation->exchange().check();
+}
+
 TEST_P(CyclicTest, RefusalsNameTheSlave) {
   line.emplace(EthercatLine::Settings{.slaves = 3});
   all = line->open();

@@ -53,6 +53,8 @@ EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const Fou
   std::vector<CyclicExchange::Member> members;
   for (EthercatSlave* slave : slaves_) {
     slave->to_pre_operational();
+    // Pulses of an earlier master would be used, whatever 1C32h says.
+    if (slave->found().has_clock()) master_.write<std::uint8_t>(slave->station(), ethercat::reg::sync_activation, 0);
     const bool sync0 = options.distributed_clocks && dc_mode_of(slave->found()).has_value();
     set_synchronisation(*slave, sync0);
     if (sync0 && options.sync_error_limit) {
