@@ -28,6 +28,7 @@ class DriveLink {
   // An EtherCAT slave goes to OP, and stays there as long as this lives and waits; on other buses nothing happens.
   // Axes opened before are not to be used any more.
   void operate(const BusOptions& options);
+  bool operates() const { return operation_.has_value(); }
   std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options);
 
  private:

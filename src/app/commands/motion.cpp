@@ -81,6 +81,15 @@ class Units {
   host::AxisUnits units_{1.0, 1.0, 1.0};
 };
 
+// A slave that leaves OP with its motor on takes that for a fault.
+void disable_if_possible(host::Axis402& axis) {
+  try {
+    axis.disable();
+  } catch (const host::HostError&) {
+    // What went wrong before is told.
+  }
+}
+
 // Lets `plan` make a motion of the options, enables the drive, lets the motion run, and says where the axis is. Options
 // that cannot be followed leave the drive as it was.
 template <typename Plan>
@@ -91,14 +100,20 @@ void run(const MotionOptions& options, const char* done, const Plan& plan) {
   host::Axis402& axis = *opened;
   const auto motion = plan(Units(axis, options.revolutions));
   const InterruptGuard guard;
-  if (options.reset_fault) axis.reset_fault();
-  axis.enable();
-  const host::Time start = link.objects().now();
-  motion(axis, motion_progress(axis, options.bus.json));
+  host::Time start{};
+  try {
+    if (options.reset_fault) axis.reset_fault();
+    axis.enable();
+    start = link.objects().now();
+    motion(axis, motion_progress(axis, options.bus.json));
+  } catch (...) {
+    if (link.operates()) disable_if_possible(axis);
+    throw;
+  }
   const double seconds = std::chrono::duration<double>(link.objects().now() - start).count();
   end_progress(options.bus.json);
   const std::int32_t position = axis.position();
-  if (options.disable) axis.disable();
+  if (options.disable || link.operates()) axis.disable();
   if (options.bus.json) {
     fmt::print("{}\n", nlohmann::ordered_json{{"node", axis.address()},
                                               {"result", done},
