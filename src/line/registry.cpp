@@ -102,8 +102,10 @@ describe::Description describe_ismk_ea() {
 
 describe::Description describe_jmc_ec() {  // vendor's name: JMC manual L4930
   const char* name = products::jmc_ec::find_rating({}).device_name;
-  return description_of<products::JmcEc>("ShenZhen Just motion control", name, name, {}, "jmc_ec",
-                                         "JMC EC series servo, EtherCAT, as servodrome simulates it");
+  auto description = description_of<products::JmcEc>("ShenZhen Just motion control", name, name, {}, "jmc_ec",
+                                                     "JMC EC series servo, EtherCAT, as servodrome simulates it");
+  add_models<products::JmcEc>(description, products::jmc_ec::models);
+  return description;
 }
 
 constexpr std::array generic402_protocols{products::SerialProtocol::modbus_rtu};
