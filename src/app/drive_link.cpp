@@ -145,7 +145,7 @@ void DriveLink::open_modbus(const BusOptions& options, const std::string& link) 
   objects_ =
       std::make_unique<host::ModbusObjects>(*modbus_, unit,
                                             host::RegisterList{.registers = product_->serial->registers,
-                                                               .table = product_->describe().table,
+                                                               .table = product_->describe().service_table,
                                                                .word_order = product_->serial->profile->word_order});
 }
 

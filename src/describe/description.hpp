@@ -56,9 +56,10 @@ struct Description {
   bool simple_boot_up_slave = true;
   bool group_messaging = false;  // multiplexed PDOs
   bool lss_supported = false;
-  std::array<bool, 7> dummy_usage{};  // data types 0001h to 0007h as fillers in RPDO mappings
-  std::span<const dictionary::Entry> table;
-  std::optional<EthercatDescription> ethercat = {};  // nullopt: it is not on EtherCAT
+  std::array<bool, 7> dummy_usage{};                      // data types 0001h to 0007h as fillers in RPDO mappings
+  std::span<const dictionary::Entry> table;               // what the fieldbus sees
+  std::span<const dictionary::Entry> service_table = {};  // ... and the service port: local objects as well
+  std::optional<EthercatDescription> ethercat = {};       // nullopt: it is not on EtherCAT
   FileMetadata file;
 };
 

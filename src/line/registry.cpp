@@ -23,11 +23,12 @@ std::shared_ptr<products::Device> make(const products::Settings& settings) {
   return std::make_shared<Model>(settings);
 }
 
-// The object table of a product is a constant of its code; the device that shows it is made for nothing else.
+// The object tables of a product are constants of its code; the device that shows them is made for nothing else.
 template <typename Model>
-std::span<const dictionary::Entry> table_of() {
+void describe_objects(describe::Description& description) {
   Model model{products::Settings{}};
-  return model.bus_dictionary().table();
+  description.table = model.bus_dictionary().table();
+  description.service_table = model.dictionary().table();
 }
 
 // Order codes are not printed: they are the products' names on a line.
@@ -39,7 +40,7 @@ describe::Description description_of(const char* vendor, const char* product, co
   description.product_name = product;
   description.order_code = order_code;
   description.bit_rates_kbit = std::move(bit_rates_kbit);
-  description.table = table_of<Model>();
+  describe_objects<Model>(description);
   if constexpr (requires { Model::ethercat_profile; }) {
     description.ethercat = {&Model::ethercat_profile, Model::sii_description({}), Model::sii_bytes};
   }

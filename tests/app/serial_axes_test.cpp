@@ -54,7 +54,7 @@ constexpr Time settling = 1s;
 
 RegisterList list_of(std::string_view product) {
   const line::Product& found = *line::find_product(line::all_products(), product);
-  return {found.serial->registers, found.describe().table, found.serial->profile->word_order};
+  return {found.serial->registers, found.describe().service_table, found.serial->profile->word_order};
 }
 
 class SerialAxes : public testing::Test {

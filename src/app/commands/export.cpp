@@ -35,7 +35,7 @@ std::string document(const std::string& format, const line::Product& product) {
     if (product.serial == nullptr) {
       throw Failure::wrong_use(fmt::format("export: a `{}` has no Modbus registers", product.name));
     }
-    return describe::register_list(product.serial->registers, description.table);
+    return describe::register_list(product.serial->registers, description.service_table);
   }
   if (format == "esi" || format == "sii") {
     if (!description.ethercat) {

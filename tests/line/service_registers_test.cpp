@@ -1,0 +1,23 @@
+#include <algorithm>
+#include <gtest/gtest.h>
+
+#include "line/registry.hpp"
+
+namespace servodrome::line {
+namespace {
+
+// What a product's Modbus registers stand for is in the table that its service port sees; the fieldbus may see less.
+TEST(ServiceRegisters, AreInTheTableOfTheServicePort) {
+  for (const Product& product : all_products()) {
+    if (product.serial == nullptr) continue;
+    const describe::Description description = product.describe();
+    EXPECT_TRUE(modbus::is_valid_map(product.serial->registers, description.service_table)) << product.name;
+    EXPECT_GE(description.service_table.size(), description.table.size()) << product.name;
+    const bool seen = modbus::is_valid_map(product.serial->registers, description.table);
+    EXPECT_EQ(seen, product.name != "jmc_ec") << product.name << ": its panel parameters are not for the bus";
+    for (const dictionary::Entry& entry : description.table) EXPECT_FALSE(entry.local) << product.name;
+  }
+}
+
+}  // namespace
+}  // namespace servodrome::line
