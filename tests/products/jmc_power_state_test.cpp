@@ -41,6 +41,19 @@ TEST(JmcPowerState, TheTableOfTransitions) {
   }
 }
 
+// A master sends its controlword with every cycle: the brake's time begins once.
+TEST(JmcPowerState, AControlwordInEveryCycleDisables) {
+  JmcRig rig;
+  rig.run_ms(2);
+  ASSERT_TRUE(rig.enable());
+  for (int ms = 0; ms < 200; ++ms) {
+    rig.control(0x00);
+    rig.run_ms(1);
+  }
+  EXPECT_EQ(rig.status() & 0x6F, 0x40);
+  EXPECT_FALSE(rig.actuation.pwm_enabled);
+}
+
 // "Ready holds the brake; can be started releases it and enables the shaft" (L1636, C-30).
 TEST(JmcPowerState, EnergisedInSwitchedOn) {
   plant::Parameters parameters = test::jmc_plant();

@@ -108,6 +108,7 @@ void Drive::leave_operation(Stop stop, PowerState to) {
 bool Drive::hold_for_brake() {
   if (!policy_.brake_engages_before_power_off || !axis_.configuration.has_brake() || !energised()) return false;
   if (too_fast_for_brake()) return false;
+  if (zero_speed_ && stage_ == Stage::engaging_brake) return true;  // a master that says it with every cycle
   stopping_ = short_circuit_ = releasing_torque_ = false;
   zero_speed_ = true;
   engage_brake();
