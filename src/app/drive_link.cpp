@@ -63,8 +63,17 @@ bool is_tcp(const std::string& link) {
 
 const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code) {
   for (const line::Product& product : line::all_products()) {
-    const auto table = product.describe().table;
-    if (vendor_id == describe::identity(table, 1) && product_code == describe::identity(table, 2)) return &product;
+    const describe::Description description = product.describe();
+    const auto is_it = [&](std::uint32_t vendor, std::uint32_t code) {
+      return vendor_id == vendor && product_code == code;
+    };
+    if (is_it(describe::identity(description.table, 1), describe::identity(description.table, 2))) return &product;
+    if (!description.ethercat) continue;
+    const auto& [profile, sii, sii_bytes, other_models] = *description.ethercat;
+    if (is_it(sii.vendor_id, sii.product_code)) return &product;
+    for (const ethercat::SiiDescription& model : other_models) {
+      if (is_it(model.vendor_id, model.product_code)) return &product;
+    }
   }
   return nullptr;
 }

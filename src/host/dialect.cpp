@@ -8,6 +8,14 @@ namespace {
 
 constexpr Dialect cia402{};
 
+// Bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual L1148, L2406); units L3458-3467.
+constexpr Dialect ismk(std::string_view product) {
+  return {.product = product,
+          .homing_signals = {.attained = 1U << 15, .error = 1U << 12, .target_reached = false},
+          .units = AxisUnits{65536.0, 60.0 * 512.0 * 65536.0 / 1875.0, 65536.0 * 65536.0 / 4'000'000.0},
+          .cautious_homing_method = 33};
+}
+
 constexpr std::array dialects{
     // 0.1 rpm and 0.1 rpm/s (ProNet manual L750-762). The encoder cannot be asked for: increments of the 17-bit one.
     // Methods that look for an index are not for serial encoders (L1365).
@@ -15,11 +23,10 @@ constexpr std::array dialects{
             .units = AxisUnits{131072.0, 600.0, 600.0},
             .has_old_factors = true,
             .cautious_homing_method = 35},
-    // Bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual L1148, L2406); units L3458-3467.
-    Dialect{.product = "ismk",
-            .homing_signals = {.attained = 1U << 15, .error = 1U << 12, .target_reached = false},
-            .units = AxisUnits{65536.0, 60.0 * 512.0 * 65536.0 / 1875.0, 65536.0 * 65536.0 / 4'000'000.0},
-            .cautious_homing_method = 33},
+    ismk("ismk"),
+    ismk("ismk-ea"),
+    // Methods 0 to 35 (JMC manual L2858-2860).
+    Dialect{.product = "jmc_ec", .cautious_homing_method = 35},
 };
 
 }  // namespace

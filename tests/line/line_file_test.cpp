@@ -25,7 +25,7 @@ std::string text_of(const std::string& path) {
 const std::string source_dir = SERVODROME_SOURCE_DIR;
 
 TEST(LineFile, TheShippedLinesAreRight) {
-  for (const char* name : {"default", "eight-axes"}) {
+  for (const char* name : {"default", "eight-axes", "ethercat"}) {
     const LineFile file = load_line_file(source_dir + "/lines/" + name + ".toml", all_products());
     for (const Diagnostic& diagnostic : file.diagnostics) ADD_FAILURE() << to_string(diagnostic);
   }
@@ -45,13 +45,15 @@ TEST(LineFile, TheBuiltInLineIsTheDefaultFile) {
   EXPECT_EQ(line.buses[0].bit_rate, 1'000'000U);
   ASSERT_EQ(line.serial_buses.size(), 1U);
   EXPECT_EQ(line.serial_buses[0].links, std::vector<std::string>{"tcp:127.0.0.1:1502"});
+  ASSERT_EQ(line.ethercat_buses.size(), 1U);
+  EXPECT_EQ(line.ethercat_buses[0].links, std::vector<std::string>{"udp:127.0.0.1:34980"});
   const std::vector<std::pair<std::string, std::string>> axes{
-      {"ismc", "ismc"}, {"reference", "generic402"}, {"pronet", "pronet"}, {"ismk", "ismk"}};
+      {"ismc", "ismc"}, {"reference", "generic402"}, {"pronet", "pronet"}, {"ismk", "ismk"}, {"jmc", "jmc_ec"}};
   ASSERT_EQ(line.axes.size(), axes.size());
   for (std::size_t i = 0; i < axes.size(); ++i) {
     EXPECT_EQ(line.axes[i].name, axes[i].first);
     EXPECT_EQ(line.axes[i].product->name, axes[i].second);
-    EXPECT_EQ(line.axes[i].node_id, i + 1);
+    EXPECT_EQ(line.axes[i].node_id, i < 4 ? i + 1 : 0);
   }
 }
 

@@ -104,7 +104,10 @@ void prove(host::Axis402& axis, Outcome& outcome, const Options& options) {
                                    .switch_speed = speed(homing_speed_factor),
                                    .zero_speed = speed(zero_speed_factor),
                                    .acceleration = acceleration};
-  const host::MotionProfile profile{.velocity = speed(1.0), .acceleration = acceleration, .deceleration = acceleration};
+  // 607Fh may be lower, and some drives do not clip but fault.
+  const auto greatest = axis.objects().read_if_present<std::uint32_t>(0x607F).value_or(0);
+  const std::uint32_t velocity = greatest != 0 ? std::min(speed(1.0), greatest) : speed(1.0);
+  const host::MotionProfile profile{.velocity = velocity, .acceleration = acceleration, .deceleration = acceleration};
   const auto far =
       whole_units<std::int32_t>(options.revolutions * units.position, "--revolutions", options.revolutions);
   const auto tolerance = static_cast<std::int32_t>(std::lround(units.position * tolerance_revolutions));

@@ -261,7 +261,7 @@ void run(const Options& options) {
 void add_up(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("up", "Run a line of drives until Ctrl-C");
-  command->add_option("LINE", options->file, "Line file (TOML); the built-in line with four drives if not given");
+  command->add_option("LINE", options->file, "Line file (TOML); the built-in line with five drives if not given");
   command
       ->add_option(
           "--bus", options->buses,
