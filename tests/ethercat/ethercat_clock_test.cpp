@@ -113,6 +113,21 @@ TEST(Clock, WhenIsTheFirstNanosecond) {
   }
 }
 
+// A start time of a master's may be far ahead, on a clock that is fast or slow.
+TEST(Clock, WhenFarAhead) {
+  for (const std::int32_t error_ppb : {0, 100'000, -100'000, 200'000}) {
+    DistributedClock clock;
+    clock.set_oscillator(error_ppb, Time{0});
+    for (const std::uint64_t ahead : {std::uint64_t{1} << 40, std::uint64_t{1} << 52, std::uint64_t{1} << 60}) {
+      const std::uint64_t target = clock.system_time(5ns) + ahead;
+      const Time at = clock.when(target, 5ns);
+      EXPECT_GE(clock.system_time(at), target) << error_ppb << ", " << ahead;
+      EXPECT_LT(clock.system_time(at - 1ns), target);
+    }
+    EXPECT_EQ(clock.when(clock.system_time(5ns) + (std::uint64_t{1} << 62), 5ns), never);
+  }
+}
+
 TEST(Clock, DifferenceRegisterIsSignAndAmount) {
   Line line(1);
   line.put<std::uint8_t>(0, reg::system_time_filter, 0);

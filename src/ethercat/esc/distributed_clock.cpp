@@ -74,14 +74,17 @@ std::uint64_t DistributedClock::local_time(Time now) const {
 }
 
 Time DistributedClock::when(std::uint64_t system, Time now) const {
-  // The clock is within a thousandth of the caller's, so each step leaves a thousandth of the way.
+  constexpr std::int64_t beyond = std::int64_t{1} << 61;  // 73 years: as good as never, and sums of it still fit
+  const auto missing = [&](Time at) { return static_cast<std::int64_t>(system - system_time(at)); };
+  std::int64_t left = missing(now);
+  if (left <= 0) return now;
+  if (left >= beyond) return never;
+  // The clock is within a thousandth of the caller's, so each step leaves a thousandth of the way, before or behind.
   Time at = now;
-  for (int i = 0; i < 8; ++i) {
-    const auto missing = static_cast<std::int64_t>(system - system_time(at));
-    if (missing <= 0) break;
-    at += Time{missing};
-  }
-  while (at > now && static_cast<std::int64_t>(system - system_time(at - Time{1})) <= 0) at -= Time{1};
+  for (int i = 0; i < 8 && left != 0; ++i, left = missing(at)) at = std::max(now, at + Time{left});
+  // The first of the nanoseconds that show it, a few at most from there.
+  while (missing(at) > 0) at += Time{1};
+  while (at > now && missing(at - Time{1}) <= 0) at -= Time{1};
   return at;
 }
 
