@@ -92,6 +92,11 @@ void Segment::latch_returning(std::size_t first, const Travel& travel) {
   }
 }
 
+// A frame that was marked as damaged turned at the last slave.
+void Segment::count_returning_error(const Travel& travel) {
+  for (std::size_t slave = travel.last; slave > 0; --slave) slaves_[slave - 1].esc->count_forwarded_error(1);
+}
+
 Segment::Passage Segment::process(std::span<std::uint8_t> bytes, Time now, Port entry, Encapsulation encapsulation) {
   Travel travel;
   travel.time = now;
@@ -113,6 +118,7 @@ inline Segment::Passage Segment::enter_front(Travel& travel) {
   }
   travel.time += front.forward;
   run_forward(0, travel);
+  if (travel.corrupted && travel.end == Way::turns) count_returning_error(travel);
   if (travel.corrupted || travel.destroyed || travel.end == Way::ends) return {};
   if (travel.end == Way::open) return {Exit::secondary, travel.time};
   if (travel.latches) latch_returning(0, travel);

@@ -60,6 +60,7 @@ class Segment {
   void run_forward(std::size_t first, Travel& travel);
   void pass_damaged(std::size_t slave, Travel& travel);
   void latch_returning(std::size_t first, const Travel& travel);
+  void count_returning_error(const Travel& travel);
   void update_links();
 
   std::span<Slave> slaves_;

@@ -146,8 +146,10 @@ TEST(Segment, AWrongFcsIsCountedWhereItHappenedAndBehind) {
   line.slaves[1].corrupts_next = true;
   EXPECT_EQ(count(line), 0U);
   EXPECT_EQ(count(line), 3U);
-  EXPECT_EQ(line.read(0, reg::rx_errors, 13).data, Bytes(13, 0));
+  // Those before it and it itself see it come back, marked, at port 1.
+  EXPECT_EQ(line.read(0, reg::rx_errors, 13).data, (Bytes{0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0}));
   EXPECT_EQ(line.get<std::uint8_t>(1, reg::rx_errors), 1);
+  EXPECT_EQ(line.get<std::uint8_t>(1, reg::forwarded_rx_errors + 1), 1);
   EXPECT_EQ(line.get<std::uint8_t>(1, reg::processing_unit_errors), 1);
   EXPECT_EQ(line.get<std::uint8_t>(2, reg::rx_errors), 0);
   EXPECT_EQ(line.get<std::uint8_t>(2, reg::forwarded_rx_errors), 1);
