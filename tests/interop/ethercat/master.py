@@ -37,7 +37,9 @@ class Master:
 
     def close(self):
         self.stop_cycle()
-        self.soem.close()
+        if self.soem:
+            self.soem.close()
+        self.soem = None
 
     @property
     def slaves(self):
@@ -49,14 +51,18 @@ class Master:
 
     def map(self, dc_cycle_ns=None, watchdog_ms=5000):
         """Lays out the process data and has the slaves go to Safe-Operational; with SYNC0 started before, if a cycle is
-        given. The slaves' watchdogs get a time that a busy machine does not exceed."""
-        if dc_cycle_ns:
-            assert self.soem.config_dc()
-        for slave in self.slaves:
+        given. The slaves' watchdogs get a time that a busy machine does not exceed; 0 leaves them as they are."""
+
+        def prepare(slave):  # also when a slave comes back (reconfig)
             if watchdog_ms:
                 slave.set_watchdog("processdata", watchdog_ms)
             if dc_cycle_ns:
                 slave.dc_sync(True, dc_cycle_ns)
+
+        if dc_cycle_ns:
+            assert self.soem.config_dc()
+        for slave in self.slaves:
+            slave.setup_func = prepare
         self.soem.config_map()
         assert self.soem.state_check(SAFEOP, int(PATIENCE * 1e6)) == SAFEOP, self.states()
 
@@ -126,6 +132,27 @@ class Master:
             lambda: self.working_counter == self.soem.expected_wkc,
             lambda: f"working counter {self.soem.expected_wkc}, is {self.working_counter}",
         )
+
+    def mend(self):
+        """What pysoem's examples do in every round with slaves that are not operational. True when all are."""
+        self.soem.read_state()
+        for slave in self.slaves:
+            if slave.state == OP:
+                continue
+            if slave.state == SAFEOP | ERROR:
+                slave.state = SAFEOP | ERROR  # acknowledges
+                slave.write_state()
+            elif slave.state == SAFEOP:
+                slave.state = OP
+                slave.write_state()
+            elif slave.state > 0:
+                if slave.reconfig(1_000_000):
+                    slave.is_lost = False
+            elif not slave.is_lost:
+                slave.is_lost = True
+            if slave.is_lost and (slave.state or slave.recover(1_000_000)):
+                slave.is_lost = False
+        return all(slave.state == OP for slave in self.slaves)
 
     def run(self, **options):
         self.map(**options)

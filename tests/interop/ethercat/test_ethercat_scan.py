@@ -95,7 +95,7 @@ def test_information_memory(slave, objects):
             index, entries = struct.unpack_from("<HB", found[kind], at)
             listed[index] = [struct.unpack_from("<HBBBB", found[kind], at + 8 * n) for n in range(1, entries + 1)]
             at += 8 + 8 * entries
-        expected = [pdo for pdo in range(first, first + 4) if default(pdo, 0) > 0]
+        expected = [i for i, sub in sorted(rows) if first <= i < first + 0x200 and sub == 0 and default(i, 0) > 0]
         assert sorted(listed) == expected
         for pdo in expected:
             mapped = [default(pdo, sub) for sub in range(1, default(pdo, 0) + 1)]

@@ -5,6 +5,7 @@ import struct
 import pytest
 from line import wait_for
 from master import BOOT, ERROR, INIT, OP, PREOP, SAFEOP
+from segment import segment
 
 AL_CONTROL, AL_STATUS, AL_STATUS_CODE = 0x0120, 0x0130, 0x0134
 MAILBOX_OUT, MAILBOX_IN, OUTPUTS, INPUTS = 0x0800, 0x0808, 0x0810, 0x0818  # sync managers
@@ -41,7 +42,6 @@ def acknowledge(slave, state):
     [
         (INIT, SAFEOP, 0x0011),
         (INIT, OP, 0x0011),
-        (INIT, BOOT, 0x0013),
         (PREOP, OP, 0x0011),
         (PREOP, BOOT, 0x0011),
         (PREOP, 0, 0x0012),
@@ -58,6 +58,15 @@ def test_changes_that_do_not_exist(slave, begin, wanted, code):
     assert status(slave) == (begin | ERROR, code)
     acknowledge(slave, begin)
     assert request(slave, INIT) == (INIT, 0)
+
+
+def test_bootstrap_where_there_is_none(start_line, open_master):
+    start_line(segment(1, product="jmc_ec", travel=""))
+    master = open_master()
+    assert master.scan() == 1
+    slave = master.slaves[0]
+    assert request(slave, INIT) == (INIT, 0)
+    assert request(slave, BOOT) == (INIT | ERROR, 0x0013)
 
 
 @pytest.mark.parametrize(
