@@ -6,22 +6,16 @@
 #include <chrono>
 #include <cstdio>
 #include <ctime>
-#include <string>
 
 #include "controller_line.hpp"
 #include "drive/drive.hpp"
-#include "ethercat/slave/slave.hpp"
+#include "drive_line.hpp"
 #include "host/ethercat/coe_objects.hpp"
-#include "line/line.hpp"
-#include "line/line_file.hpp"
-#include "links/ethercat/memory_client.hpp"
 
 namespace {
 
 using namespace servodrome;
 using namespace std::chrono_literals;
-using Port = links::EthercatBus::Port;
-using Encapsulation = links::EthercatBus::Encapsulation;
 
 double processor_ns() {
   timespec time{};
@@ -51,19 +45,6 @@ double controllers_ns(std::size_t slaves) {
          cycles / static_cast<double>(slaves * frames);  // each frame passes all of them
 }
 
-// The frames of one cycle, as the master sends them.
-struct Cycle final : links::EthercatObserver {
-  void on_frame(std::span<const std::uint8_t> bytes, ethercat::Segment::Encapsulation, Direction direction,
-                links::Time at) override {
-    if (direction != Direction::in) return;
-    if (at != time) frames.clear();
-    time = at;
-    frames.emplace_back(bytes.begin(), bytes.end());
-  }
-  std::vector<std::vector<std::uint8_t>> frames;
-  links::Time time{};
-};
-
 void map_sixteen_bytes(host::CoeClient& coe) {
   for (const std::uint16_t pdo : {std::uint16_t{0x1600}, std::uint16_t{0x1A00}}) {
     coe.write<std::uint8_t>(pdo, 0, 0);
@@ -75,11 +56,7 @@ void map_sixteen_bytes(host::CoeClient& coe) {
 // Negative: it did not work.
 double drives_ns(std::size_t slaves) {
   constexpr int cycles = 200;
-  std::string text = "clock = \"virtual\"\n[[bus]]\nname = \"ecat\"\ntype = \"ethercat\"\n";
-  for (std::size_t i = 1; i <= slaves; ++i) {
-    text += "[[axis]]\nname = \"a" + std::to_string(i) + "\"\nproduct = \"generic402-ec\"\n";
-  }
-  line::Line line(line::parse_line_file(text, "bench", line::all_products()).settings);
+  line::Line line = bench::make_drive_line(slaves);
   links::EthercatBus& bus = line.ethercat_buses().front()->bus;
   host::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(bus, line));
   const auto found = host::scan_slaves(master);
@@ -91,7 +68,7 @@ double drives_ns(std::size_t slaves) {
     all.back()->to_pre_operational();
     map_sixteen_bytes(all.back()->coe());
   }
-  Cycle cycle;
+  bench::Cycle cycle;
   bus.add_observer(cycle);
   host::EthercatOperation operation(master, found, all, {.cyclic = {.period = 1ms}, .distributed_clocks = true});
   host::CyclicExchange& exchange = operation.exchange();
@@ -109,8 +86,7 @@ double drives_ns(std::size_t slaves) {
                                   [&] {
                                     for (int i = 0; i < cycles; ++i) {
                                       line.run_until(at += 1ms);
-                                      for (auto& frame : cycle.frames)
-                                        bus.exchange(frame, at, Port::primary, Encapsulation::payload);
+                                      cycle.exchange(bus, at);
                                     }
                                   }) /
                       cycles / static_cast<double>(slaves);

@@ -1,0 +1,45 @@
+// Frames 10 us apart through a line of SLAVES generic402-ec in Operational, until N times a slave was passed: an LRW
+// with the process data of all and what else their master sends in a cycle of free run. The outputs are exchanged as
+// each frame comes. The ticks of 62.5 us in between are part of it. Instructions per slave and frame: as
+// callgrind_sdo.cpp. Usage: callgrind_drives SLAVES N
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+
+#include "drive_line.hpp"
+
+int main(int argc, char** argv) {
+  using namespace servodrome;
+  using namespace std::chrono_literals;
+  const std::size_t count = argc > 1 ? static_cast<std::size_t>(std::atol(argv[1])) : 8;
+  const long frames = (argc > 2 ? std::atol(argv[2]) : 1000) / static_cast<long>(count);
+  line::Line line = bench::make_drive_line(count);
+  links::EthercatBus& bus = line.ethercat_buses().front()->bus;
+  host::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(bus, line));
+  const auto found = host::scan_slaves(master);
+  std::vector<std::unique_ptr<host::EthercatSlave>> owned;
+  std::vector<host::EthercatSlave*> all;
+  for (const host::FoundSlave& slave : found) {
+    owned.push_back(std::make_unique<host::EthercatSlave>(master, slave));
+    all.push_back(owned.back().get());
+    all.back()->to_pre_operational();
+  }
+  host::EthercatOperation operation(master, found, all);
+  bench::Cycle cycle;
+  bus.add_observer(cycle);
+  master.wait(10ms);
+  bus.remove_observer(cycle);
+  links::Time at = line.now();
+  const auto start = std::chrono::steady_clock::now();
+  for (long i = 0; i < frames; ++i) {
+    line.run_until(at += 10us);
+    cycle.exchange(bus, at);
+  }
+  const std::chrono::duration<double, std::nano> took = std::chrono::steady_clock::now() - start;
+  std::printf("%ld frames, %.1f ns per slave and frame\n", frames * static_cast<long>(cycle.frames.size()),
+              took.count() / static_cast<double>(frames) / static_cast<double>(count));
+  for (const auto& axis : line.axes()) {
+    if (axis->device().ethercat_slave()->state() != ethercat::AlState::operational) return 1;
+  }
+  return cycle.frames.size() == 1 ? 0 : 1;
+}

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "ethercat/slave/slave.hpp"
+#include "host/ethercat/operation.hpp"
+#include "line/line.hpp"
+#include "line/line_file.hpp"
+#include "links/ethercat/memory_client.hpp"
+
+// A line of generic402-ec drives in virtual time, their master in the same process, and the frames of a cycle, to be
+// sent again and again without it.
+namespace servodrome::bench {
+
+inline line::Line make_drive_line(std::size_t slaves) {
+  std::string text = "clock = \"virtual\"\n[[bus]]\nname = \"ecat\"\ntype = \"ethercat\"\n";
+  for (std::size_t i = 1; i <= slaves; ++i) {
+    text += "[[axis]]\nname = \"a" + std::to_string(i) + "\"\nproduct = \"generic402-ec\"\n";
+  }
+  return line::Line(line::parse_line_file(text, "bench", line::all_products()).settings);
+}
+
+// The frames of the last cycle, as the master sent them.
+struct Cycle final : links::EthercatObserver {
+  void on_frame(std::span<const std::uint8_t> bytes, ethercat::Segment::Encapsulation, Direction direction,
+                links::Time at) override {
+    if (direction != Direction::in) return;
+    if (at != time) frames.clear();
+    time = at;
+    frames.emplace_back(bytes.begin(), bytes.end());
+  }
+  void exchange(links::EthercatBus& bus, links::Time at) {
+    for (auto& frame : frames) {
+      bus.exchange(frame, at, links::EthercatBus::Port::primary, links::EthercatBus::Encapsulation::payload);
+    }
+  }
+  std::vector<std::vector<std::uint8_t>> frames;
+  links::Time time{};
+};
+
+}  // namespace servodrome::bench
