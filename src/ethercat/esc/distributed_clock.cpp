@@ -204,8 +204,7 @@ unsigned DistributedClock::poll_sync(Time now) {
   return fired;
 }
 
-Time DistributedClock::next_sync(Time now) {
-  if (next_known_) return next_;
+void DistributedClock::find_next_sync(Time now) {
   Time next = never;
   for (const Sync& sync : sync_) {
     if (!sync.pending) continue;
@@ -215,7 +214,6 @@ Time DistributedClock::next_sync(Time now) {
   }
   next_ = next;
   next_known_ = true;
-  return next;
 }
 
 }  // namespace servodrome::ethercat

@@ -80,9 +80,13 @@ class DistributedClock {
   // Makes the pulses that are due. Returns bit n for SYNCn.
   unsigned poll_sync(Time now);
   // When to poll next. Pulses closer than 10 us are polled together.
-  Time next_sync(Time now);
+  Time next_sync(Time now) {
+    if (!next_known_) find_next_sync(now);
+    return next_;
+  }
 
  private:
+  void find_next_sync(Time now);
   void anchor(Time now);
 
   // Local time is linear in the caller's time between anchors, but for the phase correction that runs out.

@@ -253,9 +253,4 @@ unsigned Esc::poll(Time now) {
   return fired;
 }
 
-Time Esc::next_deadline(Time now) {
-  const Time watchdogs = std::min(process_data_watchdog_.deadline(), pdi_watchdog_.deadline());
-  return std::min({watchdogs, dl_control_until_, clock_.next_sync(now)});
-}
-
 }  // namespace servodrome::ethercat

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <span>
 
@@ -101,7 +102,10 @@ class Esc {
 
   // Pulses, watchdogs and delays that are due; no later than `next_deadline`. Returns bit n for SYNCn.
   unsigned poll(Time now);
-  Time next_deadline(Time now);
+  Time next_deadline(Time now) {
+    const Time watchdogs = std::min(process_data_watchdog_.deadline(), pdi_watchdog_.deadline());
+    return std::min({watchdogs, dl_control_until_, clock_.next_sync(now)});
+  }
 
   // The bytes of a register as they are now, for the application and for tests.
   std::uint8_t read_byte(std::uint16_t address, Time now);

@@ -1,8 +1,7 @@
 #include "ethercat/slave/process_image.hpp"
 
 #include <algorithm>
-
-#include "ethercat/bytes.hpp"
+#include <cstring>
 
 namespace servodrome::ethercat {
 
@@ -29,6 +28,16 @@ void put_bits(std::span<std::uint8_t> image, unsigned bit, unsigned bits, std::u
   }
 }
 
+// Of a number as long as one of dictionary::Type.
+void copy_number(void* to, const void* from, unsigned bytes) {
+  switch (bytes) {
+    case 1: std::memcpy(to, from, 1); break;
+    case 2: std::memcpy(to, from, 2); break;
+    case 4: std::memcpy(to, from, 4); break;
+    default: std::memcpy(to, from, 8); break;
+  }
+}
+
 }  // namespace
 
 AbortCode ProcessImage::resolve_entry(std::uint32_t mapping, MappedObject& object) const {
@@ -52,8 +61,9 @@ AbortCode ProcessImage::resolve_entry(std::uint32_t mapping, MappedObject& objec
   object.entry = entry;
   object.place = dictionary_.storage(*entry);
   object.bytes = dictionary::size_of(entry->type);
-  object.plain = entry->owner == dictionary::Owner::none && (direction_ == Direction::inputs || !entry->has_range);
-  object.whole = bits == own;
+  object.owner = dictionary_.listener(*entry);
+  object.plain = object.owner == nullptr && (direction_ == Direction::inputs || !entry->has_range);
+  object.whole = bits == own && object.place != nullptr;
   return AbortCode::none;
 }
 
@@ -117,21 +127,27 @@ AbortCode ProcessImage::resolve() {
 void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
   if (image.size() < bytes()) return;
   for (MappedObject& object : objects_.first(count_)) {
-    if (object.plain && object.whole && object.place != nullptr) {
-      copy_few(reinterpret_cast<std::uint8_t*>(object.place), image.data() + object.bit / 8, object.bytes);
+    const std::uint8_t* from = image.data() + object.bit / 8;
+    if (object.plain && object.whole) {
+      copy_number(object.place, from, object.bytes);
       continue;
     }
-    const std::uint64_t value = bits_at(image, object.bit, object.bits);
+    std::uint64_t value = 0;
+    if (object.whole) {
+      copy_number(&value, from, object.bytes);
+    } else {
+      value = bits_at(image, object.bit, object.bits);
+    }
     const auto bytes = std::as_bytes(std::span(&value, 1)).first(object.bytes);
+    const Entry& entry = *object.entry;
     object.tell = false;
-    if (dictionary_.check_range(*object.entry, bytes) != AbortCode::none) continue;
-    dictionary::Listener* owner = dictionary_.listener(*object.entry);
-    if (owner != nullptr && owner->check(*object.entry, bytes) != AbortCode::none) continue;
-    if (object.place != nullptr) std::memcpy(object.place, bytes.data(), bytes.size());
-    object.tell = owner != nullptr;
+    if (entry.has_range && dictionary_.check_range(entry, bytes) != AbortCode::none) continue;
+    if (object.owner != nullptr && object.owner->check(entry, bytes) != AbortCode::none) continue;
+    if (object.place != nullptr) copy_number(object.place, &value, object.bytes);
+    object.tell = object.owner != nullptr;
   }
   for (const MappedObject& object : objects_.first(count_)) {
-    if (object.tell) dictionary_.listener(*object.entry)->written(*object.entry);
+    if (object.tell) object.owner->written(*object.entry);
   }
 }
 
@@ -139,16 +155,14 @@ void ProcessImage::read_objects(std::span<std::uint8_t> image) {
   if (image.size() < bytes()) return;
   std::fill(image.begin(), image.end(), std::uint8_t{0});
   for (const MappedObject& object : objects_.first(count_)) {
-    if (!object.plain) {
-      if (dictionary::Listener* owner = dictionary_.listener(*object.entry)) owner->refresh(*object.entry);
-    }
-    if (object.whole && object.place != nullptr) {
-      copy_few(image.data() + object.bit / 8, reinterpret_cast<const std::uint8_t*>(object.place), object.bytes);
+    if (object.owner != nullptr) object.owner->refresh(*object.entry);
+    if (object.whole) {
+      copy_number(image.data() + object.bit / 8, object.place, object.bytes);
       continue;
     }
     std::uint64_t value = 0;
     if (object.place != nullptr) {
-      std::memcpy(&value, object.place, object.bytes);
+      copy_number(&value, object.place, object.bytes);
     } else {
       value = static_cast<std::uint64_t>(object.entry->default_value);
     }

@@ -13,12 +13,13 @@ enum class Direction : std::uint8_t { outputs, inputs };
 struct MappedObject {
   const dictionary::Entry* entry = nullptr;
   std::byte* place = nullptr;  // nullptr: no storage
-  std::uint16_t bit = 0;       // first one in the process data
-  std::uint8_t bits = 0;       // in the process data
-  std::uint8_t bytes = 0;      // in memory
-  bool plain = true;           // no owner to tell and no range to check
-  bool whole = true;           // whole bytes, as many as in memory
-  bool tell = false;           // its owner is to be told of this cycle's value
+  dictionary::Listener* owner = nullptr;
+  std::uint16_t bit = 0;   // first one in the process data
+  std::uint8_t bits = 0;   // in the process data
+  std::uint8_t bytes = 0;  // in memory
+  bool plain = true;       // no owner to tell and no range to check
+  bool whole = true;       // whole bytes, as many as in memory, where it has a place
+  bool tell = false;       // its owner is to be told of this cycle's value
 };
 
 // The process data of one sync manager: the PDOs that 1C12h or 1C13h assigns, with their mappings 16xxh or 1Axxh, as a

@@ -7,6 +7,15 @@ namespace servodrome::ethercat {
 using dictionary::AbortCode;
 using dictionary::Entry;
 
+namespace {
+
+// What can give a mailbox work: a message that was written or read, a request to repeat one, another state.
+constexpr std::uint32_t mailbox_events = reg::al_event::sync_manager0 << Mailbox::out |
+                                         reg::al_event::sync_manager0 << Mailbox::in |
+                                         reg::al_event::sync_manager_activation | reg::al_event::al_control;
+
+}  // namespace
+
 Slave::Slave(Esc& esc, dictionary::Dictionary& dictionary, const Profile& profile, SlaveEvents& events,
              SlaveMemory memory)
     : esc_(esc),
@@ -56,10 +65,8 @@ void Slave::poll(Time now) {
   if ((events & reg::al_event::sync_manager_activation) != 0) follow_configuration(now);
   if ((events & reg::al_event::al_control) != 0) al_control_written(now);
   if (operational_until_ != never) await_operational(now);
-  if (mailbox_runs()) serve_mailbox();
+  if ((events & mailbox_events) != 0 && mailbox_runs()) serve_mailbox();
 }
-
-Time Slave::next_deadline(Time now) { return std::min(esc_.next_deadline(now), operational_until_); }
 
 void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {
   if (!mailbox_runs() || emergency_count_ == emergencies_.size()) return;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+
 #include "dictionary/dictionary.hpp"
 #include "ethercat/esc/esc.hpp"
 #include "ethercat/slave/communication_objects.hpp"
@@ -48,7 +50,8 @@ class Slave final : dictionary::Listener {
   void poll(Time now);
   // Is there anything for `poll` to do since a frame passed? For a caller with many slaves.
   bool wants_poll() const { return esc_.attention() != 0; }
-  Time next_deadline(Time now);
+  Time next_deadline(Time now) { return std::min(esc_.next_deadline(now), operational_until_); }
+  Time next_deadline() { return next_deadline(esc_.now()); }
 
   // The objects have new values: they go into the inputs in free run, where no signal of the bus asks for them.
   void process_image_updated();
