@@ -12,9 +12,11 @@ constexpr std::uint32_t precharge_ms = 300;  // the DC link may take so long to 
 
 Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
     : policy_(policy),
+      transitions_(policy.transitions),
       objects_base_(objects_base),
       axis_{.objects = objects, .policy = policy},
       touch_probe_(TouchProbeCapability{}) {
+  for (const StatusBit& row : policy.status_bits) shown_sources_ |= bit(row.source);
   set_rates();
   axis_.loops = &cascade_.state();
 }
@@ -361,12 +363,12 @@ std::uint32_t Drive::status_sources() const {
   show(StatusSource::internal_limit, energised() && (axis_.limited || loops.torque_limited || loops.velocity_limited));
   show(StatusSource::internal_limit, policy_.limit_switches_show_as_limit && (axis_.active(Signal::negative_limit) ||
                                                                               axis_.active(Signal::positive_limit)));
-  show(StatusSource::position_limit, axis_.held_by_position_limit());
+  if (shows(StatusSource::position_limit)) show(StatusSource::position_limit, axis_.held_by_position_limit());
   show(StatusSource::following_error, axis_.following_error);
   show(StatusSource::commutation_found,
        state_ != PowerState::not_ready_to_switch_on && !active_.test(Cause::encoder_connection));
   show(StatusSource::home_found, axis_.homed);
-  show(StatusSource::software_limit, axis_.beyond_software_limits());
+  if (shows(StatusSource::software_limit)) show(StatusSource::software_limit, axis_.beyond_software_limits());
   const bool working = state_ == PowerState::operation_enabled || state_ == PowerState::quick_stop_active;
   const bool failed = state_ == PowerState::fault_reaction_active || state_ == PowerState::fault;
   if (!working && !failed) return shown;

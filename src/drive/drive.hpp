@@ -182,6 +182,7 @@ class Drive final : public dictionary::Listener {
   void set_limits();
   void write_actuation();
   std::uint32_t status_sources() const;
+  bool shows(StatusSource source) const { return (shown_sources_ & bit(source)) != 0; }
   bool set_units();
   void load_touch_probe();
   Rates wanted_rates() const;
@@ -191,6 +192,8 @@ class Drive final : public dictionary::Listener {
   static auto with_mode(Self& self, Function&& function);
 
   const Policy& policy_;
+  TransitionTable transitions_;
+  std::uint32_t shown_sources_ = 0;  // bit(StatusSource) of those that the statusword of this policy has
   std::size_t objects_base_;
   DriveEvents* events_ = nullptr;
   Axis axis_;

@@ -26,7 +26,10 @@ Integer saturated(double value) {
   constexpr double high = static_cast<double>(std::numeric_limits<Integer>::max());
   if (!(value > low)) return std::numeric_limits<Integer>::min();
   if (value >= high) return std::numeric_limits<Integer>::max();
-  return static_cast<Integer>(std::llround(value));
+  // As std::llround, halves away from zero, without the call.
+  const auto whole = static_cast<std::int64_t>(value);
+  const double rest = value - static_cast<double>(whole);
+  return static_cast<Integer>(whole + (rest >= 0.5 ? 1 : rest <= -0.5 ? -1 : 0));
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ void Drive::handle_command(Command command) {
     enter_state(PowerState::operation_enabled);
     return;
   }
-  const Transition* transition = find_transition(policy_.transitions, state_, command);
+  const Transition* transition = transitions_.find(state_, command);
   if (transition == nullptr) return;
   // On the way already; but disable voltage does not wait for a ramp to end.
   if (pending_.active && pending_.to == transition->to && command != Command::disable_voltage) return;

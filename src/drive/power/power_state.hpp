@@ -95,12 +95,27 @@ inline constexpr auto transitions = std::to_array<Transition>({
     {PowerState::quick_stop_active, Command::enable_operation, PowerState::operation_enabled, 16},
 });
 
-// The transition that `command` triggers in `state`, or nullptr.
-constexpr const Transition* find_transition(std::span<const Transition> among, PowerState state, Command command) {
-  for (const Transition& transition : among) {
-    if (transition.from == state && transition.command == command) return &transition;
+// Transitions by state and command; of several for the same the first. Refers to the rows, fewer than 256.
+class TransitionTable {
+ public:
+  constexpr explicit TransitionTable(std::span<const Transition> rows) : rows_(rows) {
+    for (std::size_t i = rows.size(); i-- > 0;) place(rows[i].from, rows[i].command) = static_cast<std::uint8_t>(i + 1);
   }
-  return nullptr;
-}
+  // The transition that `command` triggers in `state`, or nullptr.
+  constexpr const Transition* find(PowerState state, Command command) const {
+    const std::uint8_t row = row_of_[static_cast<std::size_t>(state)][static_cast<std::size_t>(command)];
+    return row == 0 ? nullptr : &rows_[row - 1U];
+  }
+
+ private:
+  static constexpr std::size_t states = 8;
+  static constexpr std::size_t commands = 6;
+  constexpr std::uint8_t& place(PowerState state, Command command) {
+    return row_of_[static_cast<std::size_t>(state)][static_cast<std::size_t>(command)];
+  }
+
+  std::span<const Transition> rows_;
+  std::array<std::array<std::uint8_t, commands>, states> row_of_{};  // from 1 on
+};
 
 }  // namespace servodrome::drive
