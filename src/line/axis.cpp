@@ -66,6 +66,7 @@ Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
   if (bus_ != nullptr) port_ = bus_->attach(*this);
   if (ethercat_ != nullptr) {
     const Time hop = controller_delay + settings.ethercat->cable;
+    ethercat_slave_ = device_->ethercat_slave();
     slave_ = ethercat_->attach(ethercat_station_, {hop, hop});
   }
   plant_.sample(feedback_);
@@ -84,7 +85,7 @@ void Axis::run_to(std::int64_t tick) {
     return;
   }
   while (tick_ < tick) {
-    if (ethercat_ != nullptr) poll_slave((tick_ + 1) * tick_length);
+    if (ethercat_slave_ != nullptr) poll_slave((tick_ + 1) * tick_length);
     plant_.step(actuation_, feedback_);
     ++tick_;
     if (device_->drive().tick(feedback_, actuation_)) {
@@ -101,7 +102,7 @@ void Axis::run_to(std::int64_t tick) {
 // past is polled again one tick later.
 void Axis::poll_slave(Time until) {
   while (true) {
-    Time due = device_->next_deadline();
+    Time due = ethercat_slave_->next_deadline();
     if (due <= last_poll_) due = last_poll_ + tick_length;
     if (due > until) return;
     last_poll_ = due;
@@ -110,7 +111,7 @@ void Axis::poll_slave(Time until) {
 }
 
 Time Axis::next_sending(Time now) const {
-  if (!powered_ || ethercat_ != nullptr) return links::never;
+  if (!powered_) return links::never;
   // Until two cycles were seen their distance is not known, and any tick may be one.
   const bool known = last_cycle_ != unknown && cycle_ticks_ != unknown;
   const std::int64_t cycle = known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1;
@@ -121,7 +122,7 @@ Time Axis::next_sending(Time now) const {
 }
 
 void Axis::poll(Time now) {
-  if (powered_ && ethercat_ != nullptr) {
+  if (powered_ && ethercat_slave_ != nullptr) {
     poll_slave(now);
     return;
   }

@@ -42,8 +42,10 @@ class Axis final : public links::Receiver {
 
   // Runs every tick up to and including number `tick`.
   void run_to(std::int64_t tick);
-  // The earliest time from `now` on at which the axis may send without having received: the next position-loop cycle,
-  // or the next poll. Other axes must not be run beyond it first, or they would miss the frame.
+  // May it send without having received? A slave on EtherCAT never does.
+  bool sends() const { return ethercat_ == nullptr; }
+  // Of an axis that does, the earliest time from `now` on at which it may: the next position-loop cycle, or the next
+  // poll. Other axes must not be run beyond it first, or they would miss the frame.
   Time next_sending(Time now) const;
   // Polls the device if that is due.
   void poll(Time now);
@@ -126,6 +128,7 @@ class Axis final : public links::Receiver {
   drive::Actuation actuation_{};
   links::PortId port_{};
   EthercatStation ethercat_station_{*this};
+  ethercat::Slave* ethercat_slave_ = nullptr;
   std::size_t slave_ = 0;  // place on the EtherCAT segment, from 0
   std::uint32_t port_bit_rate_ = 0;
   Station station_{*this};

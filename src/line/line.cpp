@@ -25,6 +25,7 @@ Line::Line(const LineSettings& settings) : clock_mode_(settings.clock) {
       buses.serial_silence = serial.settings.silence;
     }
     axes_.push_back(std::make_unique<Axis>(axis, buses));
+    if (axes_.back()->sends()) senders_.push_back(axes_.back().get());
   }
 }
 
@@ -38,13 +39,15 @@ Time Line::next_bus_event() const {
 // Between two instants no axis can send and nothing arrives, so that each axis may run all its ticks before the next.
 Time Line::next_instant(Time latest) const {
   Time instant = std::min(latest, next_bus_event());
-  for (const auto& axis : axes_) instant = std::min(instant, axis->next_sending(now_));
+  for (const Axis* axis : senders_) instant = std::min(instant, axis->next_sending(now_));
   return std::max(instant, now_);
 }
 
 void Line::run_to_instant(Time instant) {
-  const std::int64_t tick = instant / tick_length;
-  for (const auto& axis : axes_) axis->run_to(tick);
+  if (const std::int64_t tick = instant / tick_length; tick != tick_) {
+    tick_ = tick;
+    for (const auto& axis : axes_) axis->run_to(tick);
+  }
   now_ = instant;
   for (const auto& bus : buses_) bus->bus.advance(instant);
   for (const auto& bus : serial_buses_) bus->line.advance(instant);

@@ -95,6 +95,8 @@ class Line final : public links::VirtualClock {
   std::vector<std::unique_ptr<NamedSerialBus>> serial_buses_;
   std::vector<std::unique_ptr<NamedEthercatBus>> ethercat_buses_;
   std::vector<std::unique_ptr<Axis>> axes_;
+  std::vector<const Axis*> senders_;  // on CAN or alone, see Axis::sends
+  std::int64_t tick_ = 0;             // up to which all axes have run
   Time now_{};
   Lag lag_;
 };

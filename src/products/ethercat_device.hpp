@@ -53,7 +53,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
 
   void cycle(Time) override { slave_.process_image_updated(); }
   void poll(Time now) override { slave_.poll(now); }
-  Time next_deadline() override { return slave_.next_deadline(esc_.now()); }
+  Time next_deadline() override { return slave_.next_deadline(); }
 
   ethercat::Slave* ethercat_slave() override { return &slave_; }
   ethercat::Esc* ethercat_controller() override { return &esc_; }
