@@ -27,7 +27,8 @@ class Drive(drive402.Drive402):
         self.outputs = {}  # (index, sub): bit offset
         self.inputs = {}
         self.values = {}  # that go out with every cycle
-        self._image = b""
+        self.emergencies = []
+        self.slave.add_emergency_callback(self.emergencies.append)
 
     def kind(self, index, sub):
         return KINDS[self.objects[index, sub]["type"]]
