@@ -35,25 +35,25 @@ Integer saturated(double value) {
 }  // namespace
 
 AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
-  const std::int64_t number = dictionary::decode_number(entry.type, value);
+  const auto number = [&] { return dictionary::decode_number(entry.type, value); };  // few want it
   const OptionCodes& codes = policy_.option_codes;
   const auto at_once = [&codes](std::int64_t code) { return codes.at_once_from != 0 && code >= codes.at_once_from; };
   const auto legal = [](bool is) { return is ? AbortCode::none : AbortCode::value_invalid; };
   switch (entry.index) {
     case 0x604B:
-    case 0x604C: return legal(number != 0);
-    case 0x605A: return legal(allowed(codes.quick_stop, number) || at_once(number));
-    case 0x605B: return legal(allowed(codes.shutdown, number));
-    case 0x605C: return legal(allowed(codes.disable_operation, number));
-    case 0x605D: return legal(allowed(codes.halt, number) || at_once(number));
-    case 0x605E: return legal(allowed(codes.fault_reaction, number));
+    case 0x604C: return legal(number() != 0);
+    case 0x605A: return legal(allowed(codes.quick_stop, number()) || at_once(number()));
+    case 0x605B: return legal(allowed(codes.shutdown, number()));
+    case 0x605C: return legal(allowed(codes.disable_operation, number()));
+    case 0x605D: return legal(allowed(codes.halt, number()) || at_once(number()));
+    case 0x605E: return legal(allowed(codes.fault_reaction, number()));
     case 0x6060:
-      return legal(number == 0 ? policy_.mode_none
-                               : (policy_.supported_modes & mode_bit(static_cast<Mode>(number))) != 0);
-    case 0x6086: return legal(policy_.zero_values_are_faults || axis_.has_shape(static_cast<std::int16_t>(number)));
+      return legal(number() == 0 ? policy_.mode_none
+                                 : (policy_.supported_modes & mode_bit(static_cast<Mode>(number()))) != 0);
+    case 0x6086: return legal(policy_.zero_values_are_faults || axis_.has_shape(static_cast<std::int16_t>(number())));
     case 0x6098:
-      return legal(axis_.monitors(Cause::homing_method) || number == entry.default_value ||
-                   find_method(policy_.homing_methods, static_cast<std::int8_t>(number)) != nullptr);
+      return legal(axis_.monitors(Cause::homing_method) || number() == entry.default_value ||
+                   find_method(policy_.homing_methods, static_cast<std::int8_t>(number())) != nullptr);
     case 0x608F:
     case 0x6090:
     case 0x6091:
@@ -75,9 +75,9 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
       break;
     }
     case 0x60C4:
-      if (entry.sub == 2) return legal(number <= static_cast<std::int64_t>(InterpolatedPosition::capacity));
+      if (entry.sub == 2) return legal(number() <= static_cast<std::int64_t>(InterpolatedPosition::capacity));
       break;
-    case 0x60D0: return legal(number == 1 || number == 2 || number == 5 || number == 6);
+    case 0x60D0: return legal(number() == 1 || number() == 2 || number() == 5 || number() == 6);
     default: break;
   }
   return AbortCode::none;

@@ -132,18 +132,17 @@ void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
       copy_number(object.place, from, object.bytes);
       continue;
     }
-    std::uint64_t value = 0;
-    if (object.whole) {
-      copy_number(&value, from, object.bytes);
-    } else {
-      value = bits_at(image, object.bit, object.bits);
+    std::uint64_t apart = 0;
+    if (!object.whole) {
+      apart = bits_at(image, object.bit, object.bits);
+      from = reinterpret_cast<const std::uint8_t*>(&apart);
     }
-    const auto bytes = std::as_bytes(std::span(&value, 1)).first(object.bytes);
+    const auto value = std::as_bytes(std::span(from, object.bytes));
     const Entry& entry = *object.entry;
     object.tell = false;
-    if (entry.has_range && dictionary_.check_range(entry, bytes) != AbortCode::none) continue;
-    if (object.owner != nullptr && object.owner->check(entry, bytes) != AbortCode::none) continue;
-    if (object.place != nullptr) copy_number(object.place, &value, object.bytes);
+    if (entry.has_range && dictionary_.check_range(entry, value) != AbortCode::none) continue;
+    if (object.owner != nullptr && object.owner->check(entry, value) != AbortCode::none) continue;
+    if (object.place != nullptr) copy_number(object.place, from, object.bytes);
     object.tell = object.owner != nullptr;
   }
   for (const MappedObject& object : objects_.first(count_)) {
