@@ -1,7 +1,7 @@
 """Fixtures: a segment of drives at the end of an Ethernet cable, and pysoem's master at the other.
 
-The cables are pairs of virtual Ethernet interfaces in a network namespace that each worker (pytest -n) makes for itself,
-so that tests run beside each other. That needs root, or `unshare --user --map-root-user --net` around pytest.
+The cables are pairs of virtual Ethernet interfaces in a network namespace that each worker (pytest -n) makes for
+itself, so that tests run beside each other. That needs root, or `unshare --user --map-root-user --net` around pytest.
 Environment: SERVODROME, SERVODROME_CAPTURES and SERVODROME_PATIENCE as for the tests on CAN.
 """
 

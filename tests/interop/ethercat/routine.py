@@ -1,4 +1,4 @@
-"""A controller's axis: PLCopen blocks over a drive in cyclic synchronous position, carried out from a routine's data."""
+"""A controller's axis: PLCopen blocks over a drive in cyclic synchronous position, from a routine's data."""
 
 from drive402 import CYCLIC_POSITION, HOMING
 from line import wait_for
@@ -65,8 +65,8 @@ class Axis:
 
     def go_to(self, counts, velocity, acceleration, deceleration):
         scale = self.scale
-        motion = trapezoid(self.set_point, counts, velocity * scale, acceleration * scale, deceleration * scale, self.dt)
-        self.speed, self.positions = 0.0, motion
+        speeds = (velocity * scale, acceleration * scale, deceleration * scale)
+        self.speed, self.positions = 0.0, trapezoid(self.set_point, counts, *speeds, self.dt)
         self.master.wait(lambda: abs(self.set_point - counts) < 0.5, "the end of the set-points")
         self.drive.wait_standstill()
 

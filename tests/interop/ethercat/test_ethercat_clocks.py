@@ -52,7 +52,7 @@ def test_start_up(start_line, open_master):
 
 
 def test_pulses_come_at_the_same_time(start_line, open_master):
-    """SYNC0's next time (0990h) of all slaves at once, by a latch of none: read in one frame it is one and the same."""
+    """The times of SYNC0 (0990h) of all slaves lie on one grid, that of the reference clock."""
     start_line(segment(3, oscillator_ppm=lambda n: 50 * n))
     master = open_master()
     assert master.scan() == 3

@@ -205,8 +205,8 @@ class TestTwoMasters:
         expect_counter(master, 9)
 
     def test_one_takes_the_slaves_away(self, master, open_master, bench):
-        """The second one's scan takes all to Pre-Operational; the next one has them again. (The first one does not go on:
-        SOEM takes answers to any SOEM on its interface for its own.)"""
+        """The second one's scan takes all to Pre-Operational; the next one has them again. (The first one does not go
+        on: SOEM takes answers to any SOEM on its interface for its own.)"""
         master.run()
         master.stop_cycle()
         other = open_master()
@@ -254,7 +254,8 @@ def test_a_master_is_killed(line, cables, open_master, dc):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_master_that_does_everything_wrong(start_line, cables, open_master, seed):
     """Thousands of frames with random commands, places and data; the next master's scan works as if nothing had been.
-    Left alone is what outlives its master on purpose: write protection, loops closed by hand, the information memory."""
+    Left alone is what outlives its master on purpose: write protection, loops closed by hand, the information
+    memory."""
     line = start_line(segment(3), log=None)  # what it sends is no capture to be proud of
     draw = random.Random(seed)
     places = [0x0000, 0x0010, 0x0110, 0x0120, 0x0200, 0x0300, 0x0420, 0x0600, 0x0620, 0x0800]
@@ -266,7 +267,8 @@ def test_a_master_that_does_everything_wrong(start_line, cables, open_master, se
             for more in reversed(range(draw.randint(1, 4))):
                 data = draw.randbytes(draw.choice((1, 2, 4, 8, 16, 64)))
                 where = draw.choice(places) if draw.random() < 0.9 else draw.randrange(0x10000)
-                address = struct.pack("<HH", draw.choice((0, 0xFFFF, 0xFFFE, 0x1001, 0x1002, draw.randrange(65536))), where)
+                who = draw.choice((0, 0xFFFF, 0xFFFE, 0x1001, 0x1002, draw.randrange(65536)))
+                address = struct.pack("<HH", who, where)
                 spared = ((0x0020, 0x0040), (0x0100, 0x0104), (0x0500, 0x0510))
                 if any(where < end and where + len(data) > start for start, end in spared):
                     continue

@@ -24,7 +24,9 @@ def running(request, master, drives):
         drive.remap(0x1C13, FEEDBACK, 0x1A00)
         drive.download(0x10F1, 0, 2)  # a busy machine is no fault of the drive's
         drive.learn_mapping()
-    master.run(dc_cycle_ns=CYCLE_NS if request.param == "DC" else None)
+    clocked = request.param == "DC"
+    master.run(dc_cycle_ns=CYCLE_NS if clocked else None)
+    assert (drives[0].upload(0x1C32, 1) == 2) == clocked  # by SYNC0
     return drives[0]
 
 
@@ -45,9 +47,10 @@ def ramp(drive, start, end, speed):
     """A step for each cycle: 607Ah from start to end, `speed` counts per cycle."""
     sign = 1 if end >= start else -1
 
-    def step(cycle, begin=[]):
-        begin.append(cycle) if not begin else None
-        distance = min(abs(end - start), speed * (cycle - begin[0]))
+    first = drive.master.cycles
+
+    def step(cycle):
+        distance = min(abs(end - start), speed * (cycle - first))
         drive.values[0x607A, 0] = start + sign * distance
 
     return step

@@ -249,7 +249,7 @@ class TestDistributedClocks:
         assert status(master.slaves[1]) == (OP, 0)
 
     def test_cycles_without_outputs(self, master):
-        """10F1h: each adds 3 to a counter; above the limit the slave falls back. Zero, the other slave's, is no limit."""
+        """10F1h: each adds 3 to a counter; above the limit the slave falls back. The other one's, zero, is no limit."""
         for slave, limit in zip(master.slaves, (200, 0)):
             slave.sdo_write(0x10F1, 2, struct.pack("<H", limit))
         master.run(dc_cycle_ns=self.CYCLE_NS, watchdog_ms=6500)

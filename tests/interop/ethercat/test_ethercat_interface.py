@@ -1,0 +1,88 @@
+"""The interface a segment is plugged to: not there, not allowed, down or gone at run time, and back again."""
+
+import subprocess
+
+import pytest
+from line import PROGRAM, wait_for
+from master import OP, Master
+from segment import segment
+
+
+def ip(*arguments):
+    subprocess.run(["ip", "link", *arguments], check=True)
+
+
+@pytest.fixture
+def spare():
+    """A cable that a test may ruin."""
+    ends = ("spare-m", "spare-s")
+    make(ends)
+    yield ends
+    subprocess.run(["ip", "link", "del", ends[0]], check=False, capture_output=True)
+
+
+def make(ends):
+    ip("add", ends[0], "type", "veth", "peer", "name", ends[1])
+    for end in ends:
+        ip("set", end, "addrgenmode", "none", "up")
+
+
+@pytest.fixture
+def line(cables, start_line, spare):
+    return start_line(segment(2), link=f"raw:{spare[1]}")
+
+
+def refused(tmp_path, link, prefix=()):
+    file = tmp_path / "line.toml"
+    file.write_text(segment(1))
+    command = [*prefix, PROGRAM, "up", file, "--api", "127.0.0.1:0", "--bus", f"ecat={link}"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode not in (0, -6, -11), result
+    return result.stderr
+
+
+def test_no_such_interface(cables, tmp_path):
+    said = refused(tmp_path, "raw:nosuch0")
+    assert "nosuch0" in said and "interface" in said
+
+
+def test_no_permission(cables, tmp_path):
+    """In a user namespace of its own the program may not open raw sockets of this network."""
+    said = refused(tmp_path, f"raw:{cables[0][1]}", prefix=["unshare", "--user"])
+    assert "permi" in said.lower(), said
+    assert "sudo" in said or "CAP_NET_RAW" in said, said
+
+
+def test_interface_down(cables, spare, tmp_path):
+    ip("set", spare[1], "down")
+    said = refused(tmp_path, f"raw:{spare[1]}")
+    assert spare[1] in said and "down" in said, said
+
+
+def master_reaches_operational(spare):
+    master = Master(spare[0])
+    try:
+        assert master.scan() == 2
+        master.run()
+        assert master.states() == [(OP, 0)] * 2
+    finally:
+        master.close()
+
+
+def test_down_and_up_at_run_time(line, spare):
+    master_reaches_operational(spare)
+    ip("set", spare[1], "down")
+    wait_for(lambda: f'"{spare[1]}" is lost' in line.said(), line.said)
+    assert line.process.poll() is None
+    ip("set", spare[1], "up")
+    wait_for(lambda: f'"{spare[1]}" is back' in line.said(), line.said)
+    master_reaches_operational(spare)
+
+
+def test_gone_and_made_anew_at_run_time(line, spare):
+    ip("del", spare[0])
+    wait_for(lambda: f'"{spare[1]}" is lost' in line.said(), line.said)
+    assert line.process.poll() is None
+    make(spare)
+    wait_for(lambda: f'"{spare[1]}" is back' in line.said(), line.said)
+    master_reaches_operational(spare)
