@@ -318,7 +318,9 @@ void put_pdo_entry(Xml& xml, const ethercat::Defaults& defaults, const ethercat:
     xml.leaf("BitLen", decimal(mapped.bits));
     if (object == nullptr) return;  // a gap
     put_name(xml, object->name);
-    xml.leaf("DataType", type_name(*object));
+    Entry mapped_object = *object;
+    mapped_object.type = ethercat::mapped_type(*object, mapped.bits);
+    xml.leaf("DataType", type_name(mapped_object));
   });
 }
 

@@ -105,6 +105,20 @@ TEST_F(Mail, EmergenciesWaitForTheMaster) {
   EXPECT_TRUE(fetch().empty());
 }
 
+// As of a fault that is reset by SDO: first the answer, then the emergency.
+TEST_F(Mail, AnEmergencyOfADownloadFollowsItsAnswer) {
+  events.on_write = [this] { slave.emergency(0x0000, 0x00, {}); };
+  post(3, {0x00, 0x20, 0x2B, 0x07, 0x20, 0x00, 0x34, 0x12, 0x00, 0x00});
+  const Bytes answer = fetch();
+  ASSERT_EQ(answer.size(), 16U);
+  EXPECT_EQ(answer[7], 0x30);  // SDO response
+  EXPECT_EQ(answer[8], 0x60);
+  const Bytes emergency = fetch();
+  ASSERT_EQ(emergency.size(), 16U);
+  EXPECT_EQ(emergency[7], 0x10);
+  EXPECT_TRUE(fetch().empty());
+}
+
 TEST_F(Mail, NoEmergencyWithoutAMailbox) {
   request(1);
   slave.emergency(0x3210, 0x05, {});

@@ -71,6 +71,36 @@ TEST_F(ProcessData, RemappedWithBitsGapsAndTwoPdos) {
   EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(3)).data, (Bytes{0x01, 0x5A, 0x01}));
 }
 
+// Objects mapped longer or shorter than they are keep their sign, and take no value that they cannot hold.
+TEST_F(ProcessData, OtherLengthsThanTheObjects) {
+  profile.mapped_length_may_differ = true;
+  to_pre_operational();
+  const auto map = [this](std::uint16_t pdo, std::initializer_list<std::uint32_t> entries) {
+    EXPECT_EQ(download(pdo, 0, 0, 1), AbortCode::none);
+    unsigned sub = 0;
+    for (const std::uint32_t entry : entries) EXPECT_EQ(download(pdo, ++sub, entry, 4), AbortCode::none);
+    EXPECT_EQ(download(pdo, 0, sub, 1), AbortCode::none);
+  };
+  map(0x1600, {0x20060020, 0x607A0010});  // INTEGER16 of -100 to 100 as 32 bits, INTEGER32 as 16
+  map(0x1A00, {0x20060020});
+  set_process_data(6, 4);
+  ASSERT_EQ(request(4), good(4));
+  const auto put = [this](std::int32_t ranged, std::int16_t target) {
+    Bytes bytes(6);
+    store(bytes.data(), ranged);
+    store(bytes.data() + 4, target);
+    send(Command::lwr, 0x1000, bytes);
+    return send(Command::lrd, 0x1100, Bytes(4)).data;
+  };
+  put(0, 0);
+  ASSERT_EQ(request(8), good(8));
+  EXPECT_EQ(put(-5, -2), bytes_of(-5));
+  EXPECT_EQ(objects.ranged, -5);
+  EXPECT_EQ(objects.target_position, -2);
+  EXPECT_EQ(put(0x1'0007, 3), bytes_of(-5));  // its low half would do
+  EXPECT_EQ(objects.target_position, 3);
+}
+
 TEST_F(ProcessData, OwnersAreToldWhenAllValuesAreThere) {
   to_pre_operational();
   download(0x1600, 0, 0, 1);
@@ -189,6 +219,35 @@ TEST_F(Synchronous, OutputsActWithTheNextPulse) {
     EXPECT_EQ(events.sync_times[i] - events.sync_times[i - 1], 1ms);
   }
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{0, 0}));
+}
+
+// What one master chose by its pulses does not bind the next one.
+TEST_F(Synchronous, TheNextMasterNeedsNoPulses) {
+  to_synchronous_operation();
+  EXPECT_EQ(upload(0x1C32, 1), (Bytes{2, 0}));
+  EXPECT_EQ(request(2), good(2));
+  line.put<std::uint8_t>(0, reg::sync_activation, 0);
+  EXPECT_EQ(request(4), good(4));
+  EXPECT_EQ(upload(0x1C32, 1), (Bytes{0, 0}));
+  EXPECT_EQ(request(2), good(2));
+  EXPECT_EQ(download(0x1C32, 1, 2, 2), AbortCode::none);  // one that asks for them does
+  EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_dc_sync_configuration}));
+  EXPECT_EQ(request(0x11), good(1));
+  set_mailbox();
+  EXPECT_EQ(request(2), good(2));
+  EXPECT_EQ(upload(0x1C32, 1), (Bytes{0, 0}));
+}
+
+// A master that repeats its request is answered no later.
+TEST_F(Synchronous, AskingAgainDoesNotMakeTheWaitLonger) {
+  to_pre_operational();
+  set_process_data(7, 7);
+  ASSERT_EQ(request(4), good(4));
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_EQ(request(8), good(4));
+    run(1400ms);
+  }
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_valid_outputs}));
 }
 
 TEST_F(Synchronous, MissedCyclesAreCountedAndForgiven) {

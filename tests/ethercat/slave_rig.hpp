@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "esc_rig.hpp"
@@ -103,6 +104,7 @@ struct DeviceEvents final : SlaveEvents, dictionary::Listener {
     return value[0] == std::byte{0xEE} ? AbortCode::value_invalid : AbortCode::none;
   }
   void written(const dictionary::Entry& entry) override {
+    if (on_write) on_write();
     told.push_back(entry.index);
     position_when_told = objects.target_position;
   }
@@ -115,6 +117,7 @@ struct DeviceEvents final : SlaveEvents, dictionary::Listener {
   std::vector<Time> sync_times;
   std::vector<std::uint16_t> told;
   std::int32_t position_when_told = 0;
+  std::function<void()> on_write;
 };
 
 class SlaveRig : public testing::Test {

@@ -62,7 +62,7 @@ void Drive::handle_command(Command command) {
       break;
     }
     case 16:  // not while the stop leads to Switch on disabled by itself
-      if (policy_.transition_16 && !pending_.active &&
+      if (policy_.transition_16 && !pending_.active && !axis_.active(Signal::quick_stop) &&
           has(policy_.option_codes.quick_stop_continues, axis_.objects.quick_stop_option_code)) {
         enter_state(PowerState::operation_enabled);
       }

@@ -67,6 +67,21 @@ struct Mapped {
         bits(static_cast<std::uint8_t>(mapping)) {}
 };
 
+// The type of a mapped object as a master sees it: its own, or the number of that kind that is as long as what is
+// mapped.
+constexpr dictionary::Type mapped_type(const dictionary::Entry& entry, std::uint8_t bits) {
+  using dictionary::Type;
+  if (bits == dictionary::size_of(entry.type) * 8U || entry.type == Type::boolean) return entry.type;
+  const bool negative = dictionary::is_signed(entry.type);
+  switch (bits) {
+    case 8: return negative ? Type::integer8 : Type::unsigned8;
+    case 16: return negative ? Type::integer16 : Type::unsigned16;
+    case 32: return negative ? Type::integer32 : Type::unsigned32;
+    case 64: return negative ? Type::integer64 : Type::unsigned64;
+    default: return entry.type;
+  }
+}
+
 // A sync manager as a master sets it up.
 struct SyncManagerChannel {
   std::uint16_t start;

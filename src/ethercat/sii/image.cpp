@@ -115,7 +115,7 @@ void put_pdos(Writer& writer, const Defaults& defaults, std::uint16_t category, 
       writer.u16(mapped.index);
       writer.u8(mapped.sub);
       writer.u8(object == nullptr ? 0U : strings.number_of(object->name));
-      writer.u8(object == nullptr ? 0U : static_cast<unsigned>(object->type));
+      writer.u8(object == nullptr ? 0U : static_cast<unsigned>(mapped_type(*object, mapped.bits)));
       writer.u8(mapped.bits);
       writer.u16(0);
     }

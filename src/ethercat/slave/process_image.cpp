@@ -38,6 +38,18 @@ void copy_number(void* to, const void* from, unsigned bytes) {
   }
 }
 
+// Where as many bits are mapped as a signed object does not have.
+std::uint64_t sign_extended(std::uint64_t value, unsigned bits) {
+  if (bits >= 64 || (value >> (bits - 1) & 1) == 0) return value;
+  return value | ~std::uint64_t{0} << bits;
+}
+
+bool holds(dictionary::Type type, std::uint64_t value) {
+  const auto number = static_cast<std::int64_t>(value);
+  return dictionary::size_of(type) == 8 ||
+         (number >= dictionary::minimum_of(type) && number <= dictionary::maximum_of(type));
+}
+
 }  // namespace
 
 AbortCode ProcessImage::resolve_entry(std::uint32_t mapping, MappedObject& object) const {
@@ -132,14 +144,16 @@ void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
       copy_number(object.place, from, object.bytes);
       continue;
     }
+    const Entry& entry = *object.entry;
+    object.tell = false;
     std::uint64_t apart = 0;
     if (!object.whole) {
       apart = bits_at(image, object.bit, object.bits);
+      if (dictionary::is_signed(entry.type)) apart = sign_extended(apart, object.bits);
+      if (!holds(entry.type, apart)) continue;
       from = reinterpret_cast<const std::uint8_t*>(&apart);
     }
     const auto value = std::as_bytes(std::span(from, object.bytes));
-    const Entry& entry = *object.entry;
-    object.tell = false;
     if (entry.has_range && dictionary_.check_range(entry, value) != AbortCode::none) continue;
     if (object.owner != nullptr && object.owner->check(entry, value) != AbortCode::none) continue;
     if (object.place != nullptr) copy_number(object.place, from, object.bytes);
@@ -165,6 +179,7 @@ void ProcessImage::read_objects(std::span<std::uint8_t> image) {
     } else {
       value = static_cast<std::uint64_t>(object.entry->default_value);
     }
+    if (dictionary::is_signed(object.entry->type)) value = sign_extended(value, object.bytes * 8U);
     put_bits(image, object.bit, object.bits, value);
   }
 }

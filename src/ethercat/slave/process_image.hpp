@@ -35,8 +35,8 @@ class ProcessImage {
   dictionary::AbortCode resolve();
   std::uint16_t bytes() const { return static_cast<std::uint16_t>((bits_ + 7) / 8); }
 
-  // Outputs into the objects. A value that its object's range or owner refuses leaves that object as it was. Owners are
-  // told when all values are there, so that a controlword acts with the target that came with it.
+  // Outputs into the objects. A value that its object's type, range or owner refuses leaves that object as it was.
+  // Owners are told when all values are there, so that a controlword acts with the target that came with it.
   void write_objects(std::span<const std::uint8_t> image);
   // Objects into the inputs. Bits nobody maps are 0.
   void read_objects(std::span<std::uint8_t> image);

@@ -39,6 +39,7 @@ void Slave::start(Time now) {
   reset_mailbox();
   esc_.settle(~0U);
   report();
+  forget_synchronisation();
   set_sync_parameter(sync_parameter::types_supported, profile_.synchronisation);
   set_sync_parameter(sync_parameter::least_cycle_time, profile_.least_cycle.count());
   if (before != AlState::init) events_.state_changed(before, AlState::init, AlStatusCode::none, now);
@@ -71,7 +72,12 @@ void Slave::poll(Time now) {
 void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {
   if (!mailbox_runs() || emergency_count_ == emergencies_.size()) return;
   emergencies_[emergency_count_++] = {error_code, error_register, data};
-  serve_mailbox();
+  if (!serves_mailbox_) serve_mailbox();  // else it follows the answer to what raised it
+}
+
+void Slave::written(const Entry& entry) {
+  if (entry.index != 0x1C32 || entry.sub != sync_parameter::type) return;
+  wanted_sync_type_ = static_cast<SyncType>(dictionary_.number(entry.index, entry.sub));
 }
 
 // ---- Mailbox ----
@@ -85,6 +91,12 @@ void Slave::reset_mailbox() {
 }
 
 void Slave::serve_mailbox() {
+  serves_mailbox_ = true;
+  serve_letters();
+  serves_mailbox_ = false;
+}
+
+void Slave::serve_letters() {
   mailbox_.follow_master();
   Message message;
   while (mailbox_.open(message)) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 
 #include "dictionary/dictionary.hpp"
 #include "ethercat/esc/esc.hpp"
@@ -98,14 +99,19 @@ class Slave final : dictionary::Listener {
   void take_outputs();
   void give_inputs();
   void count_missed(Time now);
-  void set_sync_parameter(std::uint8_t sub, std::int64_t value);
+  void show_synchronisation();
+  void forget_synchronisation();
+  void set_sync_parameter(std::uint16_t index, std::uint8_t sub, std::int64_t value);
+  void set_sync_parameter(std::uint8_t sub, std::int64_t value);  // of both
 
   // mailbox
   void serve_mailbox();
+  void serve_letters();
   void serve(const Mailbox::Request& request, Message& reply);
   void serve_coe(const Mailbox::Request& request, Message& reply);
 
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
+  void written(const dictionary::Entry& entry) override;
 
   bool mailbox_runs() const { return state_ != AlState::init; }
   bool inputs_run() const { return state_ == AlState::safe_operational || state_ == AlState::operational; }
@@ -127,7 +133,9 @@ class Slave final : dictionary::Listener {
   AlStatusCode code_ = AlStatusCode::none;
   Time operational_until_ = never;  // waits for outputs and SYNC0 until then
 
-  SyncType sync_type_ = SyncType::free_run;
+  SyncType sync_type_ = SyncType::free_run;     // in use
+  std::optional<SyncType> wanted_sync_type_{};  // what the master wrote to 1C32h:01 since Init
+  bool serves_mailbox_ = false;
   bool outputs_seen_ = false;   // since Safe-Operational
   bool outputs_fresh_ = false;  // since the last SYNC0
   bool sync_seen_ = false;      // since Safe-Operational

@@ -1,5 +1,7 @@
 // The EtherCAT state machine (ETG.1000.6 clause 6.4): which changes there are, what is checked before, what a refusal
 // looks like.
+#include <utility>
+
 #include "ethercat/slave/slave.hpp"
 
 namespace servodrome::ethercat {
@@ -58,11 +60,13 @@ void Slave::al_control_written(Time now) {
   error_ = false;
   code_ = AlStatusCode::none;
   identifies_ = (control & identification_bit) != 0;
-  operational_until_ = never;
+  const Time awaited_until = std::exchange(operational_until_, never);
   if (!is_state(wanted)) return refuse(AlStatusCode::unknown_requested_state);
   const auto to = static_cast<AlState>(wanted);
   if (!exists(state_, to)) return refuse(AlStatusCode::invalid_requested_state_change);
   if (const AlStatusCode code = change_state(to, now); code != AlStatusCode::none) refuse(code);
+  // Asking again for what is being waited for does not make the wait longer.
+  if (operational_until_ != never) operational_until_ = std::min(operational_until_, awaited_until);
 }
 
 AlStatusCode Slave::change_state(AlState to, Time now) {
@@ -126,6 +130,7 @@ void Slave::enter(AlState to, AlStatusCode cause, Time now) {
   if (to == AlState::init || from == AlState::init || from == AlState::bootstrap) {
     reset_mailbox();
   }
+  if (to == AlState::init) forget_synchronisation();
   if (to == AlState::safe_operational && from == AlState::pre_operational) start_exchange();
   operational_until_ = never;
   report();

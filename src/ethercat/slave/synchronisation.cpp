@@ -10,21 +10,27 @@ constexpr std::uint16_t input_parameter = 0x1C33;
 constexpr std::uint32_t missed_step = 3;  // ETG.1020, object 10F1h
 }  // namespace
 
-void Slave::set_sync_parameter(std::uint8_t sub, std::int64_t value) {
-  for (const std::uint16_t index : {output_parameter, input_parameter}) {
-    const dictionary::Entry* entry = dictionary_.find(index, sub);
-    std::byte* place = entry == nullptr ? nullptr : dictionary_.storage(*entry);
-    if (place == nullptr) continue;
-    const auto bytes = dictionary::encode_number(value);
-    std::memcpy(place, bytes.data(), dictionary::size_of(entry->type));
-  }
+void Slave::set_sync_parameter(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
+  const dictionary::Entry* entry = dictionary_.find(index, sub);
+  std::byte* place = entry == nullptr ? nullptr : dictionary_.storage(*entry);
+  if (place == nullptr) return;
+  const auto bytes = dictionary::encode_number(value);
+  std::memcpy(place, bytes.data(), dictionary::size_of(entry->type));
 }
 
-// The pulses of the distributed clock decide: where a master has started SYNC0, it is used.
+void Slave::set_sync_parameter(std::uint8_t sub, std::int64_t value) {
+  set_sync_parameter(output_parameter, sub, value);
+  set_sync_parameter(input_parameter, sub, value);
+}
+
+// The pulses of the distributed clock decide: where a master has started SYNC0, it is used. 1C32h:01 then shows what
+// was chosen; only what a master wrote there counts the next time.
 AlStatusCode Slave::choose_synchronisation() {
   const DistributedClock::Sync& sync0 = esc_.clock().sync(0);
   const bool pulses = sync0.enabled && sync0.pending;
-  auto wanted = static_cast<SyncType>(dictionary_.number(output_parameter, sync_parameter::type));
+  const dictionary::Entry* entry = dictionary_.find(output_parameter, sync_parameter::type);
+  const auto factory = static_cast<SyncType>(entry == nullptr ? 0 : entry->default_value);
+  SyncType wanted = wanted_sync_type_.value_or(factory);
   const bool wants_pulses = wanted == SyncType::dc_sync0;
   const auto supports = [this](std::uint16_t type) { return (profile_.synchronisation & type) != 0; };
   if (pulses) {
@@ -41,10 +47,28 @@ AlStatusCode Slave::choose_synchronisation() {
   }
   sync_type_ = wanted;
   const auto step = static_cast<std::int64_t>(pulses ? sync0.step : 0);
-  set_sync_parameter(sync_parameter::type, static_cast<std::int64_t>(wanted));
+  show_synchronisation();
   set_sync_parameter(sync_parameter::sync0_cycle_time, step);
   if (pulses) set_sync_parameter(sync_parameter::cycle_time, step);
   return AlStatusCode::none;
+}
+
+// Inputs that follow the outputs' sync manager say so by 22h (ETG.1020 table 72).
+void Slave::show_synchronisation() {
+  constexpr std::int64_t with_outputs = 0x22;
+  const auto type = static_cast<std::int64_t>(sync_type_);
+  const bool follows = sync_type_ == SyncType::sync_manager && outputs_.bytes() != 0;
+  set_sync_parameter(output_parameter, sync_parameter::type, type);
+  set_sync_parameter(input_parameter, sync_parameter::type, follows ? with_outputs : type);
+}
+
+// Init: the next master finds it as from the factory.
+void Slave::forget_synchronisation() {
+  wanted_sync_type_.reset();
+  for (const std::uint16_t index : {output_parameter, input_parameter}) {
+    const dictionary::Entry* type = dictionary_.find(index, sync_parameter::type);
+    if (type != nullptr) set_sync_parameter(index, sync_parameter::type, type->default_value);
+  }
 }
 
 void Slave::start_exchange() {
@@ -71,7 +95,7 @@ void Slave::give_inputs() {
 
 void Slave::exchange(Time now) {
   take_outputs();
-  events_.process_data(now);
+  if (state_ == AlState::operational) events_.process_data(now);
   give_inputs();
 }
 
@@ -91,6 +115,7 @@ void Slave::outputs_arrived(Time now) {
 void Slave::sync0_arrived(Time now) {
   if (!inputs_run() || sync_type_ != SyncType::dc_sync0) return;
   sync_seen_ = true;
+  esc_.clock().acknowledge_sync(0);
   if (state_ == AlState::operational && outputs_.bytes() != 0) {
     if (outputs_fresh_) {
       if (missed_ > 0) --missed_;

@@ -296,6 +296,7 @@ void CyclicExchange::request_all(AlState state) {
   wanted_ = state;
 }
 
+void CyclicExchange::to_pre_operational() { request_all(AlState::pre_operational); }
 void CyclicExchange::to_safe_operational() { request_all(AlState::safe_operational); }
 
 void CyclicExchange::to_operational() {

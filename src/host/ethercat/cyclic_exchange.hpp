@@ -79,6 +79,7 @@ class CyclicExchange final : public CyclicTask {
   Time clock_error() const { return clock_error_; }
 
   // All members to SAFEOP, at the same time, and to OP with the exchange running; waits until they are there.
+  void to_pre_operational();
   void to_safe_operational();
   void to_operational();
 

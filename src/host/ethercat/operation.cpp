@@ -70,6 +70,12 @@ EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const Fou
 }
 
 EthercatOperation::~EthercatOperation() {
+  // All leave OP while frames still come: one that waits for its turn without them would find its outputs lost.
+  try {
+    exchange_->to_pre_operational();
+  } catch (const HostError&) {
+    // Each is asked for itself below.
+  }
   exchange_->stop();
   for (EthercatSlave* slave : slaves_) {
     try {
@@ -95,7 +101,8 @@ void EthercatOperation::take_present_values() {
           std::uint64_t value = 0;
           std::memcpy(&value, bytes.data(), std::min(bytes.size(), sizeof value));
           object->set_raw(value);
-        } catch (const CoeError&) {
+        } catch (const CoeError& error) {
+          if (!error.from_slave()) throw;
           // Write-only, or a dummy: 0 is what it gets.
         }
       }

@@ -4,7 +4,7 @@ namespace servodrome::products {
 
 ethercat::SiiDescription Generic402Ec::sii_description(const Settings& settings) {
   static constexpr std::array dc_modes{
-      ethercat::DcMode{.name = "DC", .description = "DC-Synchron", .assign_activate = 0x0300},
+      ethercat::DcMode{.name = "DC", .description = "DC-Synchron", .assign_activate = 0x0300, .sync0_factor = 1},
       ethercat::DcMode{.name = "FreeRun", .description = "FreeRun or SM-Synchron"},
   };
   return {.vendor_id = vendor_id,

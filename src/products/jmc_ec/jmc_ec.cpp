@@ -37,7 +37,7 @@ std::uint32_t milli(float value) { return static_cast<std::uint32_t>(std::lround
 
 ethercat::SiiDescription JmcEc::sii_description(const Settings& settings) {
   static constexpr std::array dc_modes{
-      ethercat::DcMode{.name = "DC", .description = "DC-Synchron", .assign_activate = 0x0300},
+      ethercat::DcMode{.name = "DC", .description = "DC-Synchron", .assign_activate = 0x0300, .sync0_factor = 1},
       ethercat::DcMode{.name = "FreeRun", .description = "FreeRun"},
   };
   const jmc_ec::Rating& rating = jmc_ec::find_rating(settings.model);
