@@ -300,9 +300,16 @@ class LineFileReader {
       reader.complain("serial", "is missing", "name the RS485 line of the axis: serial = \"NAME\"");
     } else if (!all.empty()) {
       reader.complain("bus", bus.empty() ? "is missing" : fmt::format("there is no bus \"{}\"", bus),
-                      names.empty() ? "leave the key out" : suggestion(bus, names));
+                      names.empty() ? no_such_bus(axis) : suggestion(bus, names));
     }
     return std::nullopt;
+  }
+
+  static const char* no_such_bus(const AxisSettings& axis) {
+    const bool on_ethercat = axis.product != nullptr && axis.product->fieldbus == Fieldbus::ethercat;
+    return on_ethercat
+               ? "the product needs a bus with type = \"ethercat\", and there is none"
+               : "the product needs a CAN bus, and there is none; `servodrome products` lists those for EtherCAT";
   }
 
   void read_ethercat_address(TableReader& reader, AxisSettings& axis, std::optional<std::size_t> bus) {

@@ -29,8 +29,9 @@ void check(const Options& options) {
   } else {
     for (const line::Diagnostic& diagnostic : loaded.diagnostics) fmt::print("{}\n", to_string(diagnostic));
     if (loaded.diagnostics.empty()) {
-      fmt::print("{}: {} axes on {} buses, nothing wrong\n", options.file, loaded.settings.axes.size(),
-                 loaded.settings.buses.size() + loaded.settings.serial_buses.size());
+      fmt::print(
+          "{}: {} axes on {} buses, nothing wrong\n", options.file, loaded.settings.axes.size(),
+          loaded.settings.buses.size() + loaded.settings.serial_buses.size() + loaded.settings.ethercat_buses.size());
     }
   }
   if (!loaded.diagnostics.empty()) {

@@ -94,6 +94,9 @@ void override_links(line::LineSettings& settings, const std::vector<std::string>
     Reach& bus = bus_of(buses, option, named ? option.substr(0, equals) : "", link);
     if (!bus.cleared) bus.links->clear();
     bus.cleared = true;
+    if (std::find(bus.links->begin(), bus.links->end(), link) != bus.links->end()) {
+      throw Failure::wrong_use(fmt::format("--bus {}: the link is given twice; give it once", option));
+    }
     bus.links->push_back(link);
   }
 }

@@ -23,7 +23,7 @@ constexpr std::uint16_t acknowledge_error = 0x2000;
 constexpr std::uint16_t write_enable_error = 0x4000;
 constexpr std::uint16_t busy = 0x8000;
 
-constexpr Time busy_timeout = 100ms;  // an EEPROM takes 10 ms for a word at most
+constexpr Time busy_timeout = 2s;  // an EEPROM takes 10 ms for a word at most; a simulated one waits for its machine
 constexpr Time poll_interval = 100us;
 constexpr unsigned attempts = 3;  // while the EEPROM does not acknowledge, it writes
 
@@ -57,7 +57,8 @@ SiiClient::Status SiiClient::wait_until_idle(std::uint16_t word) {
     status.width = (status.bits & eight_bytes) != 0 ? 8 : 4;
     if ((status.bits & busy) == 0) return status;
     if (master_.now() >= deadline) {
-      fail(word, "the memory stays busy", "switch the slave off and on; its EEPROM or the wires to it may be broken");
+      fail(word, "the memory stays busy",
+           "see that no other master is at work and that time is not standing still; then switch the slave off and on");
     }
     master_.wait(poll_interval);
   }

@@ -50,8 +50,13 @@ Json view_of(const Line& line, const NamedEthercatBus& named) {
   for (const auto& axis : line.axes()) {
     const auto& settings = axis->settings().ethercat;
     if (!settings || line.ethercat_buses()[settings->bus].get() != &named) continue;
+    if (!axis->powered()) {
+      view["axes"][axis->settings().name] = Json{{"position", axis->position()}, {"powered", false}};
+      continue;
+    }
     const ethercat::Slave& slave = *axis->device().ethercat_slave();
     view["axes"][axis->settings().name] = Json{{"position", axis->position()},
+                                               {"powered", true},
                                                {"state", ethercat::text(slave.state())},
                                                {"error", slave.error()},
                                                {"status_code", static_cast<unsigned>(slave.status_code())}};
