@@ -29,9 +29,13 @@ void check(const Options& options) {
   } else {
     for (const line::Diagnostic& diagnostic : loaded.diagnostics) fmt::print("{}\n", to_string(diagnostic));
     if (loaded.diagnostics.empty()) {
-      fmt::print(
-          "{}: {} axes on {} buses, nothing wrong\n", options.file, loaded.settings.axes.size(),
-          loaded.settings.buses.size() + loaded.settings.serial_buses.size() + loaded.settings.ethercat_buses.size());
+      const auto counted = [](std::size_t count, const char* one, const char* many) {
+        return fmt::format("{} {}", count, count == 1 ? one : many);
+      };
+      const line::LineSettings& line = loaded.settings;
+      const std::size_t buses = line.buses.size() + line.serial_buses.size() + line.ethercat_buses.size();
+      fmt::print("{}: {} on {}, nothing wrong\n", options.file, counted(line.axes.size(), "axis", "axes"),
+                 counted(buses, "bus", "buses"));
     }
   }
   if (!loaded.diagnostics.empty()) {
