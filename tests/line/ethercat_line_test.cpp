@@ -144,6 +144,12 @@ TEST_F(EthercatLine, EachProductDescribesItself) {
     EXPECT_EQ(device.dictionary().number(0x1018, 4), 77) << product.name;
     EXPECT_EQ(device.ethercat_slave()->state(), ethercat::AlState::init) << product.name;
     EXPECT_EQ(product.describe().table.data(), device.bus_dictionary().table().data()) << product.name;
+    // The information memory is large enough: its categories end within it.
+    const std::vector<std::uint8_t> sii = describe::sii(product.describe());
+    const auto word = [&sii](std::size_t at) { return sii.at(2 * at) | sii.at(2 * at + 1) << 8; };
+    std::size_t category = 0x40;
+    while (word(category) != 0xFFFF) category += 2 + static_cast<std::size_t>(word(category + 1));
+    EXPECT_GT(category, 0x40U) << product.name;
   }
 }
 

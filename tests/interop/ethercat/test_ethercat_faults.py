@@ -30,7 +30,7 @@ def master(line, open_master):
 
 def states(bench):
     axes = bench.get("buses/ecat")["axes"]
-    return [(axes[f"drive{n}"]["state"], axes[f"drive{n}"]["status_code"]) for n in (1, 2, 3)]
+    return [(axes[f"drive{n}"].get("state"), axes[f"drive{n}"].get("status_code")) for n in (1, 2, 3)]
 
 
 def expect_counter(master, value):
@@ -78,6 +78,7 @@ def test_a_drive_is_switched_off_and_on_again(bench, master, objects):
     bench.post("axes/drive2/power", {"action": "off"})
     expect_counter(master, 3)
     master.wait(lambda: states(bench)[2] == ("Safe-Operational", 0x1B), "the last one's watchdog")
+    assert bench.get("buses/ecat")["axes"]["drive2"] == {"position": 2, "powered": False}
     assert bench.axis("drive3")["state"] != "operation enabled"
     bench.post("axes/drive2/power", {"action": "on"})
     assert states(bench)[1] == ("Init", 0)
