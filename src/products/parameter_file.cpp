@@ -11,6 +11,12 @@ using ethercat::FoeError;
 
 namespace {
 
+// substr, without the exception that portable code cannot have.
+constexpr std::string_view part(std::string_view text, std::size_t from, std::size_t length) {
+  text.remove_prefix(std::min(from, text.size()));
+  return {text.data(), std::min(length, text.size())};
+}
+
 constexpr std::string_view first_line = "# servodrome parameters 1";
 constexpr std::uint16_t identity = 0x1018;
 constexpr std::uint8_t vendor = 1;
@@ -105,7 +111,7 @@ bool ParameterFile::parse_value(std::string_view text, Assignment& assignment) {
     if (text.size() % 2 != 0 || text.size() / 2 > value_.size()) return false;
     for (std::size_t i = 0; i < text.size(); i += 2) {
       std::uint8_t byte = 0;
-      if (!read_number(text.substr(i, 2), 16, byte)) return false;
+      if (!read_number(part(text, i, 2), 16, byte)) return false;
       value_[i / 2] = std::byte{byte};
     }
     assignment.size = text.size() / 2;
@@ -114,7 +120,7 @@ bool ParameterFile::parse_value(std::string_view text, Assignment& assignment) {
   std::int64_t number = 0;
   const bool hexadecimal = text.starts_with("0x");
   std::uint64_t bits = 0;
-  if (hexadecimal ? !read_number(text.substr(2), 16, bits) : !read_number(text, 10, number)) return false;
+  if (hexadecimal ? !read_number(part(text, 2, text.size()), 16, bits) : !read_number(text, 10, number)) return false;
   if (hexadecimal) number = static_cast<std::int64_t>(bits);
   // Of a type's own limits the dictionary sees nothing any more, once the number has its size.
   if (entry.type != dictionary::Type::unsigned64 &&
@@ -134,12 +140,12 @@ ParameterFile::Line ParameterFile::parse(std::string_view line, Assignment& assi
   std::uint16_t index = 0;
   std::uint8_t sub = 0;
   if (line.size() < head || !line.starts_with("0x") || line[6] != ':' || line[9] != '=' ||
-      !read_number(line.substr(2, 4), 16, index) || !read_number(line.substr(7, 2), 16, sub)) {
+      !read_number(part(line, 2, 4), 16, index) || !read_number(part(line, 7, 2), 16, sub)) {
     return Line::wrong;
   }
   assignment.entry = dictionary_.find(index, sub);
   if (assignment.entry == nullptr) return Line::assignment;
-  return parse_value(line.substr(head), assignment) ? Line::assignment : Line::wrong;
+  return parse_value(part(line, head, line.size()), assignment) ? Line::assignment : Line::wrong;
 }
 
 // Why the drive does not take it; nullptr if it does.
@@ -160,7 +166,7 @@ FoeError ParameterFile::for_each_line(Visit visit) {
   std::string_view rest(text_.data(), length_);
   for (unsigned number = 1; !rest.empty(); ++number) {
     const std::size_t end = std::min(rest.find('\n'), rest.size());
-    if (const FoeError error = visit(number, rest.substr(0, end)); error != FoeError::none) return error;
+    if (const FoeError error = visit(number, part(rest, 0, end)); error != FoeError::none) return error;
     rest.remove_prefix(std::min(end + 1, rest.size()));
   }
   return FoeError::none;
