@@ -54,8 +54,7 @@ unsigned counter_of(Bytes& bytes) {
 struct EthercatRaw : testing::Test {
   void SetUp() override {
     if (std::getenv("WITH_VETH") == nullptr) {
-      GTEST_SKIP()
-          << "no virtual Ethernet cables here; ./test runs this program once more under tools/with-veth, which has";
+      GTEST_SKIP() << "no network namespace with virtual Ethernet here: see tools/with-veth";
     }
     // For tests that change the interface.
     shell("ip link add plug type veth peer name socket && ip link set plug up && ip link set socket up");
