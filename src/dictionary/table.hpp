@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <initializer_list>
 #include <span>
 
 #include "dictionary/entry.hpp"
@@ -72,6 +73,14 @@ struct TableBuilder {
   constexpr TableBuilder& set_default(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
     at(index, sub).default_value = value;
     return *this;
+  }
+
+  // What the PDO with the mapping object `index` (16xxh, 1Axxh) maps from the factory: index, sub-index and length in
+  // bits of each object (CiA 301 table 74).
+  constexpr TableBuilder& map_pdo(std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
+    std::uint8_t sub = 0;
+    for (const std::uint32_t object : objects) set_default(index, ++sub, object);
+    return set_default(index, 0, sub);
   }
 
   constexpr TableBuilder& set_range(std::uint16_t index, std::uint8_t sub, std::int64_t minimum, std::int64_t maximum) {

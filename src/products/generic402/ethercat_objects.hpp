@@ -38,22 +38,17 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
       .set_default(0x1018, 2, ethercat_product_code)
       .set_default(0x1018, 3, revision_number);
   builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
-  const auto map = [&builder](std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
-    std::uint8_t sub = 0;
-    for (const std::uint32_t object : objects) builder.set_default(index, ++sub, object);
-    builder.set_default(index, 0, sub);
-  };
   // One pair of PDOs that serves all cyclic modes and homing, and one for each of the ways masters use drives.
-  map(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60710010, 0x60600008, 0x00000008});
-  map(0x1601, {0x60400010, 0x607A0020});
-  map(0x1602, {0x60400010, 0x60FF0020});
-  map(0x1603, {0x60400010, 0x60710010});
-  map(0x1604, {0x60400010, 0x607A0020, 0x60810020, 0x60830020, 0x60840020, 0x60600008, 0x00000008});
-  map(0x1A00, {0x60410010, 0x60640020, 0x606C0020, 0x60770010, 0x60610008, 0x00000008});
-  map(0x1A01, {0x60410010, 0x60640020});
-  map(0x1A02, {0x60410010, 0x606C0020});
-  map(0x1A03, {0x60410010, 0x60770010});
-  map(0x1A04, {0x60410010, 0x60640020, 0x606C0020, 0x60FD0020, 0x60610008, 0x00000008});
+  builder.map_pdo(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60710010, 0x60600008, 0x00000008});
+  builder.map_pdo(0x1601, {0x60400010, 0x607A0020});
+  builder.map_pdo(0x1602, {0x60400010, 0x60FF0020});
+  builder.map_pdo(0x1603, {0x60400010, 0x60710010});
+  builder.map_pdo(0x1604, {0x60400010, 0x607A0020, 0x60810020, 0x60830020, 0x60840020, 0x60600008, 0x00000008});
+  builder.map_pdo(0x1A00, {0x60410010, 0x60640020, 0x606C0020, 0x60770010, 0x60610008, 0x00000008});
+  builder.map_pdo(0x1A01, {0x60410010, 0x60640020});
+  builder.map_pdo(0x1A02, {0x60410010, 0x606C0020});
+  builder.map_pdo(0x1A03, {0x60410010, 0x60770010});
+  builder.map_pdo(0x1A04, {0x60410010, 0x60640020, 0x606C0020, 0x60FD0020, 0x60610008, 0x00000008});
   builder.set_default(0x1C12, 0, 1).set_default(0x1C12, 1, 0x1600);
   builder.set_default(0x1C13, 0, 1).set_default(0x1C13, 1, 0x1A00);
   return builder;

@@ -205,19 +205,14 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
 
   // The default PDOs of CiA 402-2 for a drive of all modes: 1 words, 2 and mode, 3 position, 4 velocity.
-  const auto map = [&builder](std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
-    std::uint8_t sub = 0;
-    for (const std::uint32_t object : objects) builder.set_default(index, ++sub, object);
-    builder.set_default(index, 0, sub);
-  };
-  map(0x1600, {0x60400010});
-  map(0x1601, {0x60400010, 0x60600008});
-  map(0x1602, {0x60400010, 0x607A0020});
-  map(0x1603, {0x60400010, 0x60FF0020});
-  map(0x1A00, {0x60410010});
-  map(0x1A01, {0x60410010, 0x60610008});
-  map(0x1A02, {0x60410010, 0x60640020});
-  map(0x1A03, {0x60410010, 0x606C0020});
+  builder.map_pdo(0x1600, {0x60400010});
+  builder.map_pdo(0x1601, {0x60400010, 0x60600008});
+  builder.map_pdo(0x1602, {0x60400010, 0x607A0020});
+  builder.map_pdo(0x1603, {0x60400010, 0x60FF0020});
+  builder.map_pdo(0x1A00, {0x60410010});
+  builder.map_pdo(0x1A01, {0x60410010, 0x60610008});
+  builder.map_pdo(0x1A02, {0x60410010, 0x60640020});
+  builder.map_pdo(0x1A03, {0x60410010, 0x606C0020});
   return builder;
 }>();
 static_assert(dictionary::is_valid_table(object_table));

@@ -168,15 +168,10 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 3, revision_number);
 
   // Factory PDOs: the manual's application example; PDO 3 and 4 off (L689, L2928-2956, G7).
-  const auto map = [&builder](std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
-    std::uint8_t sub = 0;
-    for (const std::uint32_t object : objects) builder.set_default(index, ++sub, object);
-    builder.set_default(index, 0, sub);
-  };
-  map(0x1600, {0x60400010, 0x60600008, 0x607A0020});
-  map(0x1601, {0x60FF0020, 0x60810020});
-  map(0x1A00, {0x60410010, 0x60610008, 0x60640020});
-  map(0x1A01, {0x606C0020, 0x60780010});
+  builder.map_pdo(0x1600, {0x60400010, 0x60600008, 0x607A0020});
+  builder.map_pdo(0x1601, {0x60FF0020, 0x60810020});
+  builder.map_pdo(0x1A00, {0x60410010, 0x60610008, 0x60640020});
+  builder.map_pdo(0x1A01, {0x606C0020, 0x60780010});
   for (const std::uint16_t index : std::to_array<std::uint16_t>({0x1402, 0x1403, 0x1802, 0x1803})) {
     builder.at(index, 1).default_value |= 0x80000000;
   }

@@ -28,20 +28,15 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   builder.set_default(0x1018, 1, vendor_id)
       .set_default(0x1018, 2, ethercat_product_code)
       .set_default(0x1018, 3, revision_number);
-  const auto map = [&builder](std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
-    std::uint8_t sub = 0;
-    for (const std::uint32_t object : objects) builder.set_default(index, ++sub, object);
-    builder.set_default(index, 0, sub);
-  };
   // A pair for all modes, and one for each of position, speed and current.
-  map(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60F60810, 0x60600008, 0x00000008});
-  map(0x1601, {0x60400010, 0x607A0020, 0x60810020});
-  map(0x1602, {0x60400010, 0x60FF0020});
-  map(0x1603, {0x60400010, 0x60F60810});
-  map(0x1A00, {0x60410010, 0x60630020, 0x606C0020, 0x60780010, 0x60610008, 0x00000008});
-  map(0x1A01, {0x60410010, 0x60630020});
-  map(0x1A02, {0x60410010, 0x606C0020});
-  map(0x1A03, {0x60410010, 0x60780010});
+  builder.map_pdo(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60F60810, 0x60600008, 0x00000008});
+  builder.map_pdo(0x1601, {0x60400010, 0x607A0020, 0x60810020});
+  builder.map_pdo(0x1602, {0x60400010, 0x60FF0020});
+  builder.map_pdo(0x1603, {0x60400010, 0x60F60810});
+  builder.map_pdo(0x1A00, {0x60410010, 0x60630020, 0x606C0020, 0x60780010, 0x60610008, 0x00000008});
+  builder.map_pdo(0x1A01, {0x60410010, 0x60630020});
+  builder.map_pdo(0x1A02, {0x60410010, 0x606C0020});
+  builder.map_pdo(0x1A03, {0x60410010, 0x60780010});
   builder.set_default(0x1C12, 0, 1).set_default(0x1C12, 1, 0x1600);
   builder.set_default(0x1C13, 0, 1).set_default(0x1C13, 1, 0x1A00);
   return builder;

@@ -66,9 +66,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
     for (std::uint8_t sub = 1; sub <= Communication::mapping_entries; ++sub) {
       builder.set_default(index, sub, empty_mapping);
     }
-    std::uint8_t sub = 0;
-    for (const std::uint32_t object : objects) builder.set_default(index, ++sub, object);
-    builder.set_default(index, 0, sub);
+    builder.map_pdo(index, objects);
   };
   map(0x1600, {0x60400010, 0x60600008, 0x607A0020, 0x60B80010, 0x60FE0120, 0x60FE0220});
   map(0x1601, {0x60400010, 0x60600008, 0x60FF0020, 0x60B80010, 0x60FE0120, 0x60FE0220});

@@ -186,16 +186,11 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 3, revision_number);
 
   // PDOs from the factory (L475-607; identifiers of PDO 3 and 4: C1).
-  const auto map = [&builder](std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
-    std::uint8_t sub = 0;
-    for (const std::uint32_t object : objects) builder.set_default(index, ++sub, object);
-    builder.set_default(index, 0, sub);
-  };
-  map(0x1600, {0x60400010, 0x60FF0020});
-  map(0x1A00, {0x60410010, 0x60640020});
+  builder.map_pdo(0x1600, {0x60400010, 0x60FF0020});
+  builder.map_pdo(0x1A00, {0x60410010, 0x60640020});
   for (std::uint16_t pdo = 1; pdo < 4; ++pdo) {
-    map(static_cast<std::uint16_t>(0x1600 + pdo), {0x60FF0020, 0x60600010});
-    map(static_cast<std::uint16_t>(0x1A00 + pdo), {0x60640020, 0x60610010});
+    builder.map_pdo(static_cast<std::uint16_t>(0x1600 + pdo), {0x60FF0020, 0x60600010});
+    builder.map_pdo(static_cast<std::uint16_t>(0x1A00 + pdo), {0x60640020, 0x60610010});
   }
   for (std::uint16_t pdo = 0; pdo < 4; ++pdo) {
     const auto index = static_cast<std::uint16_t>(0x1800 + pdo);
