@@ -261,7 +261,11 @@ class LineFileReader {
 
   // The fieldbus: its own of the product's kind, found by name, or the only one there is.
   void read_address(TableReader& reader, AxisSettings& axis) {
-    const bool on_ethercat = axis.product != nullptr && axis.product->fieldbus == Fieldbus::ethercat;
+    if (axis.product == nullptr) {  // nobody knows which it needs
+      for (const char* key : {"bus", "node", "bit_rate", "alias", "oscillator_ppm", "cable_ns"}) reader.node(key);
+      return;
+    }
+    const bool on_ethercat = axis.product->fieldbus == Fieldbus::ethercat;
     std::vector<std::string_view> names;
     if (on_ethercat) {
       for (const EthercatBusSettings& known : settings_.ethercat_buses) names.push_back(known.name);
@@ -306,8 +310,7 @@ class LineFileReader {
   }
 
   static const char* no_such_bus(const AxisSettings& axis) {
-    const bool on_ethercat = axis.product != nullptr && axis.product->fieldbus == Fieldbus::ethercat;
-    return on_ethercat
+    return axis.product->fieldbus == Fieldbus::ethercat
                ? "the product needs a bus with type = \"ethercat\", and there is none"
                : "the product needs a CAN bus, and there is none; `servodrome products` lists those for EtherCAT";
   }

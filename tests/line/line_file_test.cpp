@@ -275,6 +275,8 @@ const std::vector<Mistake> mistakes{
      "did you mean `modbus`?"},
     {"ethercat_product", ETHERCAT "product='ismc'\nbus='ecat'\n", 7, 5,
      "axis.bus: a `ismc` is a drive for CAN, \"ecat\" is an EtherCAT segment", "servodrome products"},
+    {"ethercat_no_such_product", ETHERCAT "product='toaster'\nbus='ecat'\nalias=3\n", 6, 9,
+     "axis.product: there is no product \"toaster\"", "jmc_ec"},
     {"can_product", AXIS "[[axis]]\nname='y'\nproduct='generic402-ec'\nbus='can0'\n", 9, 5,
      "axis.bus: a `generic402-ec` is a drive for EtherCAT, \"can0\" is a CAN bus", "type = \"ethercat\""},
     {"ethercat_link", "[[bus]]\nname='e'\ntype='ethercat'\nlinks=['slcan:/a']\n" AXIS, 4, 8,
