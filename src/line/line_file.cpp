@@ -261,8 +261,9 @@ class LineFileReader {
 
   // The fieldbus: its own of the product's kind, found by name, or the only one there is.
   void read_address(TableReader& reader, AxisSettings& axis) {
-    if (axis.product == nullptr) {  // nobody knows which it needs
-      for (const char* key : {"bus", "node", "bit_rate", "alias", "oscillator_ppm", "cable_ns"}) reader.node(key);
+    if (axis.product == nullptr) {  // nobody knows which bus it needs, and which of these keys
+      for (const char* key : {"bus", "alias", "oscillator_ppm", "cable_ns"}) reader.node(key);
+      read_node(reader, axis);
       return;
     }
     const bool on_ethercat = axis.product->fieldbus == Fieldbus::ethercat;
@@ -337,14 +338,18 @@ class LineFileReader {
     axis.ethercat = ethercat;
   }
 
+  static void read_node(TableReader& reader, AxisSettings& axis) {
+    reader.read("node", axis.node_id, 1, 127);
+    reader.read("bit_rate", axis.bit_rate, 10'000, 1'000'000);
+  }
+
   void read_can_address(TableReader& reader, AxisSettings& axis) {
     for (const char* key : {"alias", "oscillator_ppm", "cable_ns"}) {
       if (reader.node(key) != nullptr) {
         reader.complain(key, "is of an axis on an EtherCAT segment", "leave the key out");
       }
     }
-    reader.read("node", axis.node_id, 1, 127);
-    reader.read("bit_rate", axis.bit_rate, 10'000, 1'000'000);
+    read_node(reader, axis);
     check_bit_rate(reader, axis);
     const unsigned node = node_in_force(axis);
     if (node == 0 || !axis.bus) return;
