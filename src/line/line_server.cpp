@@ -167,7 +167,7 @@ void LineServer::schedule() {
 
 bench::Response LineServer::answer(const bench::Request& request) {
   catch_up();
-  bench::Response response = bench::handle(line_, request);
+  bench::Response response = bench::handle(line_, request, more_routes_);
   if (real_) {
     wake();
   } else {

@@ -11,6 +11,7 @@
 
 #include "line/bench/access.hpp"
 #include "line/bench/http_server.hpp"
+#include "line/bench/routes.hpp"
 #include "line/line.hpp"
 #include "links/can/link.hpp"
 
@@ -37,6 +38,9 @@ class LineServer final : private links::LineHost {
   // disk.
   void log(NamedBus& bus, const std::string& path, std::function<void()> on_failure = {});
   void log(NamedEthercatBus& bus, const std::string& path, std::function<void()> on_failure = {});
+
+  // Serves more of the API than the line's own; the group's context outlives the server.
+  void add_routes(const bench::RouteGroup& group) { more_routes_.push_back(group); }
 
   // Serves until stop(). Real time begins with it.
   void run();
@@ -89,6 +93,7 @@ class LineServer final : private links::LineHost {
   std::vector<std::unique_ptr<Units>> units_;  // outlive the links, which are the line's
   Line line_;
   std::vector<Log> logs_;
+  std::vector<bench::RouteGroup> more_routes_;
   std::unique_ptr<bench::HttpServer> http_;
   std::chrono::steady_clock::time_point start_{};  // of the line's time 0, moved on by what was given up
   std::chrono::steady_clock::time_point next_flush_{};

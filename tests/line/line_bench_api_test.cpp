@@ -68,6 +68,44 @@ TEST_F(BenchApi, ReadsAndWritesObjectsAsTheServicePortDoes) {
   EXPECT_GT(get("/axes/left/objects")["objects"].size(), 100U);
 }
 
+TEST_F(BenchApi, ServesRoutesOfOthersWithTheirContext) {
+  struct Shelf {
+    std::string last_query;
+  } shelf;
+  static constexpr std::array shelf_routes{
+      Route{Method::get, "/api/v1/shelf/{}/book",
+            [](Call& call) {
+              static_cast<Shelf*>(call.context)->last_query = query_value(call, "page").value_or("none");
+              call.content = Content{"text/plain", std::string(call.arguments.front())};
+              return Json();
+            }},
+      Route{Method::post, "/api/v1/shelf",
+            [](Call&) {
+              return Json{{"id", 1}};
+            },
+            201},
+      Route{Method::delete_, "/api/v1/axes", [](Call&) { return Json(); }},
+  };
+  const std::array groups{RouteGroup{shelf_routes, &shelf}};
+  const auto ask_shelf = [&](Method method, const std::string& target) {
+    return handle(line_, {.method = method, .target = "/api/v1" + target}, groups);
+  };
+  const Response book = ask_shelf(Method::get, "/shelf/a/book?x=1&page=12&page=13");
+  EXPECT_EQ(book.status, 200U);
+  EXPECT_EQ(book.content_type, "text/plain");
+  EXPECT_EQ(book.body, "a");
+  EXPECT_EQ(shelf.last_query, "12");
+  for (const auto& [query, value] : {std::pair{"?page=", ""}, {"?page", ""}, {"?pag=1", "none"}, {"", "none"}}) {
+    ask_shelf(Method::get, std::string("/shelf/a/book") + query);
+    EXPECT_EQ(shelf.last_query, value) << query;
+  }
+  EXPECT_EQ(ask_shelf(Method::post, "/shelf").status, 201U);
+  // An address that both have: the methods of both are told.
+  EXPECT_EQ(ask_shelf(Method::delete_, "/axes").status, 204U);
+  EXPECT_EQ(ask_shelf(Method::post, "/axes").allow, "GET, DELETE");
+  EXPECT_EQ(ask_shelf(Method::get, "/axes").status, 200U);
+}
+
 struct Refusal {
   const char* name;
   Method method;

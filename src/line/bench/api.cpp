@@ -1,5 +1,6 @@
 #include "line/bench/api.hpp"
 
+#include <algorithm>
 #include <array>
 #include <fmt/format.h>
 #include <optional>
@@ -10,7 +11,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-constexpr std::array groups{axis_routes, object_routes, plant_routes, fault_routes, bus_routes, clock_routes};
+constexpr std::array line_groups{axis_routes, object_routes, plant_routes, fault_routes, bus_routes, clock_routes};
 
 std::string_view word(Method method) {
   switch (method) {
@@ -46,24 +47,54 @@ std::optional<std::vector<std::string_view>> match(std::string_view pattern, std
   return arguments;
 }
 
-Response dispatch(Line& line, const Request& request) {
-  const std::string_view path = std::string_view(request.target).substr(0, request.target.find('?'));
-  Response refusal = error_response({404, "there is nothing at this address", std::string(path.substr(0, 200)),
-                                     "docs/bench-api.md lists the addresses; they begin with /api/v1/"});
-  for (const auto group : groups) {
-    for (const Route& route : group()) {
-      auto arguments = match(route.pattern, path);
-      if (!arguments) continue;
-      if (route.method == request.method) {
-        Call call{line, std::move(*arguments), request.body};
-        const Json body = route.act(call);
-        return {body.is_null() ? 204U : 200U, body.is_null() ? std::string() : to_text(body), {}};
-      }
-      const std::string allow = refusal.allow + (refusal.allow.empty() ? "" : ", ") + std::string(word(route.method));
-      refusal = error_response({405, "this address does not have that method", std::string(path), "it has " + allow});
-      refusal.allow = allow;
+Response answer_of(Call& call, const Route& route) {
+  const Json body = route.act(call);
+  if (call.content) return {200, std::move(call.content->bytes), {}, std::move(call.content->type)};
+  return {body.is_null() ? 204U : route.status, body.is_null() ? std::string() : to_text(body), {}};
+}
+
+// Where a request is, and what has become of it.
+struct Search {
+  Line& line;
+  const Request& request;
+  std::string_view path;
+  std::string_view query;
+  std::string allow{};  // methods that the address has
+  std::optional<Response> response{};
+};
+
+void search(Search& search, const RouteGroup& group) {
+  for (const Route& route : group.routes) {
+    auto arguments = match(route.pattern, search.path);
+    if (!arguments) continue;
+    if (route.method == search.request.method) {
+      Call call{search.line, std::move(*arguments), search.request.body, search.query, group.context};
+      search.response = answer_of(call, route);
+      return;
     }
+    search.allow += (search.allow.empty() ? "" : ", ") + std::string(word(route.method));
   }
+}
+
+Response dispatch(Line& line, const Request& request, std::span<const RouteGroup> more) {
+  const std::string_view target = request.target;
+  const std::size_t end = std::min(target.find('?'), target.size());
+  Search wanted{line, request, target.substr(0, end), target.substr(std::min(end + 1, target.size()))};
+  for (const auto group : line_groups) {
+    search(wanted, {group()});
+    if (wanted.response) return std::move(*wanted.response);
+  }
+  for (const RouteGroup& group : more) {
+    search(wanted, group);
+    if (wanted.response) return std::move(*wanted.response);
+  }
+  if (wanted.allow.empty()) {
+    return error_response({404, "there is nothing at this address", std::string(wanted.path.substr(0, 200)),
+                           "docs/bench-api.md lists the addresses; they begin with /api/v1/"});
+  }
+  Response refusal = error_response(
+      {405, "this address does not have that method", std::string(wanted.path), "it has " + wanted.allow});
+  refusal.allow = wanted.allow;
   return refusal;
 }
 
@@ -77,9 +108,19 @@ Axis& axis_argument(Call& call) {
   throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address", suggestion(name, names)};
 }
 
-Response handle(Line& line, const Request& request) {
+std::optional<std::string_view> query_value(const Call& call, std::string_view key) {
+  for (std::string_view rest = call.query; !rest.empty();) {
+    const std::string_view pair = rest.substr(0, rest.find('&'));
+    rest.remove_prefix(std::min(pair.size() + 1, rest.size()));
+    const std::size_t equals = std::min(pair.find('='), pair.size());
+    if (pair.substr(0, equals) == key) return pair.substr(std::min(equals + 1, pair.size()));
+  }
+  return std::nullopt;
+}
+
+Response handle(Line& line, const Request& request, std::span<const RouteGroup> more) {
   try {
-    return dispatch(line, request);
+    return dispatch(line, request, more);
   } catch (const ApiError& error) {
     return error_response(error);
   }

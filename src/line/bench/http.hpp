@@ -21,8 +21,9 @@ struct Request {
 
 struct Response {
   unsigned status = 200;
-  std::string body;   // JSON, empty for 204
-  std::string allow;  // of a 405: the methods the address has
+  std::string body;                              // empty for 204
+  std::string allow{};                           // of a 405: the methods the address has
+  std::string content_type{"application/json"};  // of a body
 };
 
 }  // namespace servodrome::line::bench

@@ -55,7 +55,7 @@ http::response<http::string_body> message_of(Response&& response, unsigned versi
   message.set(http::field::cache_control, "no-store");
   message.set("X-Content-Type-Options", "nosniff");
   if (!response.allow.empty()) message.set(http::field::allow, response.allow);
-  if (!response.body.empty()) message.set(http::field::content_type, "application/json");
+  if (!response.body.empty()) message.set(http::field::content_type, response.content_type);
   message.body() = std::move(response.body);
   message.keep_alive(keep_alive);
   if (response.status != 204) message.prepare_payload();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -8,19 +9,36 @@
 #include "line/bench/error.hpp"
 #include "line/line.hpp"
 
-// The table of what the API can do, in groups; each group is a file.
+// The table of what the API can do, in groups; each group is a file. Libraries above this one add groups of their own
+// (LineServer::add_routes).
 namespace servodrome::line::bench {
+
+// An answer that is no JSON.
+struct Content {
+  std::string type;  // "text/csv; charset=utf-8"
+  std::string bytes;
+};
 
 struct Call {
   Line& line;
   std::vector<std::string_view> arguments;  // what stood for the {} of the pattern
   const std::string& body;
+  std::string_view query{};          // what stood behind the ? of the address, as it was sent
+  void* context = nullptr;           // of the route's group
+  std::optional<Content> content{};  // if the handler sets it, it is sent instead of the JSON
 };
 
 struct Route {
   Method method;
   std::string_view pattern;  // "/api/v1/axes/{}"
   Json (*act)(Call& call);   // throws ApiError; null: 204 without a body
+  unsigned status = 200;     // of the answer with a body, e.g. 201 for something made
+};
+
+// Routes with what their handlers need beside the line; the context outlives the requests.
+struct RouteGroup {
+  std::span<const Route> routes;
+  void* context = nullptr;
 };
 
 std::span<const Route> axis_routes();
@@ -32,5 +50,8 @@ std::span<const Route> clock_routes();
 
 // The axis that an argument names. Throws 404.
 Axis& axis_argument(Call& call);
+
+// The value of a key in the query, as it was sent: "?after=12" has "12" under "after". Nothing if the key is not there.
+std::optional<std::string_view> query_value(const Call& call, std::string_view key);
 
 }  // namespace servodrome::line::bench
