@@ -123,11 +123,6 @@ bool InterruptGuard::interrupted() { return interrupt_seen != 0; }
 host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet) {
   const bool shown = !quiet && on_terminal();
   return [&axis, shown, next = host::Time{}](const host::AxisStatus& status) mutable {
-    if (InterruptGuard::interrupted()) {
-      axis.stop();
-      throw Failure::did_not_work(
-          fmt::format("interrupted: {} was stopped at position {}", axis.objects().where(), axis.position()));
-    }
     const host::Time now = axis.objects().now();
     if (!shown || now < next) return;
     next = now + progress_period;

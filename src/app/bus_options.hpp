@@ -72,7 +72,7 @@ class InterruptGuard {
   static bool interrupted();
 };
 
-// For motions: shows position and state on a terminal, and on Ctrl-C stops the axis and throws Failure.
+// For motions: shows position and velocity on a terminal.
 host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet);
 // Ends the line that motion_progress() rewrites.
 void end_progress(bool quiet);

@@ -270,6 +270,7 @@ const line::Product* DriveLink::product() {
 
 std::unique_ptr<host::Axis402> DriveLink::open_axis(host::AxisOptions options) {
   if (product() != nullptr) options.dialect = host::dialect_of(product()->name);
+  if (!options.cancelled) options.cancelled = InterruptGuard::interrupted;
   return std::make_unique<host::Axis402>(*objects_, options);
 }
 

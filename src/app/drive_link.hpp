@@ -29,6 +29,7 @@ class DriveLink {
   // Axes opened before are not to be used any more.
   void operate(const BusOptions& options);
   bool operates() const { return operation_.has_value(); }
+  // Speaks the product's dialect; Ctrl-C, where an InterruptGuard lives, cancels its waits.
   std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options);
 
  private:

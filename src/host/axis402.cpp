@@ -5,6 +5,8 @@
 #include <array>
 #include <fmt/format.h>
 
+#include "describe/fault_texts.hpp"
+
 namespace servodrome::host {
 namespace {
 
@@ -115,14 +117,46 @@ AxisStatus Axis402::status() {
   return status;
 }
 
+std::string Axis402::text_of_fault(std::uint16_t code) const {
+  const auto own = describe::fault_texts(options_.dialect.product, code);
+  if (own.empty()) return fmt::format("{:04X}h {}", code, text_of_error_code(code));
+  std::string texts;
+  for (const describe::FaultText& text : own) {
+    const std::string alarm = describe::alarm_name(options_.dialect.product, text.alarm);
+    texts += fmt::format("{}{}{}{}", texts.empty() ? "" : " or ", alarm, alarm.empty() ? "" : " ", text.text);
+  }
+  return fmt::format("{:04X}h {}", code, texts);
+}
+
 void Axis402::fail(const std::string& happened, const std::string& remedy) {
   const std::uint16_t word = statusword();
   std::string shown = fmt::format("state {}, statusword {}", drive::name(state_of(word)), text_of_statusword(word));
+  std::string to_do = remedy;
   if (const auto code = objects_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
-    shown += fmt::format(", error code 603Fh {:04X}h {}", *code, text_of_error_code(*code));
+    shown += ", error code 603Fh " + text_of_fault(*code);
+    if (const auto* const text = describe::find_fault_text(options_.dialect.product, *code)) {
+      to_do += fmt::format(". Of {:04X}h: {} {}", *code, text->cause, text->remedy);
+    }
   }
   if (const auto emergency = latest_emergency()) shown += ", latest " + text_of(*emergency);
-  throw HostError(fmt::format("{} [{}]", happened, shown), objects_.where(), remedy);
+  throw HostError(fmt::format("{} [{}]", happened, shown), objects_.where(), to_do);
+}
+
+void Axis402::leave_if_cancelled(const std::string& doing) {
+  if (comes_to_rest_ || !options_.cancelled || !options_.cancelled()) return;
+  if (state() == PowerState::operation_enabled) stop();
+  throw Cancelled(fmt::format("{} was cancelled; the axis stands at position {}", doing, position()), objects_.where(),
+                  "start it anew");
+}
+
+void Axis402::pause() {
+  leave_if_cancelled("waiting for the drive");
+  objects_.wait(options_.poll_interval);
+}
+
+void Axis402::write_number(ObjectAddress object, std::int64_t value) {
+  const std::size_t bytes = std::min(objects_.upload(object).size(), sizeof value);
+  objects_.download(object, std::as_bytes(std::span(&value, 1)).first(bytes));
 }
 
 void Axis402::write_controlword(std::uint16_t word) {
@@ -134,7 +168,7 @@ bool Axis402::wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeou
   const Time deadline = objects_.now() + timeout;
   while ((statusword() & mask) != value) {
     if (objects_.now() >= deadline) return false;
-    objects_.wait(options_.poll_interval);
+    pause();
   }
   return true;
 }
@@ -145,13 +179,13 @@ void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const cha
     const PowerState present = state();
     if (std::find(wanted.begin(), wanted.end(), present) != wanted.end()) return;
     if (present == PowerState::fault)
-      fail(fmt::format("the drive has a fault while to {}", doing), "remove its cause and reset it (`--reset-fault`)");
+      fail(fmt::format("the drive has a fault while to {}", doing), "remove its cause and reset it");
     if (objects_.now() >= deadline) {
       fail(fmt::format("the drive did not {} within {} ms", doing,
                        options_.state_timeout / std::chrono::milliseconds(1)),
            "check its supply, enable input and safety input, and whether another master commands it");
     }
-    objects_.wait(options_.poll_interval);
+    pause();
   }
 }
 
@@ -164,7 +198,7 @@ void Axis402::reset_fault() {
   const Time deadline = objects_.now() + options_.state_timeout;
   PowerState present = state();
   while (present == PowerState::fault_reaction_active && objects_.now() < deadline) {
-    objects_.wait(options_.poll_interval);
+    pause();
     present = state();
   }
   if (present != PowerState::fault) return;
@@ -175,7 +209,7 @@ void Axis402::reset_fault() {
       write_controlword(disable_voltage);
       fail("the fault cannot be reset", "remove its cause; some faults need power off and on");
     }
-    objects_.wait(options_.poll_interval);
+    pause();
   }
   write_controlword(disable_voltage);
 }
@@ -199,8 +233,7 @@ void Axis402::enable() {
         break;
       case PowerState::operation_enabled: return;
       case PowerState::fault_reaction_active:
-      case PowerState::fault:
-        fail("the drive cannot be enabled: it has a fault", "remove its cause and reset it (`--reset-fault`)");
+      case PowerState::fault: fail("the drive cannot be enabled: it has a fault", "remove its cause and reset it");
     }
   }
 }
@@ -211,6 +244,8 @@ void Axis402::disable() {
       present == PowerState::not_ready_to_switch_on || present == PowerState::switch_on_disabled) {
     return;
   }
+  const ComingToRest rest(comes_to_rest_);
+  halted_ = false;
   write_controlword(disable_voltage);
   wait_for_state({PowerState::switch_on_disabled}, "switch off");
 }
@@ -218,11 +253,13 @@ void Axis402::disable() {
 // 605Ah decides whether the drive stays in quick stop active or goes on to switch on disabled.
 void Axis402::quick_stop() {
   if (state() != PowerState::operation_enabled) return;
+  const ComingToRest rest(comes_to_rest_);
+  halted_ = false;
   write_controlword(quick_stop_command);
   wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop");
   const Time deadline = objects_.now() + options_.state_timeout;
   while (state() == PowerState::quick_stop_active && velocity() != 0 && objects_.now() < deadline) {
-    objects_.wait(options_.poll_interval);
+    pause();
   }
 }
 
@@ -243,7 +280,7 @@ void Axis402::set_mode(OperationMode mode) {
       fail(fmt::format("the drive did not take mode {} ({}); 6061h is {}", number, name(mode), this->mode()),
            "stop or disable the drive first, and check that no other master writes 6060h");
     }
-    objects_.wait(options_.poll_interval);
+    pause();
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <initializer_list>
+#include <utility>
 
 #include "drive/power/power_state.hpp"
 #include "host/dialect.hpp"
@@ -33,10 +34,19 @@ enum class OperationMode : std::int8_t {
 // "profile position" and so on; "manufacturer's mode" for negative numbers.
 const char* name(OperationMode mode);
 
+// A call was given up because AxisOptions::cancelled said so; the axis stands.
+class Cancelled : public HostError {
+ public:
+  using HostError::HostError;
+};
+
 struct AxisOptions {
   Time state_timeout = std::chrono::seconds(2);       // for each transition, mode change and handshake
   Time poll_interval = std::chrono::milliseconds(5);  // of the statusword
   Dialect dialect{};
+  // Asked at each poll of every wait, except those of stop(), disable() and quick_stop(), which bring the axis to rest:
+  // true ends the wait. What moves is halted first, and the call throws Cancelled.
+  std::function<bool()> cancelled{};
 };
 
 // In the drive's own units (increments unless its factors say otherwise). What is not given stays as the drive has it.
@@ -46,12 +56,45 @@ struct MotionProfile {
   std::optional<std::uint32_t> deceleration{};  // 6084h
 };
 
+// In 0.1 % of the rated torque.
+struct TorqueProfile {
+  std::optional<std::uint32_t> slope{};  // 6087h, per second
+};
+
 struct HomingRequest {
   std::optional<std::int8_t> method{};          // 6098h
   std::optional<std::uint32_t> switch_speed{};  // 6099h sub 1
   std::optional<std::uint32_t> zero_speed{};    // 6099h sub 2
   std::optional<std::uint32_t> acceleration{};  // 609Ah
   std::optional<std::int32_t> offset{};         // 607Ch
+};
+
+// What holds the axis back, in the drive's units. Nothing: the drive does not have it; to set_limits(): as it is.
+struct AxisLimits {
+  std::optional<std::int32_t> lowest_position{};            // 607Dh
+  std::optional<std::int32_t> highest_position{};           // 607Dh; both 0 with most drives: no limits
+  std::optional<std::uint32_t> profile_velocity{};          // 607Fh
+  std::optional<std::uint32_t> motor_speed_rpm{};           // 6080h
+  std::optional<std::uint32_t> acceleration{};              // 60C5h
+  std::optional<std::uint32_t> deceleration{};              // 60C6h
+  std::optional<std::uint16_t> torque_permille{};           // 6072h
+  std::optional<std::uint16_t> positive_torque_permille{};  // 60E0h
+  std::optional<std::uint16_t> negative_torque_permille{};  // 60E1h
+};
+
+// A touch probe (60B8h): keeps the position at an edge of its input or of the encoder's index.
+struct ProbeRequest {
+  enum class Source : std::uint8_t { input, index };
+  std::uint8_t probe = 1;  // 1 or 2
+  Source source = Source::input;
+  bool positive_edge = true;
+  bool negative_edge = false;
+  bool continuous = false;  // each edge replaces the last one's position; else the first one's stays
+};
+// Nothing: no such edge yet.
+struct ProbePositions {
+  std::optional<std::int32_t> positive{};  // 60BAh, 60BCh
+  std::optional<std::int32_t> negative{};  // 60BBh, 60BDh
 };
 
 struct AxisStatus {
@@ -65,12 +108,15 @@ struct AxisStatus {
 };
 
 // Drives one CiA 402 axis by its objects, as a commissioning tool does, over any bus. Every call waits until the drive
-// has done it, letting the bus run; it throws HostError, which names state, statusword, 603Fh and the latest EMCY, when
-// the drive does not. An access that fails throws ObjectError.
+// has done it, letting the bus run; it throws HostError, which names state, statusword, 603Fh with its cause and remedy
+// and the latest EMCY, when the drive does not. An access that fails throws ObjectError.
 class Axis402 {
  public:
-  // Called at each poll of a motion; may throw to leave it, and may call stop() before.
+  // Called at each poll of a motion; may halt() and resume() it, change its velocity, or throw to leave it, and may
+  // call stop() before.
   using Progress = std::function<void(const AxisStatus&)>;
+  // The velocity wanted now; nothing: stop, that is all.
+  using JogDemand = std::function<std::optional<std::int32_t>(const AxisStatus&)>;
 
   // `objects` outlives this.
   explicit Axis402(ObjectClient& objects, const AxisOptions& options = {}) : options_(options), objects_(objects) {}
@@ -94,14 +140,46 @@ class Axis402 {
   void home(const HomingRequest& request, Time timeout, const Progress& progress = {});
 
   // Profile position; the drive is to be enabled. Returns when the target is reached. A distance counts from the last
-  // target, or from where the axis stands after stop(); the stopped move is dropped.
+  // target, or from where the axis stands after stop(); the stopped move is dropped. Without a velocity the drive's own
+  // counts; it is an error if that is 0.
   void move_to(std::int32_t position, const MotionProfile& profile, Time timeout, const Progress& progress = {});
   void move_by(std::int32_t distance, const MotionProfile& profile, Time timeout, const Progress& progress = {});
+  // The same in two halves: the first returns when the drive has taken the order, the second when it is carried out.
+  void start_move_to(std::int32_t position, const MotionProfile& profile);
+  void start_move_by(std::int32_t distance, const MotionProfile& profile);
+  void wait_for_target(Time timeout, const Progress& progress = {});
 
   // Profile velocity; returns when the velocity is reached. Goes on running.
   void run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress = {});
-  // Halt (605Dh) in any mode, until at rest; homing is broken off.
+  // Of the motion under way: the velocity it runs at, or 6081h of a move.
+  void change_velocity(std::int32_t velocity);
+  // Profile velocity, at what `demand` answers at each poll, until it answers nothing or throws; then stop(). Whatever
+  // leaves this function, the axis was told to stop.
+  void jog(const MotionProfile& profile, const JogDemand& demand);
+  // Profile torque, in 0.1 % of the rated one; returns when it is reached. Goes on, however fast the axis gets: set
+  // limits first.
+  void run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,
+                  const Progress& progress = {});
+
+  // Halt (605Dh) until at rest; homing is broken off, a move dropped. In profile torque by a velocity of 0, which is
+  // then the mode: a halt would let the axis coast.
   void stop();
+  // The same, but resume() lets the motion go on; nothing else but disable() and stop() is to come between. Not in
+  // profile torque.
+  void halt();
+  void resume();
+  bool halted() const { return halted_; }
+
+  AxisLimits limits();
+  // Those that are given. If the drive refuses one, those before it are put back.
+  void set_limits(const AxisLimits& limits);
+
+  // Forgets what the probe has seen, and lets it wait for the next edges.
+  void arm_probe(const ProbeRequest& request);
+  void disarm_probe(std::uint8_t probe);
+  ProbePositions probe_positions(std::uint8_t probe);
+  // Returns when every edge of the request has come.
+  ProbePositions wait_for_probe(const ProbeRequest& request, Time timeout, const Progress& progress = {});
 
   // By the dialect and the drive's factors. Nothing if neither says what a position unit is; `position`, where given,
   // does instead.
@@ -112,6 +190,19 @@ class Axis402 {
   std::optional<Emergency> latest_emergency() { return objects_.latest_emergency(); }
 
  private:
+  // As long as one lives, nothing is cancelled.
+  class ComingToRest {
+   public:
+    explicit ComingToRest(bool& flag) : flag_(flag), before_(std::exchange(flag, true)) {}
+    ~ComingToRest() { flag_ = before_; }
+    ComingToRest(const ComingToRest&) = delete;
+    ComingToRest& operator=(const ComingToRest&) = delete;
+
+   private:
+    bool& flag_;
+    bool before_;
+  };
+
   void write_controlword(std::uint16_t word);
   // The quotient of subs 1 and 2.
   std::optional<double> ratio(std::uint16_t index);
@@ -121,20 +212,37 @@ class Axis402 {
     if (value) objects_.write<T>(index, sub, *value);
   }
   void write_profile(const MotionProfile& profile);
+  // As wide as the object is: products differ.
+  void write_number(ObjectAddress object, std::int64_t value);
   // Polls until the drive is in one of `wanted`; a fault on the way is an error.
   void wait_for_state(std::initializer_list<PowerState> wanted, const char* doing);
   void step(std::uint16_t controlword, PowerState to, const char* doing);
   void require_enabled(const char* doing);
   bool wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeout);
-  void move(std::int32_t target, bool relative, const MotionProfile& profile, Time timeout, const Progress& progress);
+  // Between two polls. Throws Cancelled.
+  void pause();
+  void leave_if_cancelled(const std::string& doing);
+  void start_move(std::int32_t target, bool relative, const MotionProfile& profile);
+  // The handshake of a set-point (CiA 402-2 figure 15).
+  void hand_over(std::int32_t target, std::uint16_t order);
+  std::int32_t position_demand();  // 6062h, or the position of a drive that does not have it
+  void begin_velocity(const MotionProfile& profile);
+  void wait_for_standstill();
   // Polls a motion until `done` says so; throws if the drive leaves operation enabled or the time is up.
   void follow(Time timeout, const Progress& progress, const std::string& doing,
               const std::function<bool(std::uint16_t statusword)>& done);
+  // "2310h over-current", with the product's own number where it has one.
+  std::string text_of_fault(std::uint16_t code) const;
   [[noreturn]] void fail(const std::string& happened, const std::string& remedy);
 
   AxisOptions options_;
   ObjectClient& objects_;
   std::uint16_t controlword_ = 0;
+  std::optional<std::int32_t> goal_{};  // of the last move
+  std::string order_{};                 // the last move in words
+  bool halted_ = false;                 // by halt()
+  bool comes_to_rest_ = false;          // nothing is cancelled
+  Time ordered_{};                      // when the drive was last told to move
   bool has_position_ = true;
   bool has_mode_display_ = true;
   bool has_velocity_ = true;

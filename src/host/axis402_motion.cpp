@@ -1,21 +1,15 @@
+// Homing and profile position.
 #include <fmt/format.h>
 
 #include "host/axis402.hpp"
+#include "host/axis402_words.hpp"
 
 namespace servodrome::host {
 namespace {
 
-namespace controlword = drive::controlword;
-namespace statusword_bit = drive::statusword;
-
-constexpr std::uint16_t enabled = 0x000F;
 constexpr std::uint16_t new_set_point = controlword::mode_bit_4;
-constexpr std::uint16_t change_immediately = controlword::mode_bit_5;
 constexpr std::uint16_t relative_move = controlword::mode_bit_6;
 constexpr std::uint16_t set_point_acknowledge = statusword_bit::mode_bit_12;
-
-// A drive takes back "target reached" some cycles after it took an order over; until then it may be the last order's.
-constexpr Time settling = std::chrono::milliseconds(20);
 
 }  // namespace
 
@@ -35,9 +29,10 @@ void Axis402::write_profile(const MotionProfile& profile) {
 
 void Axis402::follow(Time timeout, const Progress& progress, const std::string& doing,
                      const std::function<bool(std::uint16_t)>& done) {
-  const Time start = objects_.now();
-  for (;;) {
-    const bool settled = objects_.now() - start >= settling;
+  Time deadline = objects_.now() + timeout;
+  ordered_ = objects_.now();
+  for (Time last = ordered_;; objects_.wait(options_.poll_interval)) {
+    leave_if_cancelled(doing);
     std::uint16_t word = 0;
     if (progress) {
       const AxisStatus present = status();
@@ -46,19 +41,21 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
     } else {
       word = statusword();
     }
+    const Time now = objects_.now();
+    if (halted_) deadline += now - last;  // a motion that waits is not late
+    last = now;
     if (state_of(word) != PowerState::operation_enabled) {
       fail(fmt::format("the drive left operation enabled while {}", doing),
-           "look at the error code; then reset the fault (`--reset-fault`) and enable again");
+           "look at the error code; then reset the fault and enable again");
     }
-    if (settled && done(word)) return;
-    if (objects_.now() - start >= timeout) {
+    if (!halted_ && now - ordered_ >= settling && done(word)) return;
+    if (now >= deadline) {
       const std::int32_t at = position();
       stop();
       fail(fmt::format("{} took longer than {:g} s and was stopped; position was {}", doing,
                        std::chrono::duration<double>(timeout).count(), at),
-           "check speeds, limits and load, or give a longer --timeout");
+           "check speeds, limits and load, or allow it more time");
     }
-    objects_.wait(options_.poll_interval);
   }
 }
 
@@ -88,15 +85,16 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
   write_controlword(enabled);
 }
 
-void Axis402::move(std::int32_t target, bool relative, const MotionProfile& profile, Time timeout,
-                   const Progress& progress) {
-  require_enabled("move");
-  set_mode(OperationMode::profile_position);
-  write_profile(profile);
+std::int32_t Axis402::position_demand() {
+  if (const auto demand = objects_.read_if_present<std::int32_t>(0x6062)) return *demand;
+  return position();
+}
+
+void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   // A halted move would go on as soon as halt is released: replace it in the same write.
   const std::uint16_t halt = controlword_ & controlword::halt;
-  const std::uint16_t order =
-      static_cast<std::uint16_t>(enabled | (relative ? relative_move : 0U) | (halt != 0 ? change_immediately : 0U));
+  if (halt != 0) order |= change_immediately;
+  halted_ = false;
   write_controlword(order | halt);
   if (!wait_for_bits(set_point_acknowledge, 0, options_.state_timeout)) {
     fail("the drive has no room for a set-point (statusword bit 12 stays set)", "stop the motion under way first");
@@ -115,51 +113,52 @@ void Axis402::move(std::int32_t target, bool relative, const MotionProfile& prof
     }
   }
   write_controlword(order);
-  const std::string doing = relative ? fmt::format("moving by {}", target) : fmt::format("moving to {}", target);
-  follow(timeout, progress, doing, [](std::uint16_t word) { return (word & statusword_bit::target_reached) != 0; });
+  ordered_ = objects_.now();
 }
 
-void Axis402::move_to(std::int32_t position, const MotionProfile& profile, Time timeout, const Progress& progress) {
-  move(position, false, profile, timeout, progress);
-}
-
-void Axis402::move_by(std::int32_t distance, const MotionProfile& profile, Time timeout, const Progress& progress) {
+void Axis402::start_move(std::int32_t target, bool relative, const MotionProfile& profile) {
   require_enabled("move");
-  if ((controlword_ & controlword::halt) == 0) return move(distance, true, profile, timeout, progress);
+  // Several drives leave the factory with 0, take the order, and stand still for ever.
+  const auto velocity = profile.velocity ? profile.velocity : objects_.read_if_present<std::uint32_t>(0x6081);
+  if (velocity == 0U) {
+    fail("the profile velocity (6081h) is 0: the axis would never arrive", "give the move a velocity");
+  }
+  set_mode(OperationMode::profile_position);
+  write_profile(profile);
+  const std::int64_t goal = relative ? std::int64_t{position_demand()} + target : target;
+  goal_ = goal == static_cast<std::int32_t>(goal) ? std::optional(static_cast<std::int32_t>(goal)) : std::nullopt;
+  order_ = relative ? fmt::format("moving by {}", target) : fmt::format("moving to {}", target);
+  hand_over(target, static_cast<std::uint16_t>(enabled | (relative ? relative_move : 0U)));
+}
+
+void Axis402::start_move_to(std::int32_t position, const MotionProfile& profile) {
+  start_move(position, false, profile);
+}
+
+void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile) {
+  require_enabled("move");
+  if ((controlword_ & controlword::halt) == 0) return start_move(distance, true, profile);
   // To the drive, relative would be relative to the target that was given up.
   const std::int64_t target = std::int64_t{position()} + distance;
   if (target != static_cast<std::int32_t>(target)) {
     fail(fmt::format("{} is no position", target), "move by less, or home the axis");
   }
-  move(static_cast<std::int32_t>(target), false, profile, timeout, progress);
+  start_move(static_cast<std::int32_t>(target), false, profile);
 }
 
-void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress) {
-  require_enabled("run");
-  set_mode(OperationMode::profile_velocity);
-  write_profile(profile);
-  objects_.write<std::int32_t>(0x60FF, 0, velocity);
-  write_controlword(enabled);
-  follow(timeout, progress, fmt::format("running up to velocity {}", velocity),
+void Axis402::wait_for_target(Time timeout, const Progress& progress) {
+  follow(timeout, progress, order_.empty() ? "moving" : order_,
          [](std::uint16_t word) { return (word & statusword_bit::target_reached) != 0; });
 }
 
-void Axis402::stop() {
-  if (state() != PowerState::operation_enabled) return;
-  const auto mode = static_cast<OperationMode>(this->mode());
-  const std::uint16_t halted = enabled | controlword::halt;
-  write_controlword(halted);
-  // With halt, target reached means standstill (CiA 402-2 table 29).
-  objects_.wait(settling);
-  if (!wait_for_bits(statusword_bit::target_reached, statusword_bit::target_reached, options_.state_timeout)) {
-    fail("the axis does not come to rest on halt", "use quick stop, and check halt option code and decelerations");
-  }
-  if (mode == OperationMode::profile_velocity) {
-    objects_.write<std::int32_t>(0x60FF, 0, 0);
-    write_controlword(enabled);
-  } else if (mode == OperationMode::homing) {
-    write_controlword(enabled);  // bit 4 is 0: broken off
-  }
+void Axis402::move_to(std::int32_t position, const MotionProfile& profile, Time timeout, const Progress& progress) {
+  start_move_to(position, profile);
+  wait_for_target(timeout, progress);
+}
+
+void Axis402::move_by(std::int32_t distance, const MotionProfile& profile, Time timeout, const Progress& progress) {
+  start_move_by(distance, profile);
+  wait_for_target(timeout, progress);
 }
 
 }  // namespace servodrome::host

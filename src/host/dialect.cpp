@@ -8,15 +8,19 @@ namespace {
 
 constexpr Dialect cia402{};
 
-// Bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual L1148, L2406); units L3458-3467.
+// Bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual L1148, L2406); units L3458-3467; sub 1 of 607Dh is the
+// positive limit.
 constexpr Dialect ismk(std::string_view product) {
   return {.product = product,
           .homing_signals = {.attained = 1U << 15, .error = 1U << 12, .target_reached = false},
           .units = AxisUnits{65536.0, 60.0 * 512.0 * 65536.0 / 1875.0, 65536.0 * 65536.0 / 4'000'000.0},
-          .cautious_homing_method = 33};
+          .cautious_homing_method = 33,
+          .software_limits = {.lowest = 2, .highest = 1}};
 }
 
 constexpr std::array dialects{
+    // Halt empties the buffer of set-points (ISMC manual L1523-1530).
+    Dialect{.product = "ismc", .halt_drops_target = true},
     // 0.1 rpm and 0.1 rpm/s (ProNet manual L750-762). The encoder cannot be asked for: increments of the 17-bit one.
     // Methods that look for an index are not for serial encoders (L1365).
     Dialect{.product = "pronet",

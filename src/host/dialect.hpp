@@ -21,6 +21,12 @@ struct AxisUnits {
   double acceleration;
 };
 
+// Sub-indices of 607Dh.
+struct SoftwareLimitSubs {
+  std::uint8_t lowest = 1;
+  std::uint8_t highest = 2;
+};
+
 struct Dialect {
   std::string_view product{};  // as `servodrome products` lists it
   HomingSignals homing_signals{};
@@ -30,6 +36,9 @@ struct Dialect {
   bool has_old_factors = false;
   // Moves the motor by a revolution at most, and needs no switch.
   std::int8_t cautious_homing_method = 34;
+  SoftwareLimitSubs software_limits{};
+  // A halt drops the target: to go on, it is given again.
+  bool halt_drops_target = false;
 };
 
 // By the product's name; that of CiA 402 for one that is not in the table.

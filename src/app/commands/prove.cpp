@@ -149,7 +149,7 @@ Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& me
   };
   note([&] {
     const auto opened = open();
-    host::Axis402 axis(opened->objects(), {.dialect = dialect});
+    host::Axis402 axis(opened->objects(), {.dialect = dialect, .cancelled = InterruptGuard::interrupted});
     note([&] { prove(axis, outcome, options); });
     note([&] { axis.disable(); });  // however it went
   });

@@ -1,0 +1,162 @@
+// What goes on until it is stopped: velocity, jog and torque; stop, halt and resume.
+#include <cstdlib>
+#include <fmt/format.h>
+#include <limits>
+
+#include "host/axis402.hpp"
+#include "host/axis402_words.hpp"
+
+namespace servodrome::host {
+namespace {
+
+bool reached(std::uint16_t word) { return (word & statusword_bit::target_reached) != 0; }
+
+}  // namespace
+
+// The target velocity of a former run is not to act when the mode comes.
+void Axis402::begin_velocity(const MotionProfile& profile) {
+  halted_ = false;
+  if (mode() != static_cast<std::int8_t>(OperationMode::profile_velocity)) {
+    objects_.write<std::int32_t>(0x60FF, 0, 0);
+    set_mode(OperationMode::profile_velocity);
+  }
+  write_profile(profile);
+}
+
+void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress) {
+  require_enabled("run");
+  begin_velocity(profile);
+  objects_.write<std::int32_t>(0x60FF, 0, velocity);
+  write_controlword(enabled);
+  follow(timeout, progress, fmt::format("running up to velocity {}", velocity), reached);
+}
+
+void Axis402::change_velocity(std::int32_t velocity) {
+  require_enabled("change its velocity");
+  const auto present = static_cast<OperationMode>(mode());
+  if (present == OperationMode::profile_velocity) return objects_.write<std::int32_t>(0x60FF, 0, velocity);
+  if (present != OperationMode::profile_position || !goal_ || velocity <= 0) {
+    fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}", name(present), velocity),
+         "it takes a move and a velocity above 0, or profile velocity");
+  }
+  objects_.write<std::uint32_t>(0x6081, 0, static_cast<std::uint32_t>(velocity));
+  // 6081h acts with the next set-point: the same target once more, at once.
+  if (!halted_) hand_over(*goal_, enabled | change_immediately);
+}
+
+void Axis402::jog(const MotionProfile& profile, const JogDemand& demand) {
+  require_enabled("jog");
+  begin_velocity(profile);
+  objects_.write<std::int32_t>(0x60FF, 0, 0);
+  write_controlword(enabled);
+  std::int32_t asked = 0;
+  try {
+    for (;; objects_.wait(options_.poll_interval)) {
+      leave_if_cancelled("jogging");
+      const AxisStatus present = status();
+      if (present.state() != PowerState::operation_enabled) {
+        fail("the drive left operation enabled while jogging",
+             "look at the error code; then reset the fault and enable again");
+      }
+      const std::optional<std::int32_t> wanted = demand(present);
+      if (!wanted) break;
+      if (*wanted != asked) objects_.write<std::int32_t>(0x60FF, 0, *wanted);
+      asked = *wanted;
+    }
+  } catch (...) {
+    try {
+      stop();
+    } catch (const HostError&) {
+      // What went wrong before is told.
+    }
+    throw;
+  }
+  stop();
+}
+
+void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,
+                         const Progress& progress) {
+  require_enabled("give torque");
+  halted_ = false;
+  if (mode() != static_cast<std::int8_t>(OperationMode::profile_torque)) {
+    objects_.write<std::int16_t>(0x6071, 0, 0);
+    set_mode(OperationMode::profile_torque);
+  }
+  write_if_given(0x6087, 0, profile.slope);
+  objects_.write<std::int16_t>(0x6071, 0, torque_permille);
+  objects_.wait(options_.poll_interval);
+  if (const auto kept = objects_.read<std::int16_t>(0x6071); kept != torque_permille) {
+    fail(fmt::format("the target torque (6071h) is {} after {} was written", kept, torque_permille),
+         "something else writes it: another target in the process data, an input, or another master");
+  }
+  write_controlword(enabled);
+  follow(timeout, progress, fmt::format("giving {:g} % of rated torque", torque_permille / 10.0), reached);
+}
+
+// With halt, target reached means standstill (CiA 402-2 table 29). A ramp may be long: the time counts from where the
+// axis does not get slower any more.
+void Axis402::wait_for_standstill() {
+  objects_.wait(settling);
+  std::int64_t slowest = std::numeric_limits<std::int64_t>::max();
+  Time deadline = objects_.now() + options_.state_timeout;
+  for (;;) {
+    const AxisStatus present = status();
+    if (reached(present.statusword) || present.state() != PowerState::operation_enabled) return;
+    if (const std::int64_t speed = std::abs(std::int64_t{present.velocity}); speed < slowest) {
+      slowest = speed;
+      deadline = objects_.now() + options_.state_timeout;
+    }
+    if (objects_.now() >= deadline) {
+      fail("the axis does not come to rest on halt", "use quick stop, and check halt option code and decelerations");
+    }
+    objects_.wait(options_.poll_interval);
+  }
+}
+
+void Axis402::stop() {
+  if (state() != PowerState::operation_enabled) return;
+  const ComingToRest rest(comes_to_rest_);
+  halted_ = false;
+  goal_.reset();
+  auto mode = static_cast<OperationMode>(this->mode());
+  if (mode == OperationMode::profile_torque) {
+    // Halt takes the torque away at most, and the axis coasts: a velocity of 0 brakes it.
+    objects_.write<std::int16_t>(0x6071, 0, 0);
+    begin_velocity({});
+    mode = OperationMode::profile_velocity;
+  }
+  write_controlword(enabled | controlword::halt);
+  wait_for_standstill();
+  if (mode == OperationMode::profile_velocity) {
+    objects_.write<std::int32_t>(0x60FF, 0, 0);
+    write_controlword(enabled);
+  } else if (mode == OperationMode::homing) {
+    write_controlword(enabled);  // bit 4 is 0: broken off
+  }
+}
+
+void Axis402::halt() {
+  if (state() != PowerState::operation_enabled || halted_) return;
+  if (mode() == static_cast<std::int8_t>(OperationMode::profile_torque)) {
+    fail("an axis that gives torque cannot be halted: it would coast", "stop it");
+  }
+  const ComingToRest rest(comes_to_rest_);
+  write_controlword(controlword_ | controlword::halt);
+  halted_ = true;
+  wait_for_standstill();
+}
+
+void Axis402::resume() {
+  if (!halted_) return;
+  require_enabled("go on");
+  const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);
+  if (moves && options_.dialect.halt_drops_target) {
+    if (!goal_) fail("the drive has dropped the halted move", "order it anew");
+    return hand_over(*goal_, enabled);
+  }
+  halted_ = false;
+  write_controlword(static_cast<std::uint16_t>(controlword_ & ~unsigned{controlword::halt}));
+  ordered_ = objects_.now();
+}
+
+}  // namespace servodrome::host

@@ -1,0 +1,18 @@
+#pragma once
+
+#include "drive/power/power_state.hpp"
+#include "links/time.hpp"
+
+// Controlwords of an enabled axis (CiA 402-2 table 24 and the modes' chapters).
+namespace servodrome::host {
+
+namespace controlword = drive::controlword;
+namespace statusword_bit = drive::statusword;
+
+inline constexpr std::uint16_t enabled = 0x000F;
+inline constexpr std::uint16_t change_immediately = controlword::mode_bit_5;
+
+// A drive takes back "target reached" some cycles after it took an order over; until then it may be the last order's.
+inline constexpr links::Time settling = std::chrono::milliseconds(20);
+
+}  // namespace servodrome::host
