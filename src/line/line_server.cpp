@@ -19,6 +19,8 @@ using namespace std::chrono_literals;
 constexpr Time longest_sleep = 1ms;    // what the axes do by themselves is at most this late
 constexpr Time longest_stride = 10ms;  // of line time before links and API are looked after again
 constexpr auto log_flush_time = 100ms;
+// While frames come on an Ethernet interface: how late other links, the API and what a CAN bus does by itself can be.
+constexpr Time time_between_turns = 250us;
 
 std::string file_of(const std::string& path) { return path == "-" ? "/dev/stdout" : path; }
 
@@ -47,7 +49,7 @@ LineServer::LineServer(const LineSettings& settings)
     for (const std::string& link : bus->settings.links) {
       const links::EthercatLinkName name = links::parse_ethercat_link(link);
       if (std::holds_alternative<links::MemName>(name)) continue;  // for masters in this process
-      bus->links.push_back(links::open_ethercat_link(name, bus->bus, io_, *this));
+      bus->links.push_back(links::open_ethercat_link(name, bus->bus, io_, watch_, *this));
     }
   }
   if (settings.api.enabled) {
@@ -92,14 +94,16 @@ void LineServer::run() {
   real_ = line_.clock_mode() == ClockMode::real;
   if (real_) schedule();
   const auto keep_serving = boost::asio::make_work_guard(io_);
-  serve_busy();
+  serve_frames();
   io_.run();
   flush_logs();
 }
 
 Time LineServer::now() {
   if (!real_) return line_.now();
-  return std::max<Time>(line_.now(), std::chrono::steady_clock::now() - start_);
+  const auto present = std::chrono::steady_clock::now();
+  give_up_lag(present);
+  return std::max<Time>(line_.now(), present - start_);
 }
 
 void LineServer::wake() {
@@ -112,13 +116,19 @@ void LineServer::wake() {
   });
 }
 
+// Before anything is dated: a request that came after a pause belongs to the time that is left, not to a future of the
+// line that it would wait for.
+void LineServer::give_up_lag(std::chrono::steady_clock::time_point present) {
+  const Time behind = present - start_ - line_.now();
+  if (behind <= most_behind) return;
+  start_ += behind;
+  line_.add_lag(behind);
+}
+
 Time LineServer::catch_up() {
   if (!real_) return line_.now();
   const auto present = std::chrono::steady_clock::now();
-  if (const Time behind = present - start_ - line_.now(); behind > most_behind) {
-    start_ += behind;
-    line_.add_lag(behind);
-  }
+  give_up_lag(present);
   line_.run_until(std::min<Time>(present - start_, line_.now() + longest_stride));
   if (present >= next_flush_) {
     next_flush_ = present + log_flush_time;
@@ -129,20 +139,33 @@ Time LineServer::catch_up() {
 
 void LineServer::report(const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); }
 
-// Looks at the links that wait without sleeping, and now and then at everything else, until stop(). The line is kept up
-// with real time meanwhile, so that a frame finds nothing left to be caught up with.
-void LineServer::serve_busy() {
-  constexpr auto looks_between = 20us;
-  constexpr unsigned frames_between = 32;
+// Serves the links that are not waited for by Asio: EtherCAT on an Ethernet interface, and those that are looked at
+// without sleeping. Everything else has its turn now and then. Returns at stop(), or at once if there are no such
+// links.
+void LineServer::serve_frames() {
   std::vector<links::EthercatLink*> busy;
   for (const auto& bus : line_.ethercat_buses()) {
     for (const auto& link : bus->links) {
       if (link->busy()) busy.push_back(link.get());
     }
   }
-  if (busy.empty()) return;
+  if (!busy.empty()) return serve_busy(busy);
+  if (watch_.empty()) return;
+  watch_.tick_every(time_between_turns);
+  while (!io_.stopped()) {
+    if (!watch_.wait()) continue;
+    catch_up();
+    io_.poll();
+  }
+}
+
+// The line is kept up with real time meanwhile, so that a frame finds nothing left to be caught up with.
+void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy) {
+  constexpr auto looks_between = 20us;
+  constexpr unsigned frames_between = 32;
   auto next_look = std::chrono::steady_clock::now();
   unsigned frames = 0;
+  watch_.tick_every(time_between_turns);
   while (!io_.stopped()) {
     bool any = false;
     for (links::EthercatLink* link : busy) any = link->poll() || any;
@@ -153,6 +176,7 @@ void LineServer::serve_busy() {
     next_look = present + looks_between;
     catch_up();
     io_.poll();
+    watch_.wait(Time{});  // an interface that is gone; links beside the busy ones
   }
 }
 

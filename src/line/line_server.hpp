@@ -82,12 +82,15 @@ class LineServer final : private links::LineHost {
 
   void open_serial_links();
   bench::Response answer(const bench::Request& request);
-  void serve_busy();
+  void serve_frames();
+  void serve_busy(const std::vector<links::EthercatLink*>& busy);
   void schedule();
+  void give_up_lag(std::chrono::steady_clock::time_point present);
   void flush_logs();
 
   Time epoch_;  // wall-clock time of the line's time 0
   boost::asio::io_context io_;
+  links::DescriptorWatch watch_;
   boost::asio::steady_timer timer_;
   bench::Access access_;
   std::vector<std::unique_ptr<Units>> units_;  // outlive the links, which are the line's

@@ -86,7 +86,7 @@ TEST(EthercatLinkName, ErrorsSayWhatWhereAndWhatToDo) {
 
 TEST(EthercatLinkName, MemIsForTheSameProcessOnly) {
   test::EthercatRig rig;
-  EXPECT_THROW(open_ethercat_link(MemName{}, rig.bus, rig.io, rig), LinkError);
+  EXPECT_THROW(open_ethercat_link(MemName{}, rig.bus, rig.io, rig.watch, rig), LinkError);
   EXPECT_THROW(open_ethercat_client("mem:"), LinkError);
 }
 

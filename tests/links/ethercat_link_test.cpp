@@ -20,7 +20,7 @@ using testing::HasSubstr;
 
 struct EthercatUdp : testing::TestWithParam<bool> {
   EthercatUdp() {
-    link = open_ethercat_link(EthercatUdpName{"127.0.0.1", 0, GetParam()}, rig.bus, rig.io, rig);
+    link = open_ethercat_link(EthercatUdpName{"127.0.0.1", 0, GetParam()}, rig.bus, rig.io, rig.watch, rig);
     server_name = link->name();
     start();
   }
@@ -100,9 +100,9 @@ INSTANTIATE_TEST_SUITE_P(SleepingAndBusy, EthercatUdp, testing::Bool(),
 
 TEST(EthercatUdpErrors, ThePortIsTaken) {
   EthercatRig rig;
-  const auto first = open_ethercat_link(EthercatUdpName{"127.0.0.1", 0}, rig.bus, rig.io, rig);
+  const auto first = open_ethercat_link(EthercatUdpName{"127.0.0.1", 0}, rig.bus, rig.io, rig.watch, rig);
   try {
-    open_ethercat_link(parse_ethercat_link(first->name()), rig.bus, rig.io, rig);
+    open_ethercat_link(parse_ethercat_link(first->name()), rig.bus, rig.io, rig.watch, rig);
     FAIL();
   } catch (const LinkError& error) {
     EXPECT_THAT(error.what(), HasSubstr("another program has UDP port"));
@@ -112,7 +112,7 @@ TEST(EthercatUdpErrors, ThePortIsTaken) {
 TEST(EthercatUdpErrors, TheHostIsUnknownOrElsewhere) {
   EthercatRig rig;
   for (const char* host : {"no.such.host.invalid", "192.0.2.1"}) {
-    EXPECT_THROW(open_ethercat_link(EthercatUdpName{host, 0}, rig.bus, rig.io, rig), LinkError) << host;
+    EXPECT_THROW(open_ethercat_link(EthercatUdpName{host, 0}, rig.bus, rig.io, rig.watch, rig), LinkError) << host;
   }
   EXPECT_THROW(open_ethercat_client("udp:no.such.host.invalid:1"), LinkError);
 }

@@ -63,7 +63,9 @@ struct EthercatRaw : testing::Test {
     if (::if_nametoindex("plug") != 0) shell("ip link delete plug");
   }
 
-  void open(const std::string& name) { link = open_ethercat_link(parse_ethercat_link(name), rig.bus, rig.io, rig); }
+  void open(const std::string& name) {
+    link = open_ethercat_link(parse_ethercat_link(name), rig.bus, rig.io, rig.watch, rig);
+  }
   std::string error_of(const std::string& name) {
     try {
       open(name);
@@ -77,8 +79,9 @@ struct EthercatRaw : testing::Test {
     const auto give_up = std::chrono::steady_clock::now() + patience;
     while (!condition()) {
       if (std::chrono::steady_clock::now() > give_up) return false;
+      rig.watch.wait(5ms);
       rig.io.restart();
-      rig.io.run_one_for(5ms);
+      rig.io.poll();
     }
     return true;
   }

@@ -92,6 +92,7 @@ class EthercatRig : public LineHost {
   std::vector<std::unique_ptr<PlainStation>> stations;
   EthercatBus bus;
   boost::asio::io_context io;
+  DescriptorWatch watch;
   Time time{};
   std::vector<std::string> reports;
 };
@@ -104,7 +105,8 @@ class EthercatRigThread {
           while (!stop_) {
             rig.io.restart();
             if (polled == nullptr) {
-              rig.io.run_one_for(5ms);
+              rig.watch.wait(1ms);
+              rig.io.run_one_for(1ms);
             } else if (!polled->poll()) {
               rig.io.poll();
               std::this_thread::yield();

@@ -10,10 +10,11 @@ namespace {
 struct OpenEthercatLink {
   EthercatBus& bus;
   boost::asio::io_context& io;
+  DescriptorWatch& watch;
   LineHost& host;
 
   std::unique_ptr<EthercatLink> operator()(const RawName& name) const {
-    return std::make_unique<RawLink>(name, bus, io, host);
+    return std::make_unique<RawLink>(name, bus, io, watch, host);
   }
   std::unique_ptr<EthercatLink> operator()(const EthercatUdpName& name) const {
     return std::make_unique<EthercatUdpLink>(name, bus, io, host);
@@ -29,8 +30,8 @@ struct OpenEthercatLink {
 }  // namespace
 
 std::unique_ptr<EthercatLink> open_ethercat_link(const EthercatLinkName& name, EthercatBus& bus,
-                                                 boost::asio::io_context& io, LineHost& host) {
-  return std::visit(OpenEthercatLink{bus, io, host}, name);
+                                                 boost::asio::io_context& io, DescriptorWatch& watch, LineHost& host) {
+  return std::visit(OpenEthercatLink{bus, io, watch, host}, name);
 }
 
 }  // namespace servodrome::links

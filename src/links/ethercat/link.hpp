@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "links/descriptor_watch.hpp"
 #include "links/ethercat/bus.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link.hpp"
@@ -25,9 +26,9 @@ class EthercatLink {
   virtual bool poll() = 0;
 };
 
-// Opens the link a name asks for, served by `io` or, if busy, by who polls. Throws LinkError. `mem:` has nothing to
-// open: use MemoryEthercatClient; asking for it here is an error.
+// Opens the link a name asks for, served by `io` (udp:), `watch` (raw:) or, if busy, by who polls. Throws LinkError.
+// `mem:` has nothing to open: use MemoryEthercatClient; asking for it here is an error.
 std::unique_ptr<EthercatLink> open_ethercat_link(const EthercatLinkName& name, EthercatBus& bus,
-                                                 boost::asio::io_context& io, LineHost& host);
+                                                 boost::asio::io_context& io, DescriptorWatch& watch, LineHost& host);
 
 }  // namespace servodrome::links

@@ -18,38 +18,40 @@ constexpr int most_rounds = 4;
 
 }  // namespace
 
-RawLink::RawLink(const RawName& name, EthercatBus& bus, boost::asio::io_context& io, LineHost& host)
-    : name_(name), bus_(bus), io_(io), host_(host) {
+RawLink::RawLink(const RawName& name, EthercatBus& bus, boost::asio::io_context& io, DescriptorWatch& watch,
+                 LineHost& host)
+    : name_(name), bus_(bus), io_(io), watch_(watch), host_(host) {
   sides_.push_back(std::make_unique<Side>(name.interface, EthercatBus::Port::primary, io));
   if (name.secondary) sides_.push_back(std::make_unique<Side>(*name.secondary, EthercatBus::Port::secondary, io));
-  for (const auto& side : sides_) open(*side);
+  try {
+    for (const auto& side : sides_) open(*side);
+  } catch (...) {
+    for (const auto& side : sides_) close(*side);
+    throw;
+  }
   if (name.secondary) bus.set_cable(bus.size(), true);
   counters_.clients = 1;
 }
 
 RawLink::~RawLink() {
   *alive_ = false;
-  for (const auto& side : sides_) {
-    if (side->socket) side->readiness.release();  // the socket closes itself
-  }
+  for (const auto& side : sides_) close(*side);
 }
 
 void RawLink::open(Side& side) {
   side.socket.emplace(side.interface, name());
-  side.readiness.assign(side.socket->descriptor());
-  wait_for_frames(side);
+  const auto interest = name_.busy ? DescriptorWatch::Interest::errors : DescriptorWatch::Interest::input_and_errors;
+  watch_.add(side.socket->descriptor(), interest, [this, &side] { look(side); });
 }
 
-void RawLink::wait_for_frames(Side& side) {
-  const auto what =
-      name_.busy ? boost::asio::posix::stream_descriptor::wait_error : boost::asio::posix::stream_descriptor::wait_read;
-  side.readiness.async_wait(what, [this, &side, alive = alive_](error_code code) {
-    if (!*alive || code || !side.socket) return;
-    if (serve(side) == 0) {
-      if (const int reason = side.socket->take_error(); reason != 0) return lose(side, reason);
-    }
-    wait_for_frames(side);
-  });
+void RawLink::close(Side& side) {
+  if (side.socket) watch_.remove(side.socket->descriptor());
+  side.socket.reset();
+}
+
+void RawLink::look(Side& side) {
+  if (serve(side) > 0) return;
+  if (const int reason = side.socket->take_error(); reason != 0) lose(side, reason);
 }
 
 bool RawLink::poll() {
@@ -124,8 +126,7 @@ void RawLink::send_later(Side& side, std::span<const std::uint8_t> frame, Time d
 }
 
 void RawLink::lose(Side& side, int reason) {
-  side.readiness.release();
-  side.socket.reset();
+  close(side);
   counters_.clients = 0;
   host_.report(fmt::format("EtherCAT link \"{}\": interface \"{}\" is lost ({}); waiting for it to come back", name(),
                            side.interface, std::error_code(reason, std::generic_category()).message()));
@@ -139,7 +140,7 @@ void RawLink::try_again(Side& side) {
     try {
       open(side);
     } catch (const LinkError&) {
-      side.socket.reset();
+      close(side);
       return try_again(side);
     }
     counters_.clients = 1;

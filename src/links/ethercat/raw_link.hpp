@@ -1,11 +1,11 @@
 #pragma once
 
-#include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <memory>
 #include <optional>
 #include <vector>
 
+#include "links/descriptor_watch.hpp"
 #include "links/ethercat/link.hpp"
 #include "links/ethercat/packet_socket.hpp"
 
@@ -16,7 +16,7 @@ namespace servodrome::links {
 // or away is used again when it is back, which is tried once a second and told to the host.
 class RawLink final : public EthercatLink {
  public:
-  RawLink(const RawName& name, EthercatBus& bus, boost::asio::io_context& io, LineHost& host);
+  RawLink(const RawName& name, EthercatBus& bus, boost::asio::io_context& io, DescriptorWatch& watch, LineHost& host);
   ~RawLink() override;
   RawLink(const RawLink&) = delete;
   RawLink& operator=(const RawLink&) = delete;
@@ -32,19 +32,19 @@ class RawLink final : public EthercatLink {
   // One interface: the master's port that leads to it.
   struct Side {
     Side(std::string its_interface, EthercatBus::Port its_port, boost::asio::io_context& io)
-        : interface(std::move(its_interface)), port(its_port), readiness(io), retry(io) {}
+        : interface(std::move(its_interface)), port(its_port), retry(io) {}
 
     std::string interface;
     EthercatBus::Port port;
     std::optional<PacketSocket> socket;  // none while the interface is lost
-    boost::asio::posix::stream_descriptor readiness;
     boost::asio::steady_timer retry;
     std::array<iovec, most_at_once> outgoing{};  // frames that leave by this side
     std::size_t outgoing_count = 0;
   };
 
   void open(Side& side);
-  void wait_for_frames(Side& side);
+  void look(Side& side);
+  void close(Side& side);
   std::size_t serve(Side& side);
   Side& side_of(EthercatBus::Exit exit);
   void send(Side& side);
@@ -55,6 +55,7 @@ class RawLink final : public EthercatLink {
   RawName name_;
   EthercatBus& bus_;
   boost::asio::io_context& io_;
+  DescriptorWatch& watch_;
   LineHost& host_;
   std::vector<std::unique_ptr<Side>> sides_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);

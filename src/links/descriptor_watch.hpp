@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "links/file_descriptor.hpp"
+#include "links/time.hpp"
+
+namespace servodrome::links {
+
+// Waits for descriptors with one system call each time. Asio makes two for a descriptor that is only waited for, and on
+// an EtherCAT segment of the size of a machine a frame costs little more than its system calls.
+//
+// For one thread. Descriptors must be taken out before they are closed.
+class DescriptorWatch {
+ public:
+  using Ready = std::function<void()>;
+
+  // Throws LinkError if the system has no more descriptors.
+  DescriptorWatch();
+
+  enum class Interest : std::uint8_t { input_and_errors, errors };
+
+  // `ready` is called by wait() as long as the descriptor is readable (if that is of interest), or has an error. Throws
+  // LinkError.
+  void add(int descriptor, Interest interest, Ready ready);
+  void remove(int descriptor);
+  bool empty() const { return entries_.empty(); }
+
+  // From now on wait() returns true once in each `period`, until 0 ends that.
+  void tick_every(Time period);
+
+  // Waits for at most `longest` (never: without end), then calls who is ready. True: a period is over.
+  bool wait(Time longest = never);
+
+ private:
+  struct Entry {
+    int descriptor;
+    Ready ready;
+  };
+
+  FileDescriptor epoll_;
+  FileDescriptor timer_;
+  std::vector<std::unique_ptr<Entry>> entries_;
+  std::vector<std::unique_ptr<Entry>> removed_;  // while wait() may still come across them
+  bool waiting_ = false;
+};
+
+}  // namespace servodrome::links
