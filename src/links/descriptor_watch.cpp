@@ -31,8 +31,7 @@ void watch(int epoll, int descriptor, std::uint32_t events, void* entry) {
 DescriptorWatch::DescriptorWatch()
     : epoll_(::epoll_create1(EPOLL_CLOEXEC)), timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)) {
   if (!epoll_.is_open() || !timer_.is_open()) fail("cannot wait for links");
-  // By its edges: nothing has to be read from it.
-  watch(epoll_.get(), timer_.get(), EPOLLIN | EPOLLET, nullptr);
+  watch(epoll_.get(), timer_.get(), EPOLLIN, nullptr);
 }
 
 void DescriptorWatch::add(int descriptor, Interest interest, Ready ready) {
@@ -71,7 +70,8 @@ bool DescriptorWatch::wait(Time longest) {
   for (int i = 0; i < count; ++i) {
     auto* const entry = static_cast<Entry*>(events[static_cast<std::size_t>(i)].data.ptr);
     if (entry == nullptr) {
-      tick = true;
+      std::uint64_t periods = 0;  // the next begins when they are read
+      tick = ::read(timer_.get(), &periods, sizeof periods) == sizeof periods;
     } else if (entry->descriptor >= 0) {
       entry->ready();
     }
