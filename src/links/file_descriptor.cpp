@@ -2,19 +2,24 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <ctime>
 #include <poll.h>
 
 namespace servodrome::links {
 namespace {
 
 bool wait_for(int descriptor, short events, Deadline deadline) {
+  using std::chrono::nanoseconds;
+  constexpr nanoseconds longest = std::chrono::hours(1);
   for (;;) {
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now()).count();
+    const nanoseconds left = deadline - std::chrono::steady_clock::now();
+    const nanoseconds span = std::clamp(left, nanoseconds{0}, longest);
+    const timespec timeout{.tv_sec = span.count() / 1'000'000'000, .tv_nsec = span.count() % 1'000'000'000};
     pollfd entry{descriptor, events, 0};
-    const int ready = ::poll(&entry, 1, static_cast<int>(std::clamp<std::int64_t>(left, 0, 3'600'000)));
+    const int ready = ::ppoll(&entry, 1, &timeout, nullptr);
     if (ready > 0) return true;
     if (ready < 0 && errno != EINTR) return true;  // the read or write that follows reports it
-    if (left <= 0) return false;
+    if (left <= nanoseconds{0}) return false;
   }
 }
 

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "host/axis402.hpp"
+#include "host/cyclic/cyclic_axis.hpp"
 #include "host/ethercat/coe_objects.hpp"
-#include "host/ethercat/cyclic_axis.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
@@ -109,7 +109,7 @@ TEST_P(EthercatAxesFreeAndClocked, FollowTargetsCycleByCycle) {
   std::vector<CyclicAxis> axes;
   for (std::size_t i = 0; i < all.size(); ++i) {
     CoeObjects(*all[i], exchange, i).write<std::int8_t>(0x6060, 0, 8);
-    axes.emplace_back(exchange, i);
+    axes.emplace_back(exchange.image(i));
   }
   bool enabled = false;
   unsigned cycle = 0;

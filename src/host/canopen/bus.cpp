@@ -40,7 +40,7 @@ Time Bus::now() const {
 std::optional<Frame> Bus::receive(Time until) {
   const Time left = std::max(Time{0}, until - now());
   try {
-    return client_->receive(std::chrono::ceil<std::chrono::milliseconds>(left));
+    return client_->receive(left);
   } catch (const links::LinkError& error) {
     rethrow(name_, error);
   }

@@ -68,7 +68,7 @@ class Bus {
     std::function<void()> cancel_;
   };
   [[nodiscard]] Subscription listen(Listener listener);
-  // First one `period` from now, then on that grid; late by up to a millisecond, since links wait in milliseconds.
+  // First one `period` from now, then on that grid.
   [[nodiscard]] Subscription every(Time period, std::function<void()> action);
 
  private:

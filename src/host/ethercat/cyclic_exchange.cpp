@@ -34,24 +34,6 @@ constexpr unsigned lrw_write_step = 2;
 
 }  // namespace
 
-std::uint64_t ProcessObject::raw() const {
-  std::uint64_t value = 0;
-  for (unsigned i = 0; i < std::min(bits_.count, 64U); ++i) {
-    const unsigned bit = bits_.first + i;
-    value |= static_cast<std::uint64_t>(bytes_[bit / 8] >> bit % 8 & 1) << i;
-  }
-  return value;
-}
-
-void ProcessObject::set_raw(std::uint64_t value) {
-  for (unsigned i = 0; i < bits_.count; ++i) {
-    const unsigned bit = bits_.first + i;
-    const unsigned mask = 1U << bit % 8;
-    const bool set = i < 64 && (value >> i & 1) != 0;
-    bytes_[bit / 8] = static_cast<std::uint8_t>(set ? bytes_[bit / 8] | mask : bytes_[bit / 8] & ~mask);
-  }
-}
-
 CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> members, const CyclicOptions& options)
     : master_(master), members_(std::move(members)), options_(options), status_(members_.size()) {
   lrw_ = options.use_lrw && std::all_of(members_.begin(), members_.end(),
@@ -164,6 +146,11 @@ std::optional<ProcessObject> CyclicExchange::input(std::size_t member, ObjectAdd
   const Place& place = input_places_[member];
   return ProcessObject(groups_[place.group].bytes.data() + input_offset(place), *bits);
 }
+
+SlaveImage CyclicExchange::image(std::size_t member) { return {*this, member}; }
+std::optional<ProcessObject> SlaveImage::output(ObjectAddress object) { return exchange_.output(member_, object); }
+std::optional<ProcessObject> SlaveImage::input(ObjectAddress object) { return exchange_.input(member_, object); }
+std::string SlaveImage::where() const { return exchange_.members()[member_].slave->where(); }
 
 // ---- Cycles ----
 

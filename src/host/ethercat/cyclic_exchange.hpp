@@ -1,36 +1,9 @@
 #pragma once
 
+#include "host/cyclic/process_image.hpp"
 #include "host/ethercat/process_data.hpp"
 
 namespace servodrome::host {
-
-// An object among the process data, at any bit.
-class ProcessObject {
- public:
-  ProcessObject(std::uint8_t* bytes, MappedBits bits) : bytes_(bytes), bits_(bits) {}
-
-  // The low 64 bits, at most; sign-extended for signed types.
-  template <typename T>
-  requires std::is_integral_v<T> T get()
-  const {
-    std::uint64_t value = raw();
-    if (std::is_signed_v<T> && bits_.count < 64 && bits_.count != 0 && (value >> (bits_.count - 1) & 1) != 0) {
-      value |= ~std::uint64_t{0} << bits_.count;
-    }
-    return static_cast<T>(value);
-  }
-  template <typename T>
-  requires std::is_integral_v<T>
-  void set(T value) { set_raw(static_cast<std::uint64_t>(value)); }
-
-  std::uint64_t raw() const;
-  void set_raw(std::uint64_t value);
-  unsigned bits() const { return bits_.count; }
-
- private:
-  std::uint8_t* bytes_;
-  MappedBits bits_;
-};
 
 struct CyclicOptions {
   Time period = std::chrono::milliseconds(2);
@@ -48,6 +21,21 @@ struct CyclicStatistics {
   unsigned losses_in_a_row = 0;
   unsigned longest_loss = 0;  // cycles in a row
   Time worst_lateness{0};     // of a frame behind its time
+};
+
+class CyclicExchange;
+
+// The process data of one slave.
+class SlaveImage final : public ProcessImage {
+ public:
+  SlaveImage(CyclicExchange& exchange, std::size_t member) : exchange_(exchange), member_(member) {}
+  std::optional<ProcessObject> output(ObjectAddress object) override;
+  std::optional<ProcessObject> input(ObjectAddress object) override;
+  std::string where() const override;
+
+ private:
+  CyclicExchange& exchange_;
+  std::size_t member_;
 };
 
 // Exchanges the process data of several slaves in a fixed period, while the master waits or is busy with something
@@ -94,6 +82,9 @@ class CyclicExchange final : public CyclicTask {
   std::optional<ProcessObject> input(std::size_t member, ObjectAddress object);
   std::span<std::uint8_t> outputs(std::size_t member);
   std::span<const std::uint8_t> inputs(std::size_t member);
+
+  // A member's objects, by either direction.
+  SlaveImage image(std::size_t member);
 
   // Called after each cycle: what goes out with the next one is made here. It does not wait.
   void on_cycle(std::function<void()> action) { on_cycle_ = std::move(action); }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "host/cyclic/process_image.hpp"
 #include "host/ethercat/slave.hpp"
 
 namespace servodrome::host {
@@ -13,10 +14,6 @@ struct ProcessData {
 unsigned bits_of(const std::vector<Pdo>& pdos);
 inline unsigned bytes_of(const std::vector<Pdo>& pdos) { return (bits_of(pdos) + 7) / 8; }
 // Where an object begins among the bits of the PDOs; nothing if it is not mapped.
-struct MappedBits {
-  unsigned first = 0;
-  unsigned count = 0;
-};
 std::optional<MappedBits> find_mapped(const std::vector<Pdo>& pdos, ObjectAddress object);
 
 // From 1C12h, 1C13h and the mappings they name; of a slave without CoE, or without these objects, from its SII. The

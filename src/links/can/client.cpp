@@ -43,7 +43,7 @@ void MemoryCanClient::send(const canopen::Frame& frame) {
   }
 }
 
-std::optional<canopen::Frame> MemoryCanClient::receive(std::chrono::milliseconds timeout) {
+std::optional<canopen::Frame> MemoryCanClient::receive(Time timeout) {
   const Time deadline = clock_.now() + timeout;
   while (port_.waiting() == 0 && clock_.now() < deadline) clock_.step();
   const auto received = port_.receive();

@@ -23,7 +23,7 @@ class CanClient {
   virtual void send(const canopen::Frame& frame) = 0;
   // The next frame, waiting for it at most `timeout` (0: look and return). Error frames and what is not a classical
   // frame are skipped. Throws LinkError if the link is lost.
-  virtual std::optional<canopen::Frame> receive(std::chrono::milliseconds timeout) = 0;
+  virtual std::optional<canopen::Frame> receive(Time timeout) = 0;
   // A file descriptor that is readable when receive(0) may have something, or -1 (`mem:`). After readiness call
   // receive(0) until it returns nothing: frames may already be buffered.
   virtual int native_handle() const { return -1; }
@@ -43,7 +43,7 @@ class MemoryCanClient final : public CanClient {
   MemoryCanClient(CanBus& bus, VirtualClock& clock) : port_(bus), clock_(clock) {}
 
   void send(const canopen::Frame& frame) override;
-  std::optional<canopen::Frame> receive(std::chrono::milliseconds timeout) override;
+  std::optional<canopen::Frame> receive(Time timeout) override;
   MemoryPort& port() { return port_; }
 
  private:

@@ -116,7 +116,7 @@ bool SlcanClient::next_line(Deadline deadline) {
 
 void SlcanClient::send(const canopen::Frame& frame) { write(slcan::format_frame(frame) + slcan::end_of_line); }
 
-std::optional<canopen::Frame> SlcanClient::receive(std::chrono::milliseconds timeout) {
+std::optional<canopen::Frame> SlcanClient::receive(Time timeout) {
   const Deadline deadline = std::chrono::steady_clock::now() + timeout;
   while (next_line(deadline)) {
     if (ended_in_bell_) continue;

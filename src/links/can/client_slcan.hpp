@@ -18,7 +18,7 @@ class SlcanClient final : public CanClient {
   SlcanClient& operator=(const SlcanClient&) = delete;
 
   void send(const canopen::Frame& frame) override;
-  std::optional<canopen::Frame> receive(std::chrono::milliseconds timeout) override;
+  std::optional<canopen::Frame> receive(Time timeout) override;
   int native_handle() const override { return tty_.get(); }
 
  private:

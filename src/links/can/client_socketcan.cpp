@@ -32,7 +32,7 @@ void SocketcanClient::send(const canopen::Frame& frame) {
   }
 }
 
-std::optional<canopen::Frame> SocketcanClient::receive(std::chrono::milliseconds timeout) {
+std::optional<canopen::Frame> SocketcanClient::receive(Time timeout) {
   const Deadline deadline = std::chrono::steady_clock::now() + timeout;
   for (;;) {
     can_frame wire{};

@@ -12,7 +12,7 @@ class SocketcanClient final : public CanClient {
   explicit SocketcanClient(const SocketcanName& name);
 
   void send(const canopen::Frame& frame) override;
-  std::optional<canopen::Frame> receive(std::chrono::milliseconds timeout) override;
+  std::optional<canopen::Frame> receive(Time timeout) override;
   int native_handle() const override { return socket_.get(); }
 
  private:

@@ -122,7 +122,7 @@ void SocketcandClient::expect(std::string_view word, std::string_view step, Dead
 
 void SocketcandClient::send(const canopen::Frame& frame) { write(socketcand::format_send(frame)); }
 
-std::optional<canopen::Frame> SocketcandClient::receive(std::chrono::milliseconds timeout) {
+std::optional<canopen::Frame> SocketcandClient::receive(Time timeout) {
   const Deadline deadline = std::chrono::steady_clock::now() + timeout;
   while (next_element(deadline)) {
     const socketcand::Words words(reader_.element());

@@ -15,7 +15,7 @@ class SocketcandClient final : public CanClient {
   SocketcandClient(const SocketcandName& name, std::chrono::milliseconds timeout);
 
   void send(const canopen::Frame& frame) override;
-  std::optional<canopen::Frame> receive(std::chrono::milliseconds timeout) override;
+  std::optional<canopen::Frame> receive(Time timeout) override;
   int native_handle() const override { return socket_.get(); }
 
  private:

@@ -1,16 +1,22 @@
 #pragma once
 
+#include <array>
+
 #include "host/axis402.hpp"
-#include "host/ethercat/cyclic_exchange.hpp"
+#include "host/cyclic/process_image.hpp"
 
 namespace servodrome::host {
 
-// A CiA 402 axis by its process data, for the cyclic synchronous modes: reads what the last cycle brought, and sets
-// what the next one takes along. Nothing here waits; call it from CyclicExchange::on_cycle, or between waits.
+// A CiA 402 axis by its process data, on whatever bus: reads what the last cycle brought, and sets what the next one
+// takes along. Nothing here waits; call it from a bus's on_cycle, or between waits.
 class CyclicAxis {
  public:
-  // `exchange` outlives this. Controlword and statusword are mapped, or EthercatError.
-  CyclicAxis(CyclicExchange& exchange, std::size_t member);
+  // What `image` belongs to outlives this. Controlword and statusword are mapped, or HostError.
+  explicit CyclicAxis(ProcessImage& image);
+  explicit CyclicAxis(ProcessImage&& image) : CyclicAxis(image) {}
+
+  // Link and address, for messages.
+  const std::string& where() const { return where_; }
 
   // ---- From the last cycle; 0 what is not mapped ----
   std::uint16_t statusword() const { return statusword_.get<std::uint16_t>(); }
@@ -22,16 +28,28 @@ class CyclicAxis {
   std::int32_t following_error() const { return value<std::int32_t>(following_error_); }  // 60F4h
   std::uint16_t error_code() const { return value<std::uint16_t>(error_code_); }          // 603Fh
   std::uint32_t digital_inputs() const { return value<std::uint32_t>(digital_inputs_); }  // 60FDh
+  bool shows_mode() const { return mode_display_.has_value(); }
+  bool shows_position() const { return position_.has_value(); }
+  bool shows_velocity() const { return velocity_.has_value(); }
 
-  // ---- For the next cycle; throw EthercatError where it is not mapped ----
+  // ---- For the next cycle; throw HostError where it is not mapped ----
   void set_controlword(std::uint16_t word) { controlword_.set(word); }
   void set_mode(OperationMode mode) { required(mode_, 0x6060).set(static_cast<std::int8_t>(mode)); }
   bool can_set_mode() const { return mode_.has_value(); }
   void set_target_position(std::int32_t position) { required(target_position_, 0x607A).set(position); }
+  void set_interpolated_position(std::int32_t position) { required(interpolated_position_, 0x60C1).set(position); }
   void set_target_velocity(std::int32_t velocity) { required(target_velocity_, 0x60FF).set(velocity); }
   void set_target_torque(std::int16_t torque) { required(target_torque_, 0x6071).set(torque); }
   void set_velocity_offset(std::int32_t velocity) { required(velocity_offset_, 0x60B1).set(velocity); }
   void set_torque_offset(std::int16_t torque) { required(torque_offset_, 0x60B2).set(torque); }
+  // Does the exchange carry what a cyclic mode needs?
+  bool can_command(OperationMode mode) const;
+
+  // ---- Touch probes 1 and 2 (CiA 402-2 clause 12); false, 0: not mapped ----
+  bool has_touch_probe(unsigned probe, bool rising) const;
+  void set_touch_probe_function(std::uint16_t function) { required(probe_function_, 0x60B8).set(function); }
+  std::uint16_t touch_probe_status() const { return value<std::uint16_t>(probe_status_); }  // 60B9h
+  std::int32_t touch_probe_position(unsigned probe, bool rising) const;                     // 60BAh to 60BDh
 
   // One step towards operation enabled each time it is called; true when there. Until then targets are where the axis
   // is, so that it does not jump. A fault is not reset: false for ever.
@@ -40,6 +58,8 @@ class CyclicAxis {
   bool disable();
   // The rising edge of bit 7, over two calls; true when no fault is left.
   bool reset_fault();
+  // Targets where the axis is, velocity and torque 0.
+  void hold();
 
  private:
   template <typename T>
@@ -47,15 +67,15 @@ class CyclicAxis {
     return object ? object->get<T>() : T{};
   }
   ProcessObject& required(std::optional<ProcessObject>& object, std::uint16_t index);
-  void hold();
 
   std::string where_;
   ProcessObject controlword_;
   ProcessObject statusword_;
-  std::optional<ProcessObject> mode_, target_position_, target_velocity_, target_torque_, velocity_offset_,
-      torque_offset_;
+  std::optional<ProcessObject> mode_, target_position_, interpolated_position_, target_velocity_, target_torque_,
+      velocity_offset_, torque_offset_, probe_function_;
   std::optional<ProcessObject> mode_display_, position_, velocity_, torque_, following_error_, error_code_,
-      digital_inputs_;
+      digital_inputs_, probe_status_;
+  std::array<std::optional<ProcessObject>, 4> probe_positions_;  // 60BAh to 60BDh: 1 rising, 1 falling, 2 rising, ...
 };
 
 }  // namespace servodrome::host

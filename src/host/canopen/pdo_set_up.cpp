@@ -1,0 +1,45 @@
+#include "host/canopen/pdo_set_up.hpp"
+
+namespace servodrome::host {
+
+namespace {
+
+constexpr std::uint32_t not_in_use = 0x80000000U;
+// COB-ID, transmission type.
+constexpr std::uint8_t cob_id_sub = 1;
+constexpr std::uint8_t type_sub = 2;
+
+}  // namespace
+
+unsigned PdoParameters::bytes() const {
+  unsigned bits = 0;
+  for (const std::uint32_t word : mapping) bits += word & 0xFF;
+  return (bits + 7) / 8;
+}
+
+std::optional<PdoParameters> read_pdo(ObjectClient& objects, bool transmit, std::uint8_t number) {
+  PdoParameters pdo{.transmit = transmit, .number = number};
+  const auto cob_id = objects.read_if_present<std::uint32_t>(pdo.communication_index(), cob_id_sub);
+  if (!cob_id) return std::nullopt;
+  pdo.cob_id = *cob_id;
+  pdo.transmission_type = objects.read<std::uint8_t>(pdo.communication_index(), type_sub);
+  const auto count = objects.read<std::uint8_t>(pdo.mapping_index(), 0);
+  for (std::uint8_t sub = 1; sub <= count; ++sub) {
+    pdo.mapping.push_back(objects.read<std::uint32_t>(pdo.mapping_index(), sub));
+  }
+  return pdo;
+}
+
+void write_pdo(ObjectClient& objects, const PdoParameters& pdo) {
+  const std::uint16_t communication = pdo.communication_index();
+  const std::uint16_t mapping = pdo.mapping_index();
+  objects.write<std::uint32_t>(communication, cob_id_sub, pdo.cob_id | not_in_use);
+  objects.write<std::uint8_t>(mapping, 0, 0);
+  std::uint8_t sub = 0;
+  for (const std::uint32_t word : pdo.mapping) objects.write<std::uint32_t>(mapping, ++sub, word);
+  objects.write<std::uint8_t>(mapping, 0, sub);
+  objects.write<std::uint8_t>(communication, type_sub, pdo.transmission_type);
+  if (pdo.in_use()) objects.write<std::uint32_t>(communication, cob_id_sub, pdo.cob_id);
+}
+
+}  // namespace servodrome::host

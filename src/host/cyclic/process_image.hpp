@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <type_traits>
+
+#include "host/object_address.hpp"
+
+namespace servodrome::host {
+
+// Where an object is among the bits of a PDO or of several in a row.
+struct MappedBits {
+  unsigned first = 0;
+  unsigned count = 0;
+};
+
+// An object among the process data, at any bit.
+class ProcessObject {
+ public:
+  ProcessObject(std::uint8_t* bytes, MappedBits bits) : bytes_(bytes), bits_(bits) {}
+
+  // The low 64 bits, at most; sign-extended for signed types.
+  template <typename T>
+  requires std::is_integral_v<T> T get()
+  const {
+    std::uint64_t value = raw();
+    if (std::is_signed_v<T> && bits_.count < 64 && bits_.count != 0 && (value >> (bits_.count - 1) & 1) != 0) {
+      value |= ~std::uint64_t{0} << bits_.count;
+    }
+    return static_cast<T>(value);
+  }
+  template <typename T>
+  requires std::is_integral_v<T>
+  void set(T value) { set_raw(static_cast<std::uint64_t>(value)); }
+
+  std::uint64_t raw() const;
+  void set_raw(std::uint64_t value);
+  unsigned bits() const { return bits_.count; }
+
+ private:
+  std::uint8_t* bytes_;
+  MappedBits bits_;
+};
+
+// What is exchanged with one drive each cycle, on whatever bus. Nothing: the object is not mapped. What is returned is
+// valid as long as the exchange lives.
+class ProcessImage {
+ public:
+  virtual ~ProcessImage() = default;
+  virtual std::optional<ProcessObject> output(ObjectAddress object) = 0;
+  virtual std::optional<ProcessObject> input(ObjectAddress object) = 0;
+  // Link and address, for messages.
+  virtual std::string where() const = 0;
+};
+
+}  // namespace servodrome::host
