@@ -1,0 +1,52 @@
+import type { Problem } from './types';
+
+// A refusal of the server, or its silence, as an error that can be shown: what, where, what to do.
+export class ApiError extends Error {
+  constructor(
+    readonly status: number,
+    readonly problem: Problem,
+  ) {
+    super(problem.what);
+  }
+}
+
+const root = '/api/v1';
+const patience_ms = 10_000;
+
+export const segment = encodeURIComponent;
+
+export async function call<T = unknown>(method: string, path: string, body?: unknown): Promise<T> {
+  const response = await send(method, path, body);
+  const text = await response.text();
+  return (text === '' ? undefined : JSON.parse(text)) as T;
+}
+
+export const get = <T>(path: string) => call<T>('GET', path);
+export const put = <T = unknown>(path: string, body: unknown) => call<T>('PUT', path, body);
+export const post = <T = unknown>(path: string, body: unknown = {}) => call<T>('POST', path, body);
+export const remove = <T = unknown>(path: string, body?: unknown) => call<T>('DELETE', path, body);
+
+export async function getBytes(path: string): Promise<ArrayBuffer> {
+  return (await send('GET', path)).arrayBuffer();
+}
+
+async function send(method: string, path: string, body?: unknown): Promise<Response> {
+  let response: Response;
+  try {
+    response = await fetch(root + path, {
+      method,
+      signal: AbortSignal.timeout(patience_ms),
+      ...(body === undefined ? {} : { body: JSON.stringify(body), headers: { 'Content-Type': 'application/json' } }),
+    });
+  } catch {
+    throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'see whether `servodrome up` still runs' });
+  }
+  if (response.ok) return response;
+  const answer = (await response.json().catch(() => ({}))) as { error?: Problem };
+  throw new ApiError(response.status, answer.error ?? { what: `the server answers ${response.status}`, where: path });
+}
+
+export function problemOf(error: unknown): Problem {
+  if (error instanceof ApiError) return error.problem;
+  return { what: error instanceof Error ? error.message : String(error) };
+}

@@ -1,0 +1,205 @@
+// What the bench API answers (docs/bench-api.md), as far as the page uses it.
+
+export interface Fault {
+  code: string;
+  name: string;
+  text?: string;
+  cause?: string;
+  remedy?: string;
+}
+
+export interface AxisView {
+  name: string;
+  product: string;
+  bus: string | null;
+  node_id?: number;
+  bit_rate?: number;
+  position?: number;
+  al_state?: string;
+  serial: { bus: string; station: number; protocol: string } | null;
+  powered: boolean;
+  nmt_state?: string;
+  state?: string;
+  mode?: number;
+  mode_name?: string;
+  statusword?: number;
+  controlword?: number;
+  error_code?: number;
+  homed?: boolean;
+  in_motion?: boolean;
+  faults?: Fault[];
+  position_counts: number;
+  velocity_rpm: number;
+  torque_nm: number;
+  current_a: number;
+  temperature_c: number;
+  stage_temperature_c: number;
+  supply_v: number;
+  brake_engaged: boolean;
+}
+
+export interface Clock {
+  mode: 'real' | 'virtual';
+  time_ns: number;
+  time_ms: number;
+  ticks: number;
+  lag_ms?: number;
+  lag_count?: number;
+  speed?: number;
+}
+
+export interface BusLink {
+  name: string;
+  clients: number;
+  to_bus: number;
+  from_bus: number;
+  dropped: number;
+  refused: number;
+  malformed: number;
+}
+
+export interface BusView {
+  name: string;
+  type: 'can' | 'ethercat' | 'rs485';
+  bit_rate?: number;
+  load_percent?: number;
+  cut?: boolean;
+  disturbance: Record<string, unknown> | null;
+  axes: Record<string, Record<string, unknown>>;
+  links: BusLink[];
+  [counter: string]: unknown;
+}
+
+export interface ObjectEntry {
+  index: string;
+  sub: number;
+  name: string;
+  type: string;
+  access: string;
+  unit: string;
+  pdo: string;
+  saved: boolean;
+  minimum?: number | null;
+  maximum?: number | null;
+  default?: ObjectValue;
+  text?: string;
+  enumeration?: unknown;
+  bits?: unknown;
+}
+
+export type ObjectValue = number | string | boolean | null;
+
+export interface Geometry {
+  negative_stop: number | null;
+  positive_stop: number | null;
+  negative_limit: number | null;
+  positive_limit: number | null;
+  home_from: number | null;
+  home_to: number | null;
+  index_every: number | null;
+  index_at: number | null;
+  inputs?: Record<string, unknown>;
+}
+
+export interface Units {
+  position_per_revolution: number | null;
+  velocity_per_rps: number | null;
+  acceleration_per_rps2: number | null;
+}
+
+export interface HomingLeg {
+  direction: 'positive' | 'negative';
+  speed: 'switch' | 'zero';
+  until: string;
+  then?: string;
+  next?: number | null;
+  on_limit?: number | null;
+}
+
+export interface HomingMethod {
+  method: number;
+  supported: boolean;
+  legs: HomingLeg[];
+  start_active?: number;
+  returns?: boolean;
+}
+
+export interface Transition {
+  number: number;
+  name: string;
+  to: string;
+  controlword: number;
+}
+
+export interface StatesView {
+  state: string;
+  transitions: Transition[];
+}
+
+export interface Problem {
+  what: string;
+  where?: string;
+  hint?: string;
+}
+
+export interface Job {
+  id: number;
+  axis: string;
+  do: string;
+  state: 'running' | 'done' | 'failed' | 'cancelled';
+  began_tick?: number;
+  error?: Problem;
+  result?: { position?: number; seconds?: number };
+}
+
+// A channel is asked for by signal or object; the server answers with a name and a unit.
+export interface ChannelRequest {
+  axis: string;
+  signal?: string;
+  object?: string;
+}
+
+export interface Channel extends ChannelRequest {
+  name: string;
+  unit: string;
+}
+
+export interface Trigger {
+  kind: 'now' | 'edge' | 'level' | 'state' | 'fault';
+  channel?: number;
+  level?: number;
+  slope?: 'rising' | 'falling';
+  axis?: string;
+  state?: string;
+}
+
+export interface Recording {
+  id: number;
+  name: string;
+  state: 'armed' | 'running' | 'done' | 'stopped';
+  rate_hz: number;
+  trigger_tick: number | null;
+  first_tick: number | null;
+  samples: number;
+  channels: Channel[];
+  fault?: { axis: string; code: string };
+}
+
+export interface FaultList {
+  active: Fault[];
+  history: (Fault & Record<string, unknown>)[];
+  injected: string[];
+  injectable: { plant: string[]; drive: { code: string; cause: string; name: string }[] };
+}
+
+export interface Plant {
+  locked_rotor: boolean;
+  load_torque_nm: number;
+  load_inertia_kgm2: number;
+  friction_nm: number;
+  supply_v: number;
+  ambient_c: number;
+  position_counts: number;
+}
+
+export type Inputs = Record<string, { level: boolean; forced: boolean }>;

@@ -1,0 +1,102 @@
+import { useEffect } from 'react';
+import { Choice, Link } from './parts/controls';
+import { ClockPanel } from './parts/clock';
+import { Notices } from './parts/notices';
+import { StopButton } from './parts/stop';
+import { AxisPage } from './pages/axis';
+import { BusPage } from './pages/bus';
+import { FaultsPage } from './pages/faults';
+import { LinePage } from './pages/line';
+import { ObjectsPage } from './pages/objects';
+import { PlantPage } from './pages/plant';
+import { ScopePage } from './pages/scope';
+import { useRoute } from './route';
+import { update, useLine } from './store';
+import { type Theme, useTheme } from './theme';
+
+const pages = [
+  ['', 'Line', LinePage],
+  ['axis', 'Axis', AxisPage],
+  ['scope', 'Scope', ScopePage],
+  ['faults', 'Faults', FaultsPage],
+  ['objects', 'Objects', ObjectsPage],
+  ['plant', 'I/O and plant', PlantPage],
+  ['bus', 'Bus', BusPage],
+] as const;
+const ofAxis = ['axis', 'faults', 'objects', 'plant'];
+
+export function App() {
+  const { page, name } = useRoute();
+  const order = useLine((line) => line.order);
+  const epoch = useLine((line) => line.epoch);
+  const link = useLine((line) => line.link);
+  const [, title, Page] = pages.find(([path]) => path === page) ?? pages[0];
+  const axis = ofAxis.includes(page) && order.includes(name) ? name : '';
+
+  useEffect(() => {
+    document.title = `${axis || title} · Servodrome`;
+  }, [axis, title]);
+
+  // An axis's pages keep the axis from one to the next.
+  const present = axis || order[0] || '';
+  const addressOf = (path: string) => (ofAxis.includes(path) && present ? `/${path}/${encodeURIComponent(present)}` : `/${path}`);
+
+  return (
+    <>
+      <a className="skip" href="#content">Skip to the content</a>
+      <header className="top">
+        <Link to="/" className="brand">
+          <img src="/favicon.svg" alt="" width="22" height="22" />
+          Servodrome
+        </Link>
+        <nav aria-label="Pages">
+          {pages.map(([path, text]) => (
+            <Link key={path} to={addressOf(path)} {...(path === page ? { 'aria-current': 'page' as const } : {})}>
+              {text}
+            </Link>
+          ))}
+        </nav>
+        <ClockPanel />
+        <ThemeChoice />
+        <StopButton />
+      </header>
+      <Banner />
+      <main id="content" tabIndex={-1}>
+        <h1 className="unseen">{axis ? `${title}: ${axis}` : title}</h1>
+        {order.length === 0 ? (
+          <p className="empty">{link === 'up' ? 'This line has no axes.' : 'Waiting for the server.'}</p>
+        ) : (
+          <Page key={`${epoch}/${axis}`} />
+        )}
+      </main>
+      <Notices />
+    </>
+  );
+}
+
+function ThemeChoice() {
+  const [theme, setTheme] = useTheme();
+  const options = [['auto', 'Auto'], ['light', 'Light'], ['dark', 'Dark']] as const;
+  return <Choice<Theme> label="Colours" hideLabel value={theme} options={options} onChange={setTheme} />;
+}
+
+function Banner() {
+  const link = useLine((line) => line.link);
+  const restarted = useLine((line) => line.restarted);
+  if (link === 'lost') {
+    return (
+      <div className="banner bad" role="alert">
+        The server does not answer. What is shown is its last word; the page comes back by itself.
+      </div>
+    );
+  }
+  if (restarted) {
+    return (
+      <div className="banner" role="status">
+        The server was started anew: what the drives had not stored is gone, and so are its recordings.
+        <button type="button" onClick={() => update({ restarted: false })}>Understood</button>
+      </div>
+    );
+  }
+  return null;
+}

@@ -1,0 +1,50 @@
+import { get, post, put, remove, segment } from './api/client';
+import type { Job, ObjectValue } from './api/types';
+import { complain } from './notices';
+import { noteJob } from './store';
+
+export const axisPath = (axis: string) => `/axes/${segment(axis)}`;
+
+export interface ObjectAnswer {
+  value: ObjectValue;
+}
+
+const objectPath = (axis: string, index: number, sub: number) => `${axisPath(axis)}/objects/${index.toString(16).padStart(4, '0')}/${sub.toString(16)}`;
+
+export const readObject = async (axis: string, index: number, sub = 0) => (await get<ObjectAnswer>(objectPath(axis, index, sub))).value;
+export const writeObject = (axis: string, index: number, sub: number, value: ObjectValue) => put(objectPath(axis, index, sub), { value });
+
+export const power = (axis: string, action: 'on' | 'off' | 'cycle') => post(`${axisPath(axis)}/power`, { action });
+
+const wait = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
+
+export async function startJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job> {
+  const job = await post<Job>(`${axisPath(axis)}/jobs`, request);
+  noteJob(job);
+  return job;
+}
+
+// Until the job is over, however long it lasts.
+export async function finish(job: Job): Promise<Job> {
+  let now = job;
+  while (now.state === 'running') {
+    await wait(150);
+    now = await get<Job>(`/jobs/${job.id}`);
+    noteJob(now);
+  }
+  return now;
+}
+
+// Starts the job, and says so if it is refused or fails.
+export async function runJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job | null> {
+  try {
+    const job = await finish(await startJob(axis, request));
+    if (job.state === 'failed') complain(new Error(`${axis}: ${job.error?.what ?? `${job.do} failed`}${job.error?.hint ? ` · ${job.error.hint}` : ''}`));
+    return job;
+  } catch (error) {
+    complain(error);
+    return null;
+  }
+}
+
+export const cancelJob = (job: Job) => remove(`/jobs/${job.id}`);

@@ -1,0 +1,126 @@
+// CiA 402-2 (IEC 61800-7-201): power states and what the bits of the two words are called.
+
+export const states = [
+  'not ready to switch on',
+  'switch on disabled',
+  'ready to switch on',
+  'switched on',
+  'operation enabled',
+  'quick stop active',
+  'fault reaction active',
+  'fault',
+] as const;
+export type State = (typeof states)[number];
+
+export interface Edge {
+  number: number;
+  from: State | 'start';
+  to: State;
+  name: string; // of the command; empty: the drive goes by itself
+}
+
+// Figure "State machine of the power drive system". 15 is the fault reset; 12 also by the drive itself.
+export const edges: Edge[] = [
+  { number: 0, from: 'start', to: 'not ready to switch on', name: '' },
+  { number: 1, from: 'not ready to switch on', to: 'switch on disabled', name: '' },
+  { number: 2, from: 'switch on disabled', to: 'ready to switch on', name: 'shutdown' },
+  { number: 3, from: 'ready to switch on', to: 'switched on', name: 'switch on' },
+  { number: 4, from: 'switched on', to: 'operation enabled', name: 'enable operation' },
+  { number: 5, from: 'operation enabled', to: 'switched on', name: 'disable operation' },
+  { number: 6, from: 'switched on', to: 'ready to switch on', name: 'shutdown' },
+  { number: 7, from: 'ready to switch on', to: 'switch on disabled', name: 'disable voltage' },
+  { number: 8, from: 'operation enabled', to: 'ready to switch on', name: 'shutdown' },
+  { number: 9, from: 'operation enabled', to: 'switch on disabled', name: 'disable voltage' },
+  { number: 10, from: 'switched on', to: 'switch on disabled', name: 'disable voltage' },
+  { number: 11, from: 'operation enabled', to: 'quick stop active', name: 'quick stop' },
+  { number: 12, from: 'quick stop active', to: 'switch on disabled', name: 'disable voltage' },
+  { number: 13, from: 'operation enabled', to: 'fault reaction active', name: '' },
+  { number: 14, from: 'fault reaction active', to: 'fault', name: '' },
+  { number: 15, from: 'fault', to: 'switch on disabled', name: 'fault reset' },
+  { number: 16, from: 'quick stop active', to: 'operation enabled', name: 'enable operation' },
+];
+
+export interface Bit {
+  bit: number;
+  name: string;
+  on: boolean;
+}
+
+const makers = 'the maker’s';
+const ofMode = 'of the mode';
+
+const statusNames = [
+  'ready to switch on', 'switched on', 'operation enabled', 'fault', 'voltage enabled', 'quick stop (0: active)',
+  'switch on disabled', 'warning', makers, 'remote', 'target reached', 'internal limit active',
+];
+const controlNames = [
+  'switch on', 'enable voltage', 'quick stop (0: stop)', 'enable operation', ofMode, ofMode, ofMode, 'fault reset', 'halt', ofMode, 'reserved',
+];
+
+// Bits 12 and 13 of the statusword and 4 to 6 and 9 of the controlword mean what the mode says.
+const statusOfMode: Record<number, [string, string]> = {
+  1: ['set-point acknowledge', 'following error'],
+  3: ['speed zero', 'max slippage error'],
+  6: ['homing attained', 'homing error'],
+  7: ['interpolation active', ''],
+  8: ['follows the target', 'following error'],
+  9: ['follows the target', ''],
+  10: ['follows the target', ''],
+};
+const controlOfMode: Record<number, [string, string, string, string]> = {
+  1: ['new set-point', 'change immediately', 'relative', 'change on set-point'],
+  2: ['enable ramp', 'unlock ramp', 'reference ramp', ''],
+  6: ['start homing', '', '', ''],
+  7: ['enable interpolation', '', '', ''],
+};
+
+export function statusBits(word: number, mode = 0): Bit[] {
+  const [bit12, bit13] = statusOfMode[mode] ?? ['', ''];
+  return bits(word, [...statusNames, bit12 || ofMode, bit13 || ofMode, makers, makers]);
+}
+
+export function controlBits(word: number, mode = 0): Bit[] {
+  const names = [...controlNames];
+  const [bit4, bit5, bit6, bit9] = controlOfMode[mode] ?? ['', '', '', ''];
+  names[4] = bit4 || ofMode;
+  names[5] = bit5 || ofMode;
+  names[6] = bit6 || ofMode;
+  names[9] = bit9 || ofMode;
+  return bits(word, [...names, makers, makers, makers, makers, makers]);
+}
+
+function bits(word: number, names: string[]): Bit[] {
+  return names.map((name, bit) => ({ bit, name, on: ((word >> bit) & 1) === 1 }));
+}
+
+export const modes: Record<number, string> = {
+  0: 'none',
+  1: 'profile position',
+  2: 'velocity',
+  3: 'profile velocity',
+  4: 'profile torque',
+  6: 'homing',
+  7: 'interpolated position',
+  8: 'cyclic synchronous position',
+  9: 'cyclic synchronous velocity',
+  10: 'cyclic synchronous torque',
+};
+
+export const modeText = (mode: number | undefined) =>
+  mode === undefined ? '' : (modes[mode] ?? (mode < 0 ? `maker’s mode −${-mode}` : `mode ${mode}`));
+
+export const hex = (value: number, digits: number) => value.toString(16).toUpperCase().padStart(digits, '0') + 'h';
+
+// What a state asks of who sees it: the only use of colour.
+export type Tone = 'quiet' | 'ready' | 'live' | 'warn' | 'bad';
+export function toneOf(state: string | undefined): Tone {
+  switch (state) {
+    case 'operation enabled': return 'live';
+    case 'switched on':
+    case 'ready to switch on': return 'ready';
+    case 'quick stop active': return 'warn';
+    case 'fault reaction active':
+    case 'fault': return 'bad';
+    default: return 'quiet';
+  }
+}

@@ -1,0 +1,56 @@
+import { describe, expect, test } from 'vitest';
+import type { Geometry, HomingLeg, HomingMethod } from '../api/types';
+import { followLeg, homingPath } from './homing';
+
+const turn = 1000;
+const geometry: Geometry = {
+  negative_stop: -11 * turn, positive_stop: 11 * turn, negative_limit: -10 * turn, positive_limit: 10 * turn,
+  home_from: -500, home_to: 500, index_every: turn, index_at: 0,
+};
+const leg = (direction: HomingLeg['direction'], speed: HomingLeg['speed'], until: string, then: string, next?: number, on_limit?: number): HomingLeg =>
+  ({ direction, speed, until, then, ...(next === undefined ? {} : { next }), ...(on_limit === undefined ? {} : { on_limit }) });
+
+// Method 7 as the standard draws it: towards the cam in positive direction, back out of it, first index outside.
+const method7: HomingMethod = {
+  method: 7, supported: true, start_active: 2,
+  legs: [
+    leg('positive', 'switch', 'home_rising', 'stop', 2, 1),
+    leg('negative', 'switch', 'home_rising', 'keep', 2),
+    leg('negative', 'zero', 'home_falling', 'keep', 3),
+    leg('negative', 'zero', 'index', 'latch'),
+  ],
+};
+const ends = (start: number) => homingPath(method7, geometry, start).map(({ to }) => to);
+
+describe('the path of method 7', () => {
+  test('from below the cam', () => expect(ends(-3000)).toEqual([-500, -500, -1000]));
+  test('from above the cam it turns round at the positive limit switch', () => expect(ends(3000)).toEqual([10000, 500, -500, -1000]));
+  test('from inside the cam', () => expect(ends(200)).toEqual([-500, -1000]));
+});
+
+test('a limit switch, and the first index beside it', () => {
+  const method1: HomingMethod = {
+    method: 1, supported: true,
+    legs: [leg('negative', 'switch', 'limit_reached', 'stop', 1), leg('positive', 'zero', 'limit_released', 'keep', 2), leg('positive', 'zero', 'index', 'latch')],
+  };
+  expect(homingPath(method1, { ...geometry, index_at: 300 }, 0).map(({ to }) => to)).toEqual([-10000, -10000, -9700]);
+});
+
+test('an index on which the axis stands is not the next one', () => {
+  const method = (direction: HomingLeg['direction']): HomingMethod => ({ method: 33, supported: true, legs: [leg(direction, 'zero', 'index', 'latch')] });
+  expect(homingPath(method('negative'), geometry, 2000).map(({ to }) => to)).toEqual([1000]);
+  expect(homingPath(method('positive'), geometry, 2000).map(({ to }) => to)).toEqual([3000]);
+});
+
+test('ends where the geometry has no such switch', () => {
+  expect(homingPath(method7, { ...geometry, home_from: null, home_to: null, positive_limit: null }, -3000)).toEqual([]);
+});
+
+test('an axis is followed from leg to leg', () => {
+  const path = homingPath(method7, geometry, 3000);
+  expect(followLeg(path, 0, 5000, 100)).toBe(0);
+  expect(followLeg(path, 0, 9900, -10)).toBe(1); // it has turned round
+  expect(followLeg(path, 1, 2000, -100)).toBe(1);
+  expect(followLeg(path, 1, 400, -100)).toBe(2); // past the edge
+  expect(followLeg(path, 3, -1000, 0)).toBe(3);
+});

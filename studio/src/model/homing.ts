@@ -1,0 +1,77 @@
+import type { Geometry, HomingLeg, HomingMethod } from '../api/types';
+
+// A homing method's path over the travel, leg by leg, from where the axis starts: what the figures of the standard draw.
+
+export interface PathLeg {
+  from: number; // counts
+  to: number;
+  leg: HomingLeg;
+  index: number; // of the method's legs
+}
+
+// Stops where the geometry has no such edge ahead: the method would fail there too, or the switch is not wired.
+export function homingPath(method: HomingMethod, geometry: Geometry, start: number): PathLeg[] {
+  const { legs } = method;
+  const path: PathLeg[] = [];
+  let at = start;
+  let index: number | null = insideHome(geometry, start) ? (method.start_active ?? 0) : 0;
+  for (let guard = 0; index !== null && index < legs.length && guard < 2 * legs.length; ++guard) {
+    const leg: HomingLeg = legs[index];
+    const sign = leg.direction === 'positive' ? 1 : -1;
+    const limit = sign > 0 ? geometry.positive_limit : geometry.negative_limit;
+    const target = endOf(leg, geometry, at, sign);
+    const turns = leg.on_limit !== null && leg.on_limit !== undefined;
+    if (turns && limit !== null && (target === null || (limit - target) * sign < 0)) {
+      path.push({ from: at, to: limit, leg, index });
+      at = limit;
+      index = leg.on_limit!;
+      continue;
+    }
+    if (target === null) break;
+    path.push({ from: at, to: target, leg, index });
+    at = target;
+    if (leg.then === 'latch') break;
+    index = leg.next ?? index + 1;
+  }
+  return path;
+}
+
+function insideHome({ home_from, home_to }: Geometry, at: number): boolean {
+  return home_from !== null && home_to !== null && at >= home_from && at < home_to;
+}
+
+function endOf(leg: HomingLeg, geometry: Geometry, at: number, sign: number): number | null {
+  const { home_from, home_to, index_every } = geometry;
+  const ahead = sign > 0 ? geometry.positive_limit : geometry.negative_limit;
+  const behind = sign > 0 ? geometry.negative_limit : geometry.positive_limit;
+  const stop = sign > 0 ? geometry.positive_stop : geometry.negative_stop;
+  const inFront = (mark: number | null) => (mark !== null && (mark - at) * sign >= 0 ? mark : null);
+  switch (leg.until) {
+    case 'home_rising': return inFront(sign > 0 ? home_from : home_to);
+    case 'home_falling': return inFront(sign > 0 ? home_to : home_from);
+    case 'limit_reached': return ahead;
+    case 'limit_released': return behind;
+    case 'stalled': return stop;
+    case 'retracted': return at;
+    case 'index': {
+      if (!index_every) return null;
+      const turns = (at - (geometry.index_at ?? 0)) / index_every;
+      const next = sign > 0 ? Math.floor(turns) + 1 : Math.ceil(turns) - 1;
+      return (geometry.index_at ?? 0) + next * index_every;
+    }
+    default: return null;
+  }
+}
+
+// Which leg of the path an axis is on that was on leg `k` before: on to the next once it has come to the end of its
+// leg, or has turned round.
+export function followLeg(path: PathLeg[], k: number, position: number, velocity: number): number {
+  const leg = path[k];
+  const next = path[k + 1];
+  if (!leg || !next) return k;
+  const sign = Math.sign(leg.to - leg.from) || (leg.leg.direction === 'positive' ? 1 : -1);
+  const nextSign = next.leg.direction === 'positive' ? 1 : -1;
+  const passed = (position - leg.to) * sign > 0;
+  if (nextSign !== sign) return Math.sign(velocity) === nextSign ? k + 1 : k;
+  return passed ? k + 1 : k;
+}

@@ -1,0 +1,59 @@
+// Jogging while a key or pointer is pressed. Whatever happens between, a released jog ends: also one whose start the
+// server answers after the release. The server halts the axis by itself when `alive` stays away.
+
+export interface JogDoes<Handle> {
+  start(): Promise<Handle>;
+  alive(handle: Handle): Promise<unknown>;
+  stop(handle: Handle): Promise<unknown>;
+  failed(error: unknown): void;
+}
+
+export const alive_ms = 200;
+
+export class Jog<Handle> {
+  private pressed = false;
+  private run = 0;
+
+  constructor(private readonly does: JogDoes<Handle>) {}
+
+  press() {
+    if (this.pressed) return;
+    this.pressed = true;
+    void this.drive(++this.run);
+  }
+
+  release() {
+    this.pressed = false;
+  }
+
+  private held(run: number) {
+    return this.pressed && run === this.run;
+  }
+
+  private async drive(run: number) {
+    let handle: Handle;
+    try {
+      handle = await this.does.start();
+    } catch (error) {
+      if (run === this.run) this.pressed = false;
+      this.does.failed(error);
+      return;
+    }
+    try {
+      for (let waited = 0; this.held(run); waited += poll_ms) {
+        if (waited >= alive_ms) {
+          waited = 0;
+          await this.does.alive(handle);
+        }
+        await new Promise((resolve) => setTimeout(resolve, poll_ms));
+      }
+    } catch (error) {
+      if (run === this.run) this.pressed = false;
+      this.does.failed(error);
+    } finally {
+      await this.does.stop(handle).catch(() => undefined); // over already
+    }
+  }
+}
+
+const poll_ms = 20;

@@ -1,0 +1,89 @@
+// What a scope reads off a curve: plain statistics, and a step's figures as control engineers define them.
+
+export interface Statistics {
+  minimum: number;
+  maximum: number;
+  mean: number;
+  rms: number;
+  peakToPeak: number;
+}
+
+export function statistics(values: ArrayLike<number>, from = 0, to = values.length): Statistics | null {
+  let minimum = Infinity;
+  let maximum = -Infinity;
+  let sum = 0;
+  let squares = 0;
+  let count = 0;
+  for (let i = from; i < to; ++i) {
+    const value = values[i];
+    if (!Number.isFinite(value)) continue;
+    minimum = Math.min(minimum, value);
+    maximum = Math.max(maximum, value);
+    sum += value;
+    squares += value * value;
+    ++count;
+  }
+  if (count === 0) return null;
+  return { minimum, maximum, mean: sum / count, rms: Math.sqrt(squares / count), peakToPeak: maximum - minimum };
+}
+
+export interface Step {
+  from: number;
+  to: number;
+  rise_s: number | null; // 10 % to 90 % of the step
+  overshoot_percent: number; // beyond the end value, of the step's height
+  settling_s: number | null; // from the 10 % crossing until it stays within the band
+}
+
+export const settlingBand = 0.02; // of the step's height
+
+// The step from the first samples' level to the last samples' level (means of a twentieth of the range each), or null
+// where there is none: too few samples, or no more height than the noise of the two ends.
+export function stepResponse(values: ArrayLike<number>, interval_s: number, from = 0, to = values.length): Step | null {
+  const samples = to - from;
+  if (samples < 10) return null;
+  const end = Math.max(1, Math.floor(samples / 20));
+  const first = statistics(values, from, from + end);
+  const last = statistics(values, to - end, to);
+  if (!first || !last) return null;
+  const height = last.mean - first.mean;
+  if (Math.abs(height) <= 2 * Math.max(first.peakToPeak, last.peakToPeak) || height === 0) return null;
+
+  const part = (i: number) => (values[i] - first.mean) / height;
+  let crossed10 = -1;
+  let crossed90 = -1;
+  let highest = 1;
+  let outside = -1;
+  for (let i = from; i < to; ++i) {
+    const p = part(i);
+    if (crossed10 < 0 && p >= 0.1) crossed10 = between(i, p, 0.1, part, from);
+    if (crossed90 < 0 && p >= 0.9) crossed90 = between(i, p, 0.9, part, from);
+    highest = Math.max(highest, p);
+    if (Math.abs(p - 1) > settlingBand) outside = i;
+  }
+  const risen = crossed10 >= 0 && crossed90 >= 0;
+  return {
+    from: first.mean,
+    to: last.mean,
+    rise_s: risen ? (crossed90 - crossed10) * interval_s : null,
+    overshoot_percent: (highest - 1) * 100,
+    settling_s: risen && outside + 1 < to ? Math.max(0, outside + 1 - crossed10) * interval_s : null,
+  };
+}
+
+// Where between the samples i-1 and i the curve crosses `level`, as a fraction of a sample.
+function between(i: number, p: number, level: number, part: (i: number) => number, from: number): number {
+  if (i === from) return i;
+  const before = part(i - 1);
+  return p === before ? i : i - (p - level) / (p - before);
+}
+
+// The value at `x` of samples that begin at `x0` and lie `step` apart, on the line between its neighbours; NaN outside.
+export function valueAt(values: ArrayLike<number>, x0: number, step: number, x: number): number {
+  const at = (x - x0) / step;
+  const i = Math.floor(at + 1e-9);
+  if (i < 0 || i >= values.length) return NaN;
+  if (i + 1 >= values.length) return at - i < 1e-6 ? values[i] : NaN;
+  const share = Math.max(0, at - i);
+  return values[i] + (values[i + 1] - values[i]) * share;
+}

@@ -1,0 +1,188 @@
+import { describe, expect, test, vi } from 'vitest';
+import type { Geometry, ObjectEntry, Recording, Units } from '../api/types';
+import { controlBits, edges, modeText, statusBits, toneOf } from './cia402';
+import { Jog } from './jog';
+import { LiveBuffer } from './live_buffer';
+import { differs, hexValue, inGroup, matches, namedOf, parseValue } from './objects';
+import { alongside, channelOf, queryOf, samplesOf, setupOf, span, textOfChannel } from './scope';
+import { indexes, travelScale } from './travel';
+import { duration, fixed, fromDrivePosition, significant, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
+
+describe('units', () => {
+  const units: Units = { position_per_revolution: 131072, velocity_per_rps: 131072, acceleration_per_rps2: 10 };
+  test('are the drive’s', () => {
+    expect(toDrivePosition(units, 1.5)).toBe(196608);
+    expect(toDriveVelocity(units, 60)).toBe(131072);
+    expect(toDriveAcceleration(units, 2.04)).toBe(20);
+    expect(fromDrivePosition(units, -65536)).toBe(-0.5);
+  });
+  test('are none where the drive does not tell them', () => {
+    expect(toDrivePosition({ ...units, position_per_revolution: null }, 1)).toBeNull();
+    expect(fromDrivePosition(undefined, 1)).toBeNull();
+  });
+  test('are printed with as many places as they have', () => {
+    expect(fixed(-1234567.891, 2)).toBe('\u22121\u2009234\u2009567.89');
+    expect(fixed(-0.0001, 2)).toBe('0.00');
+    expect(fixed(undefined, 1)).toBe('–');
+    expect([0.00123456, 12.3456, 123456.7, 42].map(significant)).toEqual(['0.001235', '12.346', '123\u2009457', '42']);
+    expect(duration(3_725_500_000_000)).toBe('1:02:05.5');
+  });
+});
+
+describe('CiA 402', () => {
+  test('statusword 0237h is operation enabled', () => {
+    const names = statusBits(0x0237, 1).filter(({ on }) => on).map(({ name }) => name);
+    expect(names).toEqual(['ready to switch on', 'switched on', 'operation enabled', 'voltage enabled', 'quick stop (0: active)', 'remote']);
+  });
+  test('bits 12 and 13 mean what the mode says', () => {
+    expect([1, 6, 3].map((mode) => statusBits(0, mode)[12].name)).toEqual(['set-point acknowledge', 'homing attained', 'speed zero']);
+    expect(controlBits(0x5f, 1).filter(({ on }) => on).map(({ name }) => name).slice(-2)).toEqual(['new set-point', 'relative']);
+  });
+  test('has sixteen transitions and the start, each once', () => {
+    expect(edges.map(({ number }) => number)).toEqual(Array.from({ length: 17 }, (_, i) => i));
+  });
+  test('modes and tones have names', () => {
+    expect([modeText(6), modeText(-4), modeText(99)]).toEqual(['homing', 'maker’s mode −4', 'mode 99']);
+    expect([toneOf('fault'), toneOf('operation enabled'), toneOf(undefined)]).toEqual(['bad', 'live', 'quiet']);
+  });
+});
+
+describe('travel', () => {
+  const geometry: Geometry = {
+    negative_stop: -1100, positive_stop: 1100, negative_limit: -1000, positive_limit: 1000, home_from: null, home_to: null, index_every: 100, index_at: 25,
+  };
+  test('shows all of it, and clips what is outside', () => {
+    const scale = travelScale(geometry, 0);
+    expect(scale.at(0)).toBeCloseTo(0.5);
+    expect(scale.at(-1100)).toBeCloseTo(0.04 / 1.08);
+    expect(scale.at(1e9)).toBe(1);
+  });
+  test('of an axis that turns is the present revolution', () => {
+    const turning = { ...geometry, negative_stop: null, positive_stop: null, negative_limit: null, positive_limit: null };
+    expect(travelScale(turning, 250)).toMatchObject({ from: 200, to: 300 });
+    expect(travelScale(turning, -1)).toMatchObject({ from: -100, to: 0 });
+  });
+  test('has its indexes, as long as they can be told apart', () => {
+    const marks = indexes(geometry, travelScale(geometry, 0));
+    expect(marks[0]).toBe(-1175);
+    expect(marks).toContain(25);
+    expect(marks).toHaveLength(24);
+    expect(indexes({ ...geometry, index_every: 10 }, travelScale(geometry, 0))).toEqual([]);
+  });
+});
+
+describe('live buffer', () => {
+  const frame = (tick: number, stride: number, values: number[]) => ({ id: 1, tick, stride, channels: [Float64Array.from(values)] });
+  test('keeps the last seconds, whatever the stride', () => {
+    const buffer = new LiveBuffer(1, 1000, 0.01);
+    for (let i = 0; i < 200; ++i) buffer.append(frame(i * 160, i % 2 ? 32 : 16, Array.from({ length: i % 2 ? 5 : 10 }, () => i)));
+    const { x, values: [values] } = buffer.view();
+    expect(x.at(-1)).toBe(0);
+    expect(x[0]).toBeGreaterThanOrEqual(-0.01);
+    expect([...x]).toEqual([...x].sort((a, b) => a - b));
+    expect(values.at(-1)).toBe(199);
+  });
+  test('begins anew when the server did', () => {
+    const buffer = new LiveBuffer(1, 1000, 10);
+    buffer.append(frame(1_000_000, 16, [1, 2, 3]));
+    buffer.append(frame(16, 16, [4]));
+    expect([...buffer.view().values[0]]).toEqual([4]);
+  });
+});
+
+describe('jog', () => {
+  const later = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
+  const does = (start: () => Promise<number>) => ({ start: vi.fn(start), alive: vi.fn(() => Promise.resolve()), stop: vi.fn(() => Promise.resolve()), failed: vi.fn() });
+
+  test('lives while it is pressed and stops once', async () => {
+    vi.useFakeTimers();
+    const calls = does(() => Promise.resolve(5));
+    const jog = new Jog(calls);
+    jog.press();
+    jog.press();
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(calls.start).toHaveBeenCalledOnce();
+    expect(calls.alive.mock.calls.length).toBeGreaterThanOrEqual(3);
+    expect(calls.stop).not.toHaveBeenCalled();
+    jog.release();
+    await vi.advanceTimersByTimeAsync(100);
+    expect(calls.stop).toHaveBeenCalledExactlyOnceWith(5);
+    vi.useRealTimers();
+  });
+  test('released before the server has answered, it stops as soon as it has', async () => {
+    vi.useFakeTimers();
+    const calls = does(async () => { await later(300); return 6; });
+    const jog = new Jog(calls);
+    jog.press();
+    jog.release();
+    await vi.advanceTimersByTimeAsync(400);
+    expect(calls.stop).toHaveBeenCalledExactlyOnceWith(6);
+    expect(calls.alive).not.toHaveBeenCalled();
+    vi.useRealTimers();
+  });
+  test('a refused start is told, and the next press tries again', async () => {
+    const calls = does(() => Promise.reject(new Error('busy')));
+    const jog = new Jog(calls);
+    jog.press();
+    await later(0);
+    expect(calls.failed).toHaveBeenCalledOnce();
+    expect(calls.stop).not.toHaveBeenCalled();
+    jog.press();
+    await later(0);
+    expect(calls.start).toHaveBeenCalledTimes(2);
+  });
+});
+
+describe('objects', () => {
+  const entry: ObjectEntry = { index: '0x6081', sub: 0, name: 'Profile velocity', type: 'UNSIGNED32', access: 'rw', unit: 'inc/s', pdo: 'rx', saved: true, default: 1000 };
+  test('are found by any of their words', () => {
+    expect(['6081', '6081h', 'profile VEL', 'inc/s 6081:00', ''].map((search) => matches(entry, search))).toEqual([true, true, true, true, true]);
+    expect(matches(entry, 'torque')).toBe(false);
+  });
+  test('are changed when they differ from their default', () => {
+    expect([differs(entry, 1001), differs(entry, 1000), differs(entry, undefined), differs({ ...entry, access: 'ro' }, 5)]).toEqual([true, false, false, false]);
+    expect(inGroup(entry, 'CiA 402', () => false)).toBe(true);
+    expect(inGroup(entry, 'Changed', () => true)).toBe(true);
+    expect(inGroup(entry, 'Maker', () => true)).toBe(false);
+  });
+  test('take decimal and hexadecimal', () => {
+    expect(['12', '0x1F', '1Fh', '\u22125', ' 7 '].map((typed) => parseValue(entry, typed))).toEqual([12, 31, 31, -5, 7]);
+    expect(['', 'abc', '1.5'].map((typed) => parseValue(entry, typed))).toEqual([undefined, undefined, undefined]);
+    expect(parseValue({ ...entry, type: 'REAL32' }, '1.5')).toBe(1.5);
+    expect(parseValue({ ...entry, type: 'VISIBLE_STRING' }, '1F')).toBe('1F');
+    expect(hexValue(entry, 255)).toBe('000000FFh');
+  });
+  test('have names for bits and values', () => {
+    expect(namedOf({ 0: 'a', 3: 'b' })).toEqual([{ value: 0, name: 'a' }, { value: 3, name: 'b' }]);
+    expect(namedOf([{ bit: 4, name: 'x' }, { value: -1, name: 'y' }])).toEqual([{ value: 4, name: 'x' }, { value: -1, name: 'y' }]);
+    expect(namedOf(undefined)).toEqual([]);
+  });
+});
+
+describe('scope', () => {
+  test('its setup lives in the address', () => {
+    const setup = setupOf(new URLSearchParams('ch=a/torque_nm,b/6064:0&rate=16000&ms=500&pre=50&trigger=edge&tch=1&level=-2.5&slope=falling'), 'a');
+    expect(setup.channels).toEqual([{ axis: 'a', signal: 'torque_nm' }, { axis: 'b', object: '6064:0' }]);
+    expect(setup.trigger).toEqual({ kind: 'edge', channel: 1, level: -2.5, slope: 'falling' });
+    const query = new URLSearchParams(Object.entries(queryOf(setup)).filter((pair): pair is [string, string] => pair[1] !== null));
+    expect(setupOf(query, 'a')).toEqual(setup);
+  });
+  test('what makes no sense in the address is the default', () => {
+    const setup = setupOf(new URLSearchParams('ch=,nonsense&rate=x&trigger=never'), 'a');
+    expect(setup).toMatchObject({ rate_hz: 1000, trigger: { kind: 'now' } });
+    expect(setup.channels.map(textOfChannel)).toEqual(['a/position_counts', 'a/velocity_rpm']);
+    expect(channelOf('/x')).toBeNull();
+  });
+  const recording = (trigger_tick: number): Recording => ({ id: 1, name: '', state: 'done', rate_hz: 1000, trigger_tick, first_tick: 1600, samples: 5, channels: [] });
+  test('zero is the trigger', () => {
+    const { x } = samplesOf(recording(1632), { id: 1, stride: 16, tick: 1600, channels: [new Float64Array(5)] });
+    expect([...x]).toEqual([-2, -1, 0, 1, 2]);
+    expect(span(x, 1, -1)).toEqual([1, 4]);
+    expect(span(x, 10, 20)).toEqual([5, 5]);
+  });
+  test('an earlier recording is laid over by its trigger, whatever its rate', () => {
+    const main = samplesOf(recording(1632), { id: 1, stride: 16, tick: 1600, channels: [new Float64Array(5)] });
+    const other = samplesOf(recording(1600), { id: 2, stride: 32, tick: 1600, channels: [Float64Array.of(0, 20)] });
+    expect([...alongside(main.x, other, other.values[0])]).toEqual([NaN, NaN, 0, 10, 20]);
+  });
+});

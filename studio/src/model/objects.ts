@@ -1,0 +1,76 @@
+import type { ObjectEntry, ObjectValue } from '../api/types';
+
+// The dictionary as the page lists it: groups by index range, search, and values as they are typed and shown.
+
+export const groups = ['All', 'Changed', 'Communication', 'Maker', 'CiA 402', 'Storage'] as const;
+export type Group = (typeof groups)[number];
+
+export const addressOf = ({ index, sub }: Pick<ObjectEntry, 'index' | 'sub'>) =>
+  `${index.replace('0x', '').toUpperCase()}:${sub.toString(16).toUpperCase().padStart(2, '0')}`;
+
+export function inGroup(entry: ObjectEntry, group: Group, isChanged: (entry: ObjectEntry) => boolean): boolean {
+  const index = Number(entry.index);
+  switch (group) {
+    case 'All': return true;
+    case 'Changed': return isChanged(entry);
+    case 'Communication': return index >= 0x1000 && index < 0x2000;
+    case 'Maker': return index >= 0x2000 && index < 0x6000;
+    case 'CiA 402': return index >= 0x6000 && index < 0xa000;
+    case 'Storage': return index === 0x1010 || index === 0x1011;
+  }
+}
+
+// Every word of the search is in the address, name, unit or explanation.
+export function matches(entry: ObjectEntry, search: string): boolean {
+  const text = `${addressOf(entry)} ${entry.index.replace('0x', '')}h ${entry.name} ${entry.unit} ${entry.text ?? ''}`.toLowerCase();
+  return search.toLowerCase().split(/\s+/).every((word) => text.includes(word));
+}
+
+export const isReadable = ({ access }: ObjectEntry) => access !== 'wo';
+export const isWritable = ({ access }: ObjectEntry) => access.includes('w');
+// An entry that a master sets, and that has a default to differ from.
+export const hasDefault = (entry: ObjectEntry) => isWritable(entry) && isReadable(entry) && entry.default !== undefined && entry.default !== null && Number(entry.index) >= 0x1000;
+export const differs = (entry: ObjectEntry, value: ObjectValue | undefined) => value !== undefined && hasDefault(entry) && value !== entry.default;
+
+const isText = (type: string) => type === 'VISIBLE_STRING' || type === 'OCTET_STRING' || type === 'DOMAIN';
+
+// What was typed, as a value of the object's type: decimal, hexadecimal (0x1F or 1Fh); undefined if it is none.
+export function parseValue(entry: ObjectEntry, typed: string): ObjectValue | undefined {
+  if (isText(entry.type)) return typed;
+  const text = typed.trim().replace('\u2212', '-');
+  const hexadecimal = /^(?:0x([0-9a-f]+)|([0-9a-f]+)h)$/i.exec(text);
+  if (hexadecimal) return parseInt(hexadecimal[1] ?? hexadecimal[2], 16);
+  const value = Number(text);
+  if (text === '' || !Number.isFinite(value)) return undefined;
+  return entry.type.startsWith('REAL') || Number.isInteger(value) ? value : undefined;
+}
+
+const digits: Record<string, number> = { UNSIGNED8: 2, UNSIGNED16: 4, UNSIGNED32: 8 };
+
+export function showValue(value: ObjectValue | undefined): string {
+  return value === undefined ? '' : value === null ? 'no number' : String(value);
+}
+
+export function hexValue(entry: ObjectEntry, value: ObjectValue | undefined): string {
+  const width = digits[entry.type];
+  return width && typeof value === 'number' ? `${value.toString(16).toUpperCase().padStart(width, '0')}h` : '';
+}
+
+export interface Named {
+  value: number;
+  name: string;
+}
+
+// Names of bits or of values, however the server writes them: {"3": "name"}, [{"bit"|"value": 3, "name": ".."}] or ["name of 0", ..].
+export function namedOf(source: unknown): Named[] {
+  if (Array.isArray(source)) {
+    return source.flatMap((each: unknown, i) => {
+      if (typeof each === 'string') return [{ value: i, name: each }];
+      if (typeof each !== 'object' || each === null) return [];
+      const { bit, value = bit, name, text = name } = each as { bit?: number; value?: number; name?: string; text?: string };
+      return typeof value === 'number' && typeof text === 'string' ? [{ value, name: text }] : [];
+    });
+  }
+  if (typeof source !== 'object' || source === null) return [];
+  return Object.entries(source).flatMap(([value, name]) => (typeof name === 'string' ? [{ value: Number(value), name }] : []));
+}

@@ -1,0 +1,42 @@
+import type { Units } from '../api/types';
+
+// Positions and speeds as people say them (revolutions, rpm, revolutions per s^2) and as the drive counts them.
+
+export const toDrivePosition = (units: Units | undefined, revolutions: number) => scale(revolutions, units?.position_per_revolution);
+export const toDriveVelocity = (units: Units | undefined, rpm: number) => scale(rpm / 60, units?.velocity_per_rps);
+export const toDriveAcceleration = (units: Units | undefined, rps2: number) => scale(rps2, units?.acceleration_per_rps2);
+export const fromDrivePosition = (units: Units | undefined, value: number) => unscale(value, units?.position_per_revolution);
+
+function scale(value: number, factor: number | null | undefined): number | null {
+  return factor ? Math.round(value * factor) : null;
+}
+
+function unscale(value: number, factor: number | null | undefined): number | null {
+  return factor ? value / factor : null;
+}
+
+// Digits as an instrument has them: always as many places, a true minus, thin spaces between thousands.
+export function fixed(value: number | null | undefined, places: number): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  const [whole = '', fraction] = Math.abs(value).toFixed(places).split('.');
+  const grouped = whole.replace(/\B(?=(\d{3})+$)/g, '\u2009');
+  const zero = /^[0.]*$/.test(whole + (fraction ?? ''));
+  return (value < 0 && !zero ? '\u2212' : '') + grouped + (fraction ? `.${fraction}` : '');
+}
+
+// As few digits as tell the value to about five places: for cursors and measurements of any unit.
+export function significant(value: number | null | undefined): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  if (size >= 1e5 || Number.isInteger(value)) return fixed(value, 0);
+  if (size === 0) return '0';
+  return fixed(value, Math.max(0, Math.min(6, 4 - Math.floor(Math.log10(size)))));
+}
+
+export function duration(ns: number): string {
+  const total = ns / 1e9;
+  const hours = Math.floor(total / 3600);
+  const minutes = Math.floor((total % 3600) / 60);
+  const seconds = (total % 60).toFixed(1).padStart(4, '0');
+  return hours > 0 ? `${hours}:${String(minutes).padStart(2, '0')}:${seconds}` : `${minutes}:${seconds}`;
+}

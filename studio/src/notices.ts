@@ -1,0 +1,46 @@
+import { useSyncExternalStore } from 'react';
+import { problemOf } from './api/client';
+import type { Problem } from './api/types';
+
+// What went wrong, or well, at the foot of the page until it is read or some seconds are over.
+
+export interface Notice extends Problem {
+  id: number;
+  bad: boolean;
+}
+
+let notices: Notice[] = [];
+let next = 1;
+const listeners = new Set<() => void>();
+
+function set(to: Notice[]) {
+  notices = to;
+  listeners.forEach((listener) => listener());
+}
+
+export const dismiss = (id: number) => set(notices.filter((notice) => notice.id !== id));
+
+function add(notice: Omit<Notice, 'id'>, seconds: number) {
+  const id = next++;
+  set([...notices.filter(({ what, where }) => what !== notice.what || where !== notice.where), { ...notice, id }].slice(-4));
+  setTimeout(() => dismiss(id), seconds * 1000);
+}
+
+export const complain = (error: unknown) => add({ ...problemOf(error), bad: true }, 15);
+export const tell = (what: string) => add({ what, bad: false }, 4);
+
+// Runs what a button does, and says so if the server refuses it.
+export function attempt(action: () => Promise<unknown>): void {
+  action().catch(complain);
+}
+
+export const useNotices = () =>
+  useSyncExternalStore(
+    (listener) => {
+      listeners.add(listener);
+      return () => {
+        listeners.delete(listener);
+      };
+    },
+    () => notices,
+  );

@@ -1,0 +1,111 @@
+import type { Fault, FaultList, Recording } from '../api/types';
+import { axisPath, runJob } from '../commands';
+import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
+import { Button, Link, Panel, Trouble } from '../parts/controls';
+import { fixed } from '../model/units';
+import { useResource } from '../resource';
+import { useRoute } from '../route';
+import { useAxis, useLine } from '../store';
+
+export function FaultsPage() {
+  const name = usePageAxis(useRoute().name);
+  const axis = useAxis(name);
+  const { value, problem } = useResource<FaultList>(`${axisPath(name)}/faults`, 1000);
+  const moments = useMoments(name);
+  if (!axis) return null;
+  const active = value?.active ?? [];
+  const isFault = axis.state === 'fault' || axis.state === 'fault reaction active';
+  return (
+    <>
+      <AxisTabs page="faults" name={name} />
+      <Trouble problem={problem} />
+      <Panel
+        title="Active"
+        aside={isFault && <Button kind="main" onPress={() => void runJob(name, { do: 'reset_fault' })}>Clear fault</Button>}
+      >
+        {active.length === 0 ? (
+          <p className="empty">{isFault ? 'The cause is gone: the fault can be cleared.' : 'No fault.'}</p>
+        ) : (
+          <ul className="faults">
+            {active.map((fault) => (
+              <li key={fault.code + fault.name}>
+                <FaultText fault={fault} />
+              </li>
+            ))}
+          </ul>
+        )}
+        {(value?.injected.length ?? 0) > 0 && (
+          <p className="note">
+            Injected at the moment: {value?.injected.join(', ')}. <Link to={`/plant/${encodeURIComponent(name)}`}>Take it back</Link> before clearing.
+          </p>
+        )}
+      </Panel>
+      <Panel title="Moments of faults">
+        {moments.length === 0 ? (
+          <p className="empty">None recorded. Of each fault the half second before it is kept, at 1 kHz.</p>
+        ) : (
+          <ul className="plain-list">
+            {moments.map((recording) => (
+              <li key={recording.id}>
+                <Link to={`/scope?rec=${recording.id}`}>
+                  {code(recording.fault?.code ?? '')} · recording {recording.id}
+                </Link>
+                <span className="quiet"> {fixed((recording.samples / recording.rate_hz) * 1000, 0)} ms, {recording.channels.length} channels</span>
+              </li>
+            ))}
+          </ul>
+        )}
+      </Panel>
+      <Panel title="History">
+        {(value?.history.length ?? 0) === 0 ? (
+          <p className="empty">The drive remembers no fault that it tells of here.</p>
+        ) : (
+          <ol className="faults">
+            {value?.history.map((fault, i) => (
+              <li key={i}>
+                <FaultText fault={fault} />
+                <p className="quiet">{conditions(fault)}</p>
+              </li>
+            ))}
+          </ol>
+        )}
+      </Panel>
+    </>
+  );
+}
+
+const code = (text: string) => (text.startsWith('0x') ? `${text.slice(2)}h` : text);
+
+function FaultText({ fault }: { fault: Fault }) {
+  return (
+    <>
+      <h3>
+        <span className="mono">{code(fault.code)}</span> {fault.name}
+      </h3>
+      {fault.text && fault.text !== fault.name && <p>{fault.text}</p>}
+      {(fault.cause ?? fault.remedy) && (
+        <dl className="advice">
+          {fault.cause && <><dt>cause</dt><dd>{fault.cause}</dd></>}
+          {fault.remedy && <><dt>remedy</dt><dd>{fault.remedy}</dd></>}
+        </dl>
+      )}
+    </>
+  );
+}
+
+const measured: [string, string, number][] = [
+  ['dc_link_v', 'V', 0], ['velocity_rpm', 'rpm', 0], ['current_a', 'A', 1], ['temperature_c', '°C', 0],
+];
+
+function conditions(fault: Record<string, unknown>): string {
+  return measured
+    .filter(([key]) => typeof fault[key] === 'number')
+    .map(([key, unit, places]) => `${fixed(fault[key] as number, places)} ${unit}`)
+    .join(', ');
+}
+
+function useMoments(axis: string): Recording[] {
+  const event = useLine((line) => (line.lastEvent?.kind === 'recording' ? line.lastEvent.serial : 0));
+  const { value } = useResource<{ recordings: Recording[] }>(`/recordings?seen=${event}`);
+  return (value?.recordings ?? []).filter(({ fault }) => fault?.axis === axis).reverse();
+}

@@ -1,0 +1,146 @@
+import { memo } from 'react';
+import type { AxisView, BusView } from '../api/types';
+import { power, runJob } from '../commands';
+import { Button, Link, Panel, Readout } from '../parts/controls';
+import { StateChip } from '../parts/state';
+import { useTarget } from '../parts/target';
+import { Travel, useGeometry } from '../parts/travel';
+import { hex, modeText, statusBits } from '../model/cia402';
+import { fixed } from '../model/units';
+import { attempt } from '../notices';
+import { useResource } from '../resource';
+import { useAxis, useLine } from '../store';
+
+export function LinePage() {
+  const order = useLine((line) => line.order);
+  return (
+    <>
+      <div className="cards">
+        {order.map((name) => (
+          <AxisCard key={name} name={name} />
+        ))}
+      </div>
+      <Buses />
+    </>
+  );
+}
+
+const isNamed = (text: string) => !text.startsWith('of the') && !text.startsWith('the maker');
+
+const address = (axis: AxisView) =>
+  [
+    axis.bus,
+    axis.node_id !== undefined && `node ${axis.node_id}`,
+    axis.position !== undefined && `position ${axis.position}`,
+    axis.serial && `${axis.serial.bus} station ${axis.serial.station}`,
+  ].filter(Boolean).join(' · ');
+
+const AxisCard = memo(function AxisCard({ name }: { name: string }) {
+  const axis = useAxis(name);
+  const geometry = useGeometry(name);
+  const target = useTarget(axis, geometry);
+  const job = useLine((line) => line.jobs[name]);
+  if (!axis) return null;
+  const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : null;
+  const faults = axis.faults ?? [];
+  const set = statusBits(axis.statusword ?? 0, axis.mode).filter(({ on, name: text }) => on && isNamed(text));
+  return (
+    <article className="panel card" aria-label={name}>
+      <header>
+        <h2>
+          <Link to={`/axis/${encodeURIComponent(name)}`}>{name}</Link>
+        </h2>
+        <span className="quiet">{axis.product}</span>
+        <StateChip state={axis.state} powered={axis.powered} />
+      </header>
+      <Travel axis={axis} target={target} geometry={geometry} />
+      <dl className="readouts">
+        <Readout label="position" title={`${fixed(axis.position_counts, 0)} counts`} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: 'counts' } : { value: fixed(turns, 3), unit: 'rev' })} />
+        <Readout label="velocity" value={fixed(axis.velocity_rpm, 1)} unit="rpm" />
+        <Readout label="torque" value={fixed(axis.torque_nm, 3)} unit="Nm" />
+        <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />
+        <Readout label="winding" value={fixed(axis.temperature_c, 1)} unit="°C" />
+        <Readout label="supply" value={fixed(axis.supply_v, 1)} unit="V" />
+      </dl>
+      <p className="bits" title={`statusword ${hex(axis.statusword ?? 0, 4)}`}>
+        {axis.powered && <span className="chip plain">{axis.mode === 0 ? 'no mode' : modeText(axis.mode)}</span>}
+        {axis.homed && <span className="chip plain">homed</span>}
+        {set.map(({ bit, name: text }) => (
+          <span key={bit} className={text === 'fault' ? 'bit bad' : text === 'warning' ? 'bit warn' : 'bit'}>{text.replace(' (0: active)', ' off')}</span>
+        ))}
+      </p>
+      {faults.length > 0 && (
+        <p className="fault">
+          <Link to={`/faults/${encodeURIComponent(name)}`}>
+            {faults.map(({ code, name: text }) => `${code.replace('0x', '')}h ${text}`).join('; ')}
+          </Link>
+        </p>
+      )}
+      <footer>
+        <span className="quiet address">{address(axis)}</span>
+        {job?.state === 'running' && <span className="busy">{job.do}</span>}
+        <Commands axis={axis} />
+      </footer>
+    </article>
+  );
+});
+
+// What is asked of an axis most, as far as its state lets it.
+export function Commands({ axis }: { axis: AxisView }) {
+  const { name, state } = axis;
+  if (!axis.powered) return <Button onPress={() => attempt(() => power(name, 'on'))}>Power on</Button>;
+  if (state === 'fault' || state === 'fault reaction active') {
+    return <Button kind="main" onPress={() => void runJob(name, { do: 'reset_fault' })}>Clear fault</Button>;
+  }
+  if (state === 'operation enabled' || state === 'quick stop active') {
+    return (
+      <>
+        <Button onPress={() => void runJob(name, { do: 'stop' })}>Halt</Button>
+        <Button onPress={() => void runJob(name, { do: 'disable' })}>Disable</Button>
+      </>
+    );
+  }
+  return <Button onPress={() => void runJob(name, { do: 'enable' })}>Enable</Button>;
+}
+
+function Buses() {
+  const buses = useResource<{ buses: BusView[] }>('/buses', 1000).value?.buses ?? [];
+  const count = (bus: BusView, keys: string[]) => fixed(keys.reduce((sum, key) => sum + (Number(bus[key]) || 0), 0), 0);
+  return (
+    <Panel title="Buses" aside={<Link to="/bus">traffic and links</Link>}>
+      <div className="scroll">
+        <table className="table">
+          <thead>
+            <tr>
+              <th scope="col">bus</th><th scope="col" className="wide">kind</th><th scope="col">kbit/s</th><th scope="col">load</th>
+              <th scope="col">frames</th><th scope="col">errors</th><th scope="col">lost</th><th scope="col">clients</th>
+            </tr>
+          </thead>
+          <tbody>
+            {buses.map((bus) => (
+              <tr key={bus.name}>
+                <th scope="row">{bus.name}</th>
+                <td className="text">{{ can: 'CAN', ethercat: 'EtherCAT', rs485: 'RS485' }[bus.type]}</td>
+                <td>{bus.bit_rate ? fixed(bus.bit_rate / 1000, bus.bit_rate % 1000 ? 1 : 0) : '100\u2009000'}</td>
+                <td>{bus.load_percent === undefined ? '–' : <Load percent={bus.load_percent} />}</td>
+                <td>{count(bus, bus.type === 'rs485' ? ['characters'] : ['frames'])}</td>
+                <td className={['errors', 'malformed', 'collisions'].some((key) => bus[key]) ? 'bad' : ''}>{count(bus, ['errors', 'malformed', 'collisions'])}</td>
+                <td>{count(bus, ['dropped', 'lost', 'disturbed'])}</td>
+                <td>{bus.links.reduce((sum, { clients }) => sum + clients, 0)}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+    </Panel>
+  );
+}
+
+export function Load({ percent }: { percent: number }) {
+  return (
+    <span className="load">
+      <meter min={0} max={100} high={80} value={percent} aria-label="bus load">{fixed(percent, 1)} %</meter>
+      {fixed(percent, 1)} %
+    </span>
+  );
+}

@@ -1,0 +1,290 @@
+import { useEffect, useMemo, useRef, useState, type KeyboardEvent } from 'react';
+import type { ObjectEntry, ObjectValue } from '../api/types';
+import { axisPath, readObject, writeObject } from '../commands';
+import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
+import { Button, Choice, Panel, Search, Toggle, Trouble } from '../parts/controls';
+import { addressOf, differs, groups, hasDefault, hexValue, inGroup, isReadable, isWritable, matches, namedOf, parseValue, showValue, type Group } from '../model/objects';
+import { attempt, tell } from '../notices';
+import { useResource } from '../resource';
+import { keep, useRoute } from '../route';
+import { useAxis } from '../store';
+
+export function ObjectsPage() {
+  const { name: asked, query } = useRoute();
+  const name = usePageAxis(asked);
+  const powered = useAxis(name)?.powered ?? false;
+  const { value, problem } = useResource<{ objects: ObjectEntry[] }>(powered ? `${axisPath(name)}/objects` : null);
+  const all = useMemo(() => (value?.objects ?? []).filter(({ index }) => Number(index) >= 0x1000), [value]);
+  const search = query.get('q') ?? '';
+  const group = (groups.find((each) => each === query.get('group')) ?? 'All');
+  const values = useValues(name);
+  const shown = useMemo(
+    () => all.filter((entry) => inGroup(entry, group, (each) => differs(each, values.of(each))) && matches(entry, search)),
+    [all, group, search, values],
+  );
+  const selected = shown.find((entry) => addressOf(entry) === query.get('object')) ?? shown[0];
+
+  return (
+    <>
+      <AxisTabs page="objects" name={name} />
+      <Trouble problem={problem} />
+      {!powered && <p className="empty">Without power there are no objects to read.</p>}
+      <div className="objects-page">
+        <Panel
+          title="Dictionary"
+          aside={<span className="quiet" role="status">{shown.length} of {all.length}{values.reading ? ', reading' : ''}</span>}
+        >
+          <div className="toolbar">
+            <Search label="Search by name, index or unit" value={search} onChange={(q) => keep({ q })} />
+            <Choice<Group>
+              label="Group"
+              hideLabel
+              value={group}
+              options={groups.map((each) => [each, each] as const)}
+              onChange={(to) => {
+                keep({ group: to === 'All' ? null : to });
+                if (to === 'Changed') void values.readAll(all.filter(hasDefault));
+              }}
+            />
+          </div>
+          <ObjectList entries={shown} values={values} selected={selected} onSelect={(entry) => keep({ object: addressOf(entry) })} />
+        </Panel>
+        {selected && <Editor key={addressOf(selected)} axis={name} entry={selected} values={values} />}
+      </div>
+    </>
+  );
+}
+
+interface Values {
+  of(entry: ObjectEntry): ObjectValue | undefined;
+  note(entry: ObjectEntry, value: ObjectValue): void;
+  want(entries: ObjectEntry[]): void;
+  readAll(entries: ObjectEntry[]): Promise<void>;
+  reading: boolean;
+}
+
+// Values are read as they come into view, a few at a time.
+function useValues(axis: string): Values {
+  const [known, setKnown] = useState<ReadonlyMap<string, ObjectValue>>(new Map());
+  const [reading, setReading] = useState(false);
+  const queue = useRef<ObjectEntry[]>([]);
+  const asked = useRef(new Set<string>());
+  const busy = useRef(false);
+
+  const drain = async () => {
+    if (busy.current) return;
+    busy.current = true;
+    while (queue.current.length > 0) {
+      const some = queue.current.splice(0, 8);
+      const answers = await Promise.all(some.map((entry) => readObject(axis, Number(entry.index), entry.sub).catch(() => undefined)));
+      setKnown((before) => {
+        const after = new Map(before);
+        answers.forEach((answer, i) => {
+          if (answer !== undefined) after.set(addressOf(some[i]), answer);
+        });
+        return after;
+      });
+    }
+    busy.current = false;
+  };
+  const want = (entries: ObjectEntry[]) => {
+    const fresh = entries.filter((entry) => isReadable(entry) && !asked.current.has(addressOf(entry)));
+    if (fresh.length === 0) return Promise.resolve();
+    fresh.forEach((entry) => asked.current.add(addressOf(entry)));
+    queue.current.push(...fresh);
+    return drain();
+  };
+  return useMemo(
+    () => ({
+      of: (entry) => known.get(addressOf(entry)),
+      note: (entry, value) => setKnown((before) => new Map(before).set(addressOf(entry), value)),
+      want: (entries) => void want(entries),
+      readAll: async (entries) => {
+        setReading(true);
+        await want(entries);
+        setReading(false);
+      },
+      reading,
+    }),
+    // `want` closes over references only
+    // eslint-disable-next-line react-hooks/exhaustive-deps
+    [known, reading],
+  );
+}
+
+const rowHeight = 26;
+const beyond = 8;
+
+// Only the rows in view are in the page: a dictionary has more than a thousand.
+function ObjectList({ entries, values, selected, onSelect }: {
+  entries: ObjectEntry[];
+  values: Values;
+  selected: ObjectEntry | undefined;
+  onSelect: (entry: ObjectEntry) => void;
+}) {
+  const box = useRef<HTMLDivElement>(null);
+  const [top, setTop] = useState(0);
+  const [height, setHeight] = useState(600);
+  const first = Math.max(0, Math.floor(top / rowHeight) - beyond);
+  const rows = entries.slice(first, Math.ceil((top + height) / rowHeight) + beyond);
+
+  useEffect(() => {
+    const observer = new ResizeObserver(([entry]) => setHeight(entry.contentRect.height));
+    observer.observe(box.current!);
+    return () => observer.disconnect();
+  }, []);
+  const wanted = rows.map(addressOf).join();
+  useEffect(() => {
+    const timer = setTimeout(() => values.want(rows), 80);
+    return () => clearTimeout(timer);
+    // eslint-disable-next-line react-hooks/exhaustive-deps
+  }, [wanted]);
+
+  const onKeyDown = (event: KeyboardEvent) => {
+    const steps: Record<string, number> = { ArrowDown: 1, ArrowUp: -1, PageDown: 15, PageUp: -15, Home: -entries.length, End: entries.length };
+    const step = steps[event.key];
+    if (!step || entries.length === 0) return;
+    event.preventDefault();
+    const at = Math.max(0, Math.min(entries.length - 1, (selected ? entries.indexOf(selected) : -1) + step));
+    onSelect(entries[at]);
+    const place = at * rowHeight;
+    const element = box.current!;
+    if (place < element.scrollTop) element.scrollTop = place;
+    else if (place + rowHeight > element.scrollTop + element.clientHeight) element.scrollTop = place + rowHeight - element.clientHeight;
+  };
+
+  return (
+    <div
+      className="object-list"
+      ref={box}
+      role="listbox"
+      tabIndex={0}
+      aria-label="Objects"
+      aria-activedescendant={selected && rows.includes(selected) ? `object-${addressOf(selected)}` : undefined}
+      onKeyDown={onKeyDown}
+      onScroll={(event) => setTop(event.currentTarget.scrollTop)}
+    >
+      <div className="object-space" role="presentation" style={{ height: entries.length * rowHeight }}>
+        {rows.map((entry, i) => {
+          const value = values.of(entry);
+          return (
+            // The list box has the keyboard for all of its options.
+            // eslint-disable-next-line jsx-a11y/click-events-have-key-events
+            <div
+              key={addressOf(entry)}
+              id={`object-${addressOf(entry)}`}
+              role="option"
+              tabIndex={-1}
+              aria-selected={entry === selected}
+              aria-setsize={entries.length}
+              aria-posinset={first + i + 1}
+              className={`object ${differs(entry, value) ? 'changed' : ''}`}
+              style={{ transform: `translateY(${(first + i) * rowHeight}px)` }}
+              onClick={() => onSelect(entry)}
+            >
+              <span className="mono">{addressOf(entry)}</span>
+              <span className="name">{entry.name}</span>
+              <span className="value">{showValue(value)}</span>
+              <span className="unit">{entry.unit}</span>
+              <span className="access">{entry.access}</span>
+            </div>
+          );
+        })}
+      </div>
+    </div>
+  );
+}
+
+function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; values: Values }) {
+  const [typed, setTyped] = useState<string | null>(null);
+  const value = values.of(entry);
+  const index = Number(entry.index);
+  const bits = namedOf(entry.bits);
+  const enumeration = namedOf(entry.enumeration);
+  const writable = isWritable(entry);
+
+  // The value in view is kept up to date.
+  const latest = useRef(values);
+  latest.current = values;
+  useEffect(() => {
+    if (!isReadable(entry)) return;
+    let over = false;
+    const read = () =>
+      readObject(axis, index, entry.sub).then((now) => {
+        if (!over) latest.current.note(entry, now);
+      }, () => undefined);
+    void read();
+    const timer = setInterval(() => void read(), 500);
+    return () => {
+      over = true;
+      clearInterval(timer);
+    };
+  }, [axis, entry, index]);
+
+  const write = (to: ObjectValue) =>
+    attempt(async () => {
+      await writeObject(axis, index, entry.sub, to);
+      setTyped(null);
+      if (isReadable(entry)) values.note(entry, await readObject(axis, index, entry.sub));
+      tell(`${addressOf(entry)} written`);
+    });
+  const parsed = typed === null ? undefined : parseValue(entry, typed);
+
+  return (
+    <Panel title={entry.name} className="editor" aside={<span className="mono quiet">{addressOf(entry)}</span>}>
+      {entry.text && <p className="note">{entry.text}</p>}
+      <dl className="facts">
+        <dt>value</dt>
+        <dd className={differs(entry, value) ? 'changed' : ''}>{showValue(value)} {entry.unit} <span className="quiet mono">{hexValue(entry, value)}</span></dd>
+        {entry.default !== undefined && <><dt>default</dt><dd>{showValue(entry.default)}</dd></>}
+        {(entry.minimum ?? entry.maximum) !== undefined && <><dt>range</dt><dd>{entry.minimum ?? '–'} … {entry.maximum ?? '–'}</dd></>}
+        <dt>type</dt>
+        <dd>{entry.type}, {entry.access}{entry.pdo && entry.pdo !== 'none' ? `, PDO ${entry.pdo}` : ''}{entry.saved ? ', can be stored' : ''}</dd>
+      </dl>
+      {writable && (
+        <form
+          className="write"
+          onSubmit={(event) => {
+            event.preventDefault();
+            if (parsed !== undefined) write(parsed);
+          }}
+        >
+          <label className="field">
+            <span>New value</span>
+            <input
+              className="input"
+              value={typed ?? showValue(value)}
+              onChange={(event) => setTyped(event.target.value)}
+              aria-invalid={typed !== null && parsed === undefined}
+              spellCheck={false}
+              autoComplete="off"
+            />
+          </label>
+          <Button kind="main" type="submit" isDisabled={parsed === undefined}>Write</Button>
+          {hasDefault(entry) && differs(entry, value) && <Button onPress={() => write(entry.default!)}>Default</Button>}
+        </form>
+      )}
+      {enumeration.length > 0 && typeof value === 'number' && (
+        <Choice
+          label="Meaning"
+          value={value}
+          isDisabled={!writable}
+          options={[...enumeration.map(({ value: number, name }) => [number, `${number}: ${name}`] as const), ...(enumeration.some((each) => each.value === value) ? [] : [[value, `${value}`] as const])]}
+          onChange={write}
+        />
+      )}
+      {bits.length > 0 && typeof value === 'number' && (
+        <ul className="bit-list">
+          {bits.map(({ value: bit, name }) => (
+            <li key={bit}>
+              <span className="number">{bit}</span>
+              <Toggle isDisabled={!writable} isSelected={Math.floor(value / 2 ** bit) % 2 === 1} onChange={(on) => write(value + (on ? 1 : -1) * 2 ** bit)}>{name}</Toggle>
+            </li>
+          ))}
+        </ul>
+      )}
+      {index === 0x1010 && writable && <Button onPress={() => write(0x65766173)}>Store (writes "save")</Button>}
+      {index === 0x1011 && writable && <Button onPress={() => write(0x64616f6c)}>Restore defaults (writes "load")</Button>}
+    </Panel>
+  );
+}

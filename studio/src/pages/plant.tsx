@@ -1,0 +1,169 @@
+import { useState } from 'react';
+import { put, post, remove } from '../api/client';
+import type { AxisView, BusView, FaultList, Inputs, Plant } from '../api/types';
+import { axisPath, power } from '../commands';
+import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
+import { Button, Choice, NumberInput, Panel, Toggle, Trouble } from '../parts/controls';
+import { useGeometry } from '../parts/travel';
+import { attempt } from '../notices';
+import { useResource } from '../resource';
+import { useRoute } from '../route';
+import { useAxis } from '../store';
+
+export function PlantPage() {
+  const name = usePageAxis(useRoute().name);
+  const axis = useAxis(name);
+  if (!axis) return null;
+  return (
+    <>
+      <AxisTabs page="plant" name={name} />
+      <div className="panels">
+        <InputsPanel name={name} />
+        <PlantPanel name={name} />
+        <FaultPanel name={name} />
+        <PowerPanel axis={axis} />
+        {axis.bus && <DisturbancePanel bus={axis.bus} axis={name} />}
+      </div>
+    </>
+  );
+}
+
+function InputsPanel({ name }: { name: string }) {
+  const path = `${axisPath(name)}/inputs`;
+  const { value, problem, again } = useResource<{ inputs: Inputs }>(path, 500);
+  const wires = Object.entries(useGeometry(name)?.inputs ?? {});
+  const force = (input: string, level: boolean | null) => attempt(() => put(path, { [input]: level }).then(again));
+  return (
+    <Panel title="Digital inputs">
+      <Trouble problem={problem} />
+      <table className="table">
+        <thead>
+          <tr><th scope="col">input</th><th scope="col" className="wide">wired to</th><th scope="col">level</th><th scope="col">force</th></tr>
+        </thead>
+        <tbody>
+          {Object.entries(value?.inputs ?? {}).map(([input, { level, forced }]) => (
+            <tr key={input}>
+              <th scope="row">{input}</th>
+              <td className="text">{wires.filter(([, wire]) => wire === input).map(([what]) => what.replaceAll('_', ' ')).join(', ')}</td>
+              <td><span className={level ? 'lamp on' : 'lamp'} role="img" aria-label={level ? 'on' : 'off'} /></td>
+              <td>
+                <div className="segments" role="group" aria-label={`Force ${input}`}>
+                  <button type="button" aria-pressed={!forced} onClick={() => force(input, null)}>wire</button>
+                  <button type="button" aria-pressed={forced && !level} onClick={() => force(input, false)}>0</button>
+                  <button type="button" aria-pressed={forced && level} onClick={() => force(input, true)}>1</button>
+                </div>
+              </td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </Panel>
+  );
+}
+
+const quantities: [keyof Plant, string, string][] = [
+  ['load_torque_nm', 'Load torque', 'Nm'],
+  ['load_inertia_kgm2', 'Load inertia', 'kg·m²'],
+  ['friction_nm', 'Coulomb friction', 'Nm'],
+  ['supply_v', 'Supply', 'V'],
+  ['ambient_c', 'Ambient', '°C'],
+];
+
+function PlantPanel({ name }: { name: string }) {
+  const path = `${axisPath(name)}/plant`;
+  const { value, problem, again } = useResource<Plant>(path, 1000);
+  const change = (to: Partial<Plant>) => attempt(() => put(path, to).finally(again));
+  return (
+    <Panel title="Plant">
+      <Trouble problem={problem} />
+      {value && (
+        <div className="form">
+          {quantities.map(([key, label, unit]) => (
+            <NumberInput key={key} label={label} unit={unit} value={value[key] as number} onChange={(to) => change({ [key]: to })} />
+          ))}
+          <Toggle isSelected={value.locked_rotor} onChange={(locked_rotor) => change({ locked_rotor })}>Locked rotor</Toggle>
+        </div>
+      )}
+    </Panel>
+  );
+}
+
+function FaultPanel({ name }: { name: string }) {
+  const path = `${axisPath(name)}/faults`;
+  const { value, problem, again } = useResource<FaultList>(path, 1000);
+  const [chosen, setChosen] = useState('encoder_loss');
+  const options = [
+    ...(value?.injectable.plant ?? []).map((fault) => [fault, fault.replaceAll('_', ' ')] as const),
+    ...unique(value?.injectable.drive ?? []).map(({ code, name: text }) => [code, `${code.slice(2)}h ${text}`] as const),
+  ];
+  return (
+    <Panel title="Fault injection">
+      <Trouble problem={problem} />
+      <div className="form">
+        {options.length > 0 && <Choice label="Fault" value={chosen} options={options} onChange={setChosen} />}
+        <Button onPress={() => attempt(() => post(path, { inject: chosen }).finally(again))}>Inject</Button>
+      </div>
+      {value && value.injected.length > 0 && (
+        <ul className="plain-list">
+          {value.injected.map((fault) => (
+            <li key={fault}>
+              {fault.replaceAll('_', ' ')} <Button kind="bare" aria-label={`Take back ${fault}`} onPress={() => attempt(() => remove(path, { inject: fault }).finally(again))}>Take back</Button>
+            </li>
+          ))}
+          <li><Button kind="bare" onPress={() => attempt(() => remove(path).finally(again))}>Take back all</Button></li>
+        </ul>
+      )}
+    </Panel>
+  );
+}
+
+function unique<T extends { code: string }>(entries: T[]): T[] {
+  return entries.filter(({ code }, i) => entries.findIndex((entry) => entry.code === code) === i);
+}
+
+function PowerPanel({ axis }: { axis: AxisView }) {
+  const { name, powered } = axis;
+  return (
+    <Panel title="Power" aside={<span className={`chip ${powered ? 'ready' : 'quiet'}`}>{powered ? 'on' : 'off'}</span>}>
+      <p className="note">Without power the drive forgets what it has not stored; the shaft stays where it is.</p>
+      <div className="buttons">
+        <Button isDisabled={powered} onPress={() => attempt(() => power(name, 'on'))}>On</Button>
+        <Button isDisabled={!powered} onPress={() => attempt(() => power(name, 'off'))}>Off</Button>
+        <Button isDisabled={!powered} onPress={() => attempt(() => power(name, 'cycle'))}>Power cycle</Button>
+      </div>
+    </Panel>
+  );
+}
+
+function DisturbancePanel({ bus, axis }: { bus: string; axis: string }) {
+  const path = `/buses/${encodeURIComponent(bus)}`;
+  const { value, problem, again } = useResource<BusView>(path, 1000);
+  const [drop, setDrop] = useState(5);
+  const [corrupt, setCorrupt] = useState(0);
+  const [delay, setDelay] = useState(0);
+  const [delay_ms, setDelayMs] = useState(5);
+  const [only, setOnly] = useState(false);
+  const isCan = value?.type === 'can';
+  const hasDelay = value?.type !== 'rs485';
+  const disturb = () =>
+    post(`${path}/disturb`, {
+      drop: drop / 100, corrupt: corrupt / 100,
+      ...(hasDelay ? { delay: delay / 100, delay_ms } : {}), ...(isCan && only ? { axis } : {}),
+    }).finally(again);
+  return (
+    <Panel title={`Disturbance of ${bus}`} aside={value?.disturbance && <span className="chip warn">disturbed</span>}>
+      <Trouble problem={problem} />
+      <div className="form">
+        <NumberInput label="Lost" unit="% of frames" value={drop} onChange={setDrop} minimum={0} maximum={100} />
+        <NumberInput label="Spoilt" unit="% of frames" value={corrupt} onChange={setCorrupt} minimum={0} maximum={100} />
+        {hasDelay && <NumberInput label="Late" unit="% of frames" value={delay} onChange={setDelay} minimum={0} maximum={100} />}
+        {hasDelay && <NumberInput label="by" unit="ms" value={delay_ms} onChange={setDelayMs} minimum={0} maximum={60000} />}
+        {isCan && <Toggle isSelected={only} onChange={setOnly}>Only what {axis} sends</Toggle>}
+        <div className="buttons">
+          <Button onPress={() => attempt(disturb)}>Disturb</Button>
+          <Button isDisabled={!value?.disturbance} onPress={() => attempt(() => remove(`${path}/disturb`).finally(again))}>End</Button>
+        </div>
+      </div>
+    </Panel>
+  );
+}

@@ -1,0 +1,153 @@
+import { type ComponentProps, type MouseEvent, type ReactNode } from 'react';
+import {
+  Button as AriaButton, FieldError, Group, Input, Label, ListBox, ListBoxItem, NumberField, Popover, SearchField, Select as AriaSelect,
+  SelectValue, type ButtonProps,
+} from 'react-aria-components';
+import { go } from '../route';
+
+// The controls of the page: react-aria's behaviour, our looks.
+
+export function Button({ kind = 'plain', ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare' }) {
+  return <AriaButton {...props} className={`button ${kind} ${typeof props.className === 'string' ? props.className : ''}`} />;
+}
+
+export function Choice<T extends string | number>({ label, value, options, onChange, hideLabel = false, isDisabled = false }: {
+  label: string;
+  value: T;
+  options: readonly (readonly [T, string])[];
+  onChange: (value: T) => void;
+  hideLabel?: boolean;
+  isDisabled?: boolean;
+}) {
+  return (
+    <AriaSelect
+      className="field"
+      isDisabled={isDisabled}
+      value={String(value)}
+      onChange={(key) => {
+        const chosen = options.find(([option]) => String(option) === String(key));
+        if (chosen) onChange(chosen[0]);
+      }}
+      {...(hideLabel ? { 'aria-label': label } : {})}
+    >
+      {!hideLabel && <Label>{label}</Label>}
+      <AriaButton className="button select">
+        <SelectValue />
+        <span aria-hidden="true">▾</span>
+      </AriaButton>
+      <Popover className="popover">
+        <ListBox className="options">
+          {options.map(([option, text]) => (
+            <ListBoxItem key={String(option)} id={String(option)} textValue={text} className="option">
+              {text}
+            </ListBoxItem>
+          ))}
+        </ListBox>
+      </Popover>
+    </AriaSelect>
+  );
+}
+
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, step, hideLabel = false, isDisabled = false }: {
+  label: string;
+  unit?: string;
+  value: number;
+  onChange: (value: number) => void;
+  minimum?: number | undefined;
+  maximum?: number | undefined;
+  step?: number;
+  hideLabel?: boolean;
+  isDisabled?: boolean;
+}) {
+  return (
+    <NumberField
+      className="field"
+      value={value}
+      onChange={onChange}
+      isDisabled={isDisabled}
+      formatOptions={{ maximumFractionDigits: 6, useGrouping: false }}
+      {...(minimum === undefined ? {} : { minValue: minimum })}
+      {...(maximum === undefined ? {} : { maxValue: maximum })}
+      {...(step === undefined ? {} : { step })}
+      {...(hideLabel ? { 'aria-label': label } : {})}
+    >
+      {!hideLabel && <Label>{label}</Label>}
+      <Group className="number">
+        <Input className="input" />
+        {unit && <span className="unit">{unit}</span>}
+      </Group>
+      <FieldError className="refusal" />
+    </NumberField>
+  );
+}
+
+export function Search({ label, value, onChange }: { label: string; value: string; onChange: (value: string) => void }) {
+  return (
+    <SearchField className="field search" aria-label={label} value={value} onChange={onChange}>
+      <Input className="input" placeholder={label} />
+    </SearchField>
+  );
+}
+
+export function Toggle({ children, isSelected, onChange, isDisabled = false }: {
+  children: ReactNode;
+  isSelected: boolean;
+  onChange: (on: boolean) => void;
+  isDisabled?: boolean;
+}) {
+  return (
+    <label className="switch">
+      <input type="checkbox" role="switch" checked={isSelected} disabled={isDisabled} onChange={(event) => onChange(event.target.checked)} />
+      {children}
+    </label>
+  );
+}
+
+// A link within the page: an ordinary one for the browser, without loading everything again.
+export function Link({ to, ...props }: { to: string } & ComponentProps<'a'>) {
+  const follow = (event: MouseEvent) => {
+    if (event.metaKey || event.ctrlKey || event.shiftKey || event.button !== 0) return;
+    event.preventDefault();
+    go(to);
+  };
+  return (
+    <a {...props} href={to} onClick={follow}>
+      {props.children}
+    </a>
+  );
+}
+
+export function Panel({ title, aside, children, className = '' }: { title: string; aside?: ReactNode; children: ReactNode; className?: string }) {
+  return (
+    <section className={`panel ${className}`} aria-label={title}>
+      <header>
+        <h2>{title}</h2>
+        {aside}
+      </header>
+      {children}
+    </section>
+  );
+}
+
+export function Readout({ label, value, unit, title }: { label: string; value: ReactNode; unit?: string; title?: string }) {
+  return (
+    <div className="readout" title={title}>
+      <dt>{label}</dt>
+      <dd>
+        {value}
+        {unit && <span className="unit">{unit}</span>}
+      </dd>
+    </div>
+  );
+}
+
+export function Trouble({ problem }: { problem: { what: string; where?: string; hint?: string } | undefined }) {
+  if (!problem) return null;
+  return (
+    <p className="trouble" role="alert">
+      <strong>{problem.what}</strong>
+      {problem.where && <> · {problem.where}</>}
+      {problem.hint && <span className="hint">{problem.hint}</span>}
+    </p>
+  );
+}

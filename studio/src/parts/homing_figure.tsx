@@ -1,0 +1,86 @@
+import { useEffect, useRef } from 'react';
+import type { AxisView, Geometry, HomingMethod } from '../api/types';
+import { followLeg, homingPath } from '../model/homing';
+
+// A homing method as the standard's figures draw it: the path leg by leg, and below it where the switches are active
+// and where the indexes lie. While the axis homes, its place is on the path.
+
+const width = 640;
+const legHeight = 22;
+const margin = 16;
+
+export function HomingFigure({ method, geometry, axis, start }: {
+  method: HomingMethod;
+  geometry: Geometry;
+  axis: AxisView;
+  start: number; // counts where the homing began, or would begin
+}) {
+  const path = homingPath(method, geometry, start);
+  const leg = useRef(0);
+  useEffect(() => {
+    leg.current = 0;
+  }, [start, method.method]);
+  leg.current = followLeg(path, leg.current, axis.position_counts, axis.velocity_rpm);
+
+  const turn = geometry.index_every ?? 131072;
+  const points = [start, axis.position_counts, ...path.map(({ to }) => to)];
+  if (geometry.home_from !== null && geometry.home_to !== null) points.push(geometry.home_from, geometry.home_to);
+  const span = Math.max(3 * turn, (Math.max(...points) - Math.min(...points)) * 1.3);
+  const middle = (Math.max(...points) + Math.min(...points)) / 2;
+  const from = middle - span / 2;
+  const at = (counts: number) => margin + (Math.max(0, Math.min(1, (counts - from) / span))) * (width - 2 * margin);
+
+  const pathTop = 18;
+  const signalsTop = pathTop + Math.max(1, path.length) * legHeight + 10;
+  const height = signalsTop + 4 * 20;
+  const marks: number[] = [];
+  if (span / turn <= 60) for (let k = Math.ceil((from - (geometry.index_at ?? 0)) / turn); k * turn + (geometry.index_at ?? 0) <= from + span; ++k) marks.push(k * turn + (geometry.index_at ?? 0));
+
+  const level = (row: number, name: string, spans: [number, number][]) => {
+    const low = signalsTop + row * 20 + 14;
+    let line = `M${margin} ${low}`;
+    for (const [a, b] of spans) line += ` H${at(a)} V${low - 9} H${at(b)} V${low}`;
+    return (
+      <g className="signal" key={name}>
+        <path d={`${line} H${width - margin}`} />
+        <text x={margin} y={low - 4}>{name}</text>
+      </g>
+    );
+  };
+  const end = path[path.length - 1];
+  const reached = end !== undefined && (end.leg.then === undefined || end.leg.then === 'latch');
+  const here = pathTop + (Math.min(leg.current, Math.max(0, path.length - 1)) + 0.5) * legHeight;
+
+  return (
+    <svg className="homing" viewBox={`0 0 ${width} ${height}`} role="img" aria-label={`Homing method ${method.method}: ${path.map(({ leg: { direction, until } }) => `${direction} until ${until.replaceAll('_', ' ')}`).join(', then ')}`}>
+      <defs>
+        <marker id="leg-end" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">
+          <path d="M0 0 L8 4 L0 8 z" />
+        </marker>
+      </defs>
+      {path.map(({ from: a, to: b, leg: { speed, until } }, i) => {
+        const y = pathTop + (i + 0.5) * legHeight;
+        return (
+          <g key={i} className={`leg ${speed} ${i === leg.current && axis.in_motion ? 'now' : ''}`}>
+            {i > 0 && <path className="turn" d={`M${at(a)} ${y - legHeight} V${y}`} />}
+            <path d={`M${at(a)} ${y} H${at(b)}`} markerEnd="url(#leg-end)" />
+            <text x={(at(a) + at(b)) / 2} y={y - 4}>{until.replaceAll('_', ' ')}</text>
+          </g>
+        );
+      })}
+      <circle className="begin" cx={at(start)} cy={pathTop + 0.5 * legHeight} r="4" />
+      {reached && (
+        <g className="found">
+          <circle cx={at(end.to)} cy={pathTop + (path.length - 0.5) * legHeight} r="10" />
+          <text x={at(end.to)} y={pathTop + (path.length - 0.5) * legHeight + 4}>{method.method}</text>
+        </g>
+      )}
+      <path className="here" d={`M${at(axis.position_counts)} ${here - 8} V${height}`} />
+      <circle className="here" cx={at(axis.position_counts)} cy={here} r="4" />
+      {level(0, 'index', marks.map((mark) => [mark, mark + span / 400]))}
+      {level(1, 'home', geometry.home_from !== null && geometry.home_to !== null ? [[geometry.home_from, geometry.home_to]] : [])}
+      {level(2, 'negative limit', geometry.negative_limit !== null ? [[from, Math.max(from, geometry.negative_limit)]] : [])}
+      {level(3, 'positive limit', geometry.positive_limit !== null ? [[Math.min(from + span, geometry.positive_limit), from + span]] : [])}
+    </svg>
+  );
+}

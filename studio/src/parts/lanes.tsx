@@ -1,0 +1,186 @@
+import { useEffect, useRef, useState } from 'react';
+import uPlot from 'uplot';
+import 'uplot/dist/uPlot.min.css';
+import { color } from '../theme';
+
+// Curves over one time axis, a lane for each unit, so that each is read on a scale of its own.
+
+export interface Curve {
+  name: string;
+  unit: string;
+  tone: number; // which of the palette's colours
+  values: ArrayLike<number>;
+  faint?: boolean; // of an earlier recording
+}
+
+export interface LanesProps {
+  x: ArrayLike<number>;
+  curves: Curve[];
+  range: [number, number] | null; // of x; null: all of it
+  onRange?: (range: [number, number] | null) => void;
+  cursors?: [number | null, number | null];
+  onCursor?: (which: 0 | 1, x: number) => void;
+  laneHeight?: number;
+  unit?: string; // of x
+  label: string;
+}
+
+export const tones = 8;
+const toneNames = Array.from({ length: tones }, (_, i) => `curve-${i}`);
+
+interface Looks {
+  ink: string;
+  grid: string;
+  cursor: string;
+  curves: string[];
+}
+
+function looks(): Looks {
+  return { ink: color('ink-2'), grid: color('grid'), cursor: color('accent'), curves: toneNames.map(color) };
+}
+
+export function useLooks(): Looks {
+  const [now, set] = useState(looks);
+  useEffect(() => {
+    const renew = () => set(looks());
+    const media = matchMedia('(prefers-color-scheme: dark)');
+    addEventListener('theme', renew);
+    media.addEventListener('change', renew);
+    return () => {
+      removeEventListener('theme', renew);
+      media.removeEventListener('change', renew);
+    };
+  }, []);
+  return now;
+}
+
+export function Lanes(props: LanesProps) {
+  const units = [...new Set(props.curves.map(({ unit }) => unit))];
+  return (
+    <div className="lanes" role="img" aria-label={`${props.label}: ${props.curves.map(({ name }) => name).join(', ')}`}>
+      {units.map((unit, i) => (
+        <Lane key={unit} {...props} curves={props.curves.filter((curve) => curve.unit === unit)} last={i === units.length - 1} title={unit} />
+      ))}
+    </div>
+  );
+}
+
+const font = '11px system-ui, sans-serif';
+
+function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, last, title, unit = 'ms' }: LanesProps & { last: boolean; title: string }) {
+  const box = useRef<HTMLDivElement>(null);
+  const plot = useRef<uPlot | null>(null);
+  const look = useLooks();
+  // uPlot calls back long after it was made: what it then needs is here.
+  const now = useRef({ range, onRange, cursors, onCursor, x });
+  now.current = { range, onRange, cursors, onCursor, x };
+  const shape = JSON.stringify(curves.map(({ name, tone, faint }) => [name, tone, faint]));
+
+  useEffect(() => {
+    const element = box.current!;
+    const series = (JSON.parse(shape) as [string, number, boolean?][]).map(([name, tone, faint]) => ({
+      label: name,
+      stroke: look.curves[tone % tones],
+      width: faint ? 1 : 1.5,
+      alpha: faint ? 0.45 : 1,
+      dash: tone >= tones ? [6, 4] : [],
+      points: { show: false },
+    }));
+    const axis = { stroke: look.ink, font, grid: { stroke: look.grid, width: 1 }, ticks: { stroke: look.grid, width: 1, size: 4 } };
+    const mark = (u: uPlot, at: number | null | undefined, text: string, stroke: string, dash: number[]) => {
+      if (at === null || at === undefined) return;
+      const place = Math.round(u.valToPos(at, 'x', true));
+      if (place < u.bbox.left || place > u.bbox.left + u.bbox.width) return;
+      const ratio = devicePixelRatio;
+      u.ctx.save();
+      u.ctx.strokeStyle = stroke;
+      u.ctx.fillStyle = stroke;
+      u.ctx.lineWidth = ratio;
+      u.ctx.setLineDash(dash.map((d) => d * ratio));
+      u.ctx.beginPath();
+      u.ctx.moveTo(place, u.bbox.top);
+      u.ctx.lineTo(place, u.bbox.top + u.bbox.height);
+      u.ctx.stroke();
+      u.ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      u.ctx.fillText(text, place + 3 * ratio, u.bbox.top + 11 * ratio);
+      u.ctx.restore();
+    };
+    const extent = (): [number, number] => {
+      const { range: asked, x: all } = now.current;
+      return asked ?? (all.length > 1 ? [all[0], all[all.length - 1]] : [0, 1]);
+    };
+    const made = new uPlot(
+      {
+        width: Math.max(100, element.clientWidth),
+        height: laneHeight + (last ? 26 : 0),
+        padding: [6, 10, last ? 0 : 4, 0],
+        legend: { show: false },
+        scales: { x: { time: false, range: extent } },
+        axes: [
+          { ...axis, size: last ? 30 : 0, ...(last ? { values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${tick} ${unit}` : `${tick}`)) } : { values: () => [] }) },
+          { ...axis, size: 62, label: title, labelSize: 14, labelFont: font, labelGap: 0 },
+        ],
+        series: [{}, ...series],
+        cursor: { sync: { key: 'lanes' }, drag: { x: true, y: false, setScale: false }, y: false, points: { show: false }, bind: { dblclick: () => () => { now.current.onRange?.(null); return null; } } },
+        hooks: {
+          draw: [
+            (u) => {
+              mark(u, 0, '', look.grid, []);
+              mark(u, now.current.cursors?.[0], 'A', look.cursor, []);
+              mark(u, now.current.cursors?.[1], 'B', look.cursor, [4, 3]);
+            },
+          ],
+          setSelect: [
+            (u) => {
+              if (u.select.width > 4) now.current.onRange?.([u.posToVal(u.select.left, 'x'), u.posToVal(u.select.left + u.select.width, 'x')]);
+              if (u.select.width > 0) u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+            },
+          ],
+        },
+      },
+      [[], ...series.map(() => [])],
+      element,
+    );
+    plot.current = made;
+    let pressed = 0;
+    made.over.addEventListener('mousedown', (event) => (pressed = event.clientX));
+    made.over.addEventListener('click', (event) => {
+      if (Math.abs(event.clientX - pressed) > 3) return;
+      now.current.onCursor?.(event.shiftKey ? 1 : 0, made.posToVal(event.offsetX, 'x'));
+    });
+    made.over.addEventListener(
+      'wheel',
+      (event) => {
+        if (!now.current.onRange || !event.ctrlKey) return;
+        event.preventDefault();
+        const [from, to] = extent();
+        const at = made.posToVal(event.offsetX, 'x');
+        const factor = event.deltaY < 0 ? 0.8 : 1.25;
+        now.current.onRange([at - (at - from) * factor, at + (to - at) * factor]);
+      },
+      { passive: false },
+    );
+    const observer = new ResizeObserver(() => made.setSize({ width: Math.max(100, element.clientWidth), height: laneHeight + (last ? 26 : 0) }));
+    observer.observe(element);
+    return () => {
+      observer.disconnect();
+      made.destroy();
+      plot.current = null;
+    };
+  }, [shape, look, laneHeight, last, title, unit]);
+
+  useEffect(() => {
+    plot.current?.setData([x, ...curves.map(({ values }) => values)] as uPlot.AlignedData);
+  }, [x, curves, shape, look, laneHeight, last, title, unit]);
+
+  const [from, to] = range ?? [NaN, NaN];
+  useEffect(() => {
+    const u = plot.current;
+    if (u && Number.isFinite(from)) u.setScale('x', { min: from, max: to });
+    else if (u) u.setData(u.data);
+  }, [from, to]);
+  const [a, b] = cursors ?? [null, null];
+  useEffect(() => plot.current?.redraw(false), [a, b]);
+
+  return <div className="lane" ref={box} />;
+}

@@ -1,0 +1,69 @@
+import { useEffect, useMemo, useState } from 'react';
+import type { Channel, ChannelRequest, Problem } from '../api/types';
+import { LiveBuffer } from '../model/live_buffer';
+import { stream } from '../store';
+import { Trouble } from './controls';
+import { Lanes, type LanesProps } from './lanes';
+
+interface Live {
+  channels: Channel[];
+  x: Float64Array;
+  values: Float64Array[];
+  problem?: Problem;
+}
+
+const redraw_ms = 33;
+const nothing: Live = { channels: [], x: new Float64Array(), values: [] };
+
+// The last seconds of some channels, renewed at most 30 times a second.
+export function useLive(channels: ChannelRequest[], rate_hz: number, seconds: number, running = true): Live {
+  const [live, setLive] = useState<Live>(nothing);
+  const asked = JSON.stringify(channels);
+  useEffect(() => {
+    const requests = JSON.parse(asked) as ChannelRequest[];
+    if (!running || requests.length === 0) return;
+    let answered: Channel[] = [];
+    let buffer = new LiveBuffer(requests.length, rate_hz, seconds);
+    let due = false;
+    const timer = setInterval(() => {
+      if (!due || document.hidden) return;
+      due = false;
+      setLive({ channels: answered, ...buffer.view() });
+    }, redraw_ms);
+    const end = stream.subscribe({
+      channels: requests,
+      rate_hz,
+      accepted: (answer) => {
+        answered = answer.channels;
+        buffer = new LiveBuffer(requests.length, answer.rate_hz, seconds);
+      },
+      refused: (problem) => setLive({ ...nothing, problem }),
+      frame: (frame) => {
+        buffer.append(frame);
+        due = true;
+      },
+    });
+    return () => {
+      clearInterval(timer);
+      end();
+    };
+  }, [asked, rate_hz, seconds, running]);
+  return live;
+}
+
+export function LiveLanes({ channels, rate_hz, seconds, running = true, ...props }: {
+  channels: ChannelRequest[];
+  rate_hz: number;
+  seconds: number;
+  running?: boolean;
+} & Omit<LanesProps, 'x' | 'curves' | 'range' | 'onRange' | 'unit'>) {
+  const live = useLive(channels, rate_hz, seconds, running);
+  const range = useMemo<[number, number]>(() => [-seconds, 0], [seconds]);
+  const curves = live.channels.map((channel, i) => ({ name: channel.name, unit: channel.unit, tone: i, values: live.values[i] }));
+  return (
+    <>
+      <Trouble problem={live.problem} />
+      <Lanes {...props} x={live.x} curves={curves} range={range} unit="s" />
+    </>
+  );
+}

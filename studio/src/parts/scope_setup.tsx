@@ -1,0 +1,105 @@
+import { useState } from 'react';
+import type { ObjectEntry, Trigger } from '../api/types';
+import { axisPath } from '../commands';
+import { states } from '../model/cia402';
+import { addressOf, isReadable } from '../model/objects';
+import { mostChannels, rates, signals, textOfChannel, type Setup } from '../model/scope';
+import { useResource } from '../resource';
+import { useLine } from '../store';
+import { Button, Choice, NumberInput, Panel } from './controls';
+import { tones } from './lanes';
+
+const numeric = /^(U?INT|INTEGER|UNSIGNED|REAL|BOOLEAN)/;
+
+export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: Setup) => void }) {
+  const { channels } = setup;
+  return (
+    <Panel title="Channels" aside={<span className="quiet">{channels.length} of {mostChannels}</span>}>
+      <ul className="channels">
+        {channels.map((channel, i) => (
+          <li key={textOfChannel(channel)}>
+            <span className={`swatch tone-${i % tones}`} aria-hidden="true" />
+            <span className="name">{channel.axis} {channel.signal ?? channel.object}</span>
+            <Button kind="bare" aria-label={`Remove ${textOfChannel(channel)}`} isDisabled={channels.length === 1} onPress={() => onChange({ ...setup, channels: channels.filter((each) => each !== channel) })}>×</Button>
+          </li>
+        ))}
+      </ul>
+      {channels.length < mostChannels && <AddChannel setup={setup} onChange={onChange} />}
+      <div className="form">
+        <Choice label="Rate" value={setup.rate_hz} options={rates.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz })} />
+        <NumberInput label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms })} />
+        <NumberInput label="Before trigger" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
+        <TriggerFields setup={setup} onChange={onChange} />
+      </div>
+    </Panel>
+  );
+}
+
+function AddChannel({ setup, onChange }: { setup: Setup; onChange: (to: Setup) => void }) {
+  const order = useLine((line) => line.order);
+  const [axis, setAxis] = useState(setup.channels[0]?.axis ?? order[0]);
+  const [what, setWhat] = useState('');
+  const objects = useResource<{ objects: ObjectEntry[] }>(`${axisPath(axis)}/objects`).value?.objects ?? [];
+  const inputs = useResource<{ inputs: Record<string, unknown> }>(`${axisPath(axis)}/inputs`).value?.inputs ?? {};
+  const offered = [
+    ...[...signals, ...Object.keys(inputs)].map((signal) => [signal, ''] as const),
+    ...objects.filter((entry) => Number(entry.index) >= 0x1000 && isReadable(entry) && numeric.test(entry.type)).map((entry) => [addressOf(entry), entry.name] as const),
+  ];
+  const known = offered.some(([id]) => id === what.trim());
+  const channel = what.includes(':') ? { axis, object: what.trim() } : { axis, signal: what.trim() };
+  const taken = setup.channels.some((each) => textOfChannel(each) === textOfChannel(channel));
+  return (
+    <form
+      className="form add"
+      onSubmit={(event) => {
+        event.preventDefault();
+        if (!known || taken) return;
+        onChange({ ...setup, channels: [...setup.channels, channel] });
+        setWhat('');
+      }}
+    >
+      <Choice label="Axis" value={axis} options={order.map((each) => [each, each] as const)} onChange={setAxis} />
+      <label className="field">
+        <span>Signal or object</span>
+        <input className="input" list="offered" value={what} onChange={(event) => setWhat(event.target.value)} placeholder="torque_nm, 6064:00" autoComplete="off" />
+      </label>
+      <datalist id="offered">
+        {offered.map(([id, text]) => <option key={id} value={id}>{text}</option>)}
+      </datalist>
+      <Button type="submit" isDisabled={!known || taken}>Add</Button>
+    </form>
+  );
+}
+
+const kinds = [['now', 'at once'], ['edge', 'edge'], ['level', 'level'], ['state', 'state of an axis'], ['fault', 'fault of an axis']] as const;
+
+function TriggerFields({ setup, onChange }: { setup: Setup; onChange: (to: Setup) => void }) {
+  const { trigger, channels } = setup;
+  const order = useLine((line) => line.order);
+  const set = (to: Partial<Trigger>) => onChange({ ...setup, trigger: { ...trigger, ...to } });
+  const start = (kind: Trigger['kind']) => {
+    if (kind === 'edge' || kind === 'level') onChange({ ...setup, trigger: { kind, channel: 0, level: 0, slope: 'rising' } });
+    else if (kind === 'state') onChange({ ...setup, trigger: { kind, axis: order[0], state: 'operation enabled' } });
+    else if (kind === 'fault') onChange({ ...setup, trigger: { kind, axis: order[0] } });
+    else onChange({ ...setup, trigger: { kind } });
+  };
+  const isLevel = trigger.kind === 'edge' || trigger.kind === 'level';
+  return (
+    <>
+      <Choice label="Trigger" value={trigger.kind} options={kinds} onChange={start} />
+      {isLevel && (
+        <>
+          <Choice label="of channel" value={trigger.channel ?? 0} options={channels.map((channel, i) => [i, textOfChannel(channel)] as const)} onChange={(channel) => set({ channel })} />
+          <NumberInput label="Level" value={trigger.level ?? 0} onChange={(level) => set({ level })} />
+          <Choice label="Slope" value={trigger.slope ?? 'rising'} options={[['rising', 'rising'], ['falling', 'falling']]} onChange={(slope) => set({ slope })} />
+        </>
+      )}
+      {(trigger.kind === 'state' || trigger.kind === 'fault') && (
+        <Choice label="of axis" value={trigger.axis ?? order[0]} options={order.map((each) => [each, each] as const)} onChange={(axis) => set({ axis })} />
+      )}
+      {trigger.kind === 'state' && (
+        <Choice label="State" value={trigger.state ?? ''} options={states.map((each) => [each, each] as const)} onChange={(state) => set({ state })} />
+      )}
+    </>
+  );
+}

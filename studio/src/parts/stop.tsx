@@ -1,0 +1,35 @@
+import { useEffect } from 'react';
+import { post } from '../api/client';
+import { complain, tell } from '../notices';
+import { Button } from './controls';
+
+interface Stopped {
+  axes: { name: string; stopped: boolean; error?: { what: string } }[];
+}
+
+async function stopAll() {
+  const { axes } = await post<Stopped>('/stop');
+  const failed = axes.filter(({ stopped }) => !stopped);
+  if (failed.length > 0) {
+    throw new Error(`not stopped: ${failed.map(({ name, error }) => `${name} (${error?.what ?? 'no reason given'})`).join(', ')}`);
+  }
+  tell('all axes stopped');
+}
+
+// Quick stop of every axis: the button, or Ctrl and space from anywhere.
+export function StopButton() {
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent) => {
+      if (!event.ctrlKey || event.code !== 'Space') return;
+      event.preventDefault();
+      stopAll().catch(complain);
+    };
+    addEventListener('keydown', onKey);
+    return () => removeEventListener('keydown', onKey);
+  }, []);
+  return (
+    <Button className="stop" aria-keyshortcuts="Control+Space" onPress={() => void stopAll().catch(complain)}>
+      STOP
+    </Button>
+  );
+}

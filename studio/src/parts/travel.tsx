@@ -1,0 +1,54 @@
+import { memo } from 'react';
+import type { AxisView, Geometry } from '../api/types';
+import { axisPath } from '../commands';
+import { indexes, travelScale, type Scale } from '../model/travel';
+import { fixed } from '../model/units';
+import { useResource } from '../resource';
+
+export const useGeometry = (axis: string) => useResource<Geometry>(`${axisPath(axis)}/geometry`).value;
+
+const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
+
+// The travel as seen from above: hard stops, the stretches on which limit and home switches are active, the indexes, the target, the axis.
+export function Travel({ axis, target, geometry }: { axis: AxisView; target?: number | null; geometry: Geometry | undefined }) {
+  const scale = travelScale(geometry, axis.position_counts);
+  const turns = geometry?.index_every ? fixed(axis.position_counts / geometry.index_every, 2) : null;
+  const text = turns ? `${turns} revolutions` : `${axis.position_counts} counts`;
+  return (
+    <svg className="travel" role="img" aria-label={`${axis.name} stands at ${text}`} height="34" width="100%">
+      <Fixed geometry={geometry} from={scale.from} to={scale.to} />
+      {target !== null && target !== undefined && (
+        <svg x={percent(scale.at(target))} overflow="visible">
+          <path className="target" d="M0 19 l-5 9 h10 z" />
+        </svg>
+      )}
+      <svg x={percent(scale.at(axis.position_counts))} overflow="visible">
+        <path className={axis.powered ? 'carriage' : 'carriage dead'} d="M-6 4 h12 v8 l-6 6 l-6 -6 z" />
+      </svg>
+    </svg>
+  );
+}
+
+const Fixed = memo(function Fixed({ geometry, from, to }: { geometry: Geometry | undefined; from: number; to: number }) {
+  const scale: Scale = { from, to, at: (counts) => Math.max(0, Math.min(1, (counts - from) / (to - from))) };
+  const span = (a: number, b: number) => ({ x: percent(scale.at(a)), width: percent(scale.at(b) - scale.at(a)) });
+  return (
+    <>
+      <line className="rail" x1="0" x2="100%" y1="19" y2="19" />
+      {indexes(geometry, scale).map((mark) => (
+        <line key={mark} className="index" x1={percent(scale.at(mark))} x2={percent(scale.at(mark))} y1="16" y2="22" />
+      ))}
+      {geometry && (
+        <>
+          {geometry.negative_limit !== null && <rect className="limit" {...span(from, geometry.negative_limit)} y="22" height="5" />}
+          {geometry.positive_limit !== null && <rect className="limit" {...span(geometry.positive_limit, to)} y="22" height="5" />}
+          {geometry.home_from !== null && geometry.home_to !== null && (
+            <rect className="home" {...span(geometry.home_from, geometry.home_to)} y="22" height="5" />
+          )}
+          {geometry.negative_stop !== null && <rect className="hard" {...span(from, geometry.negative_stop)} y="8" height="22" />}
+          {geometry.positive_stop !== null && <rect className="hard" {...span(geometry.positive_stop, to)} y="8" height="22" />}
+        </>
+      )}
+    </>
+  );
+});

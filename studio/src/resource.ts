@@ -1,0 +1,53 @@
+import { useCallback, useEffect, useRef, useState } from 'react';
+import { get, problemOf } from './api/client';
+import type { Problem } from './api/types';
+import { useLine } from './store';
+
+export interface Resource<T> {
+  value: T | undefined;
+  problem: Problem | undefined;
+  again: () => void;
+}
+
+// What a GET answers; asked again every `every_ms` if given, after again(), and when the server was started anew.
+export function useResource<T>(path: string | null, every_ms = 0): Resource<T> {
+  const epoch = useLine((line) => line.epoch);
+  const [answer, setAnswer] = useState<{ path: string; value?: T; problem?: Problem }>();
+  const [asked, setAsked] = useState(0);
+  const latest = useRef('');
+
+  useEffect(() => {
+    if (path === null) return;
+    let over = false;
+    let timer: ReturnType<typeof setTimeout>;
+    const ask = () => {
+      get<T>(path)
+        .then(
+          (value) => {
+            // An unchanged answer draws nothing anew.
+            const text = path + JSON.stringify(value);
+            if (!over && text !== latest.current) {
+              latest.current = text;
+              setAnswer({ path, value });
+            }
+          },
+          (error: unknown) => {
+            latest.current = '';
+            if (!over) setAnswer((before) => ({ path, problem: problemOf(error), ...(before?.path === path && before.value !== undefined ? { value: before.value } : {}) }));
+          },
+        )
+        .finally(() => {
+          if (!over && every_ms > 0) timer = setTimeout(ask, document.hidden ? 4 * every_ms : every_ms);
+        });
+    };
+    ask();
+    return () => {
+      over = true;
+      clearTimeout(timer);
+    };
+  }, [path, every_ms, asked, epoch]);
+
+  const again = useCallback(() => setAsked((n) => n + 1), []);
+  const present = answer?.path === path ? answer : undefined;
+  return { value: present?.value, problem: present?.problem, again };
+}
