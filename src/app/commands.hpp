@@ -33,5 +33,6 @@ void add_monitor(CLI::App& app);
 void add_nmt(CLI::App& app);
 void add_prove(CLI::App& app);
 void add_state(CLI::App& app);
+void add_conform(CLI::App& app);
 
 }  // namespace servodrome::app

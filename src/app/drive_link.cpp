@@ -151,11 +151,13 @@ void DriveLink::open_modbus(const BusOptions& options, const std::string& link) 
   if (product_->serial == nullptr) {
     throw Failure::wrong_use(fmt::format("--product {}: it has no Modbus registers", product_->name));
   }
-  objects_ =
-      std::make_unique<host::ModbusObjects>(*modbus_, unit,
-                                            host::RegisterList{.registers = product_->serial->registers,
-                                                               .table = product_->describe().service_table,
-                                                               .word_order = product_->serial->profile->word_order});
+  objects_ = std::make_unique<host::ModbusObjects>(*modbus_, unit, register_list());
+}
+
+host::RegisterList DriveLink::register_list() const {
+  return {.registers = product_->serial->registers,
+          .table = product_->describe().service_table,
+          .word_order = product_->serial->profile->word_order};
 }
 
 // A station without identification may be anything, and addresses mean something else for each product.
@@ -272,6 +274,23 @@ std::unique_ptr<host::Axis402> DriveLink::open_axis(host::AxisOptions options) {
   if (product() != nullptr) options.dialect = host::dialect_of(product()->name);
   if (!options.cancelled) options.cancelled = InterruptGuard::interrupted;
   return std::make_unique<host::Axis402>(*objects_, options);
+}
+
+std::unique_ptr<host::conform::Subject> DriveLink::open_subject(const host::conform::SubjectSettings& settings,
+                                                                const BusOptions& options) {
+  using host::conform::Subject;
+  if (sdo_ != nullptr) return std::make_unique<Subject>(host::conform::CanAccess{*bus_, *sdo_}, settings);
+  if (slave_) {
+    return std::make_unique<Subject>(
+        host::conform::EthercatAccess{*ethercat_, line_, *slave_, operation_options(options)}, settings);
+  }
+  if (modbus_) {
+    return std::make_unique<Subject>(
+        host::conform::ModbusAccess{*modbus_, static_cast<std::uint8_t>(objects_->address()), register_list()},
+        settings);
+  }
+  throw Failure::wrong_use(
+      fmt::format("--bus {}: there is no standard for this protocol; give CAN, EtherCAT or modbus:LINK", options.link));
 }
 
 }  // namespace servodrome::app

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "app/bus_options.hpp"
+#include "host/conform/subject.hpp"
 #include "host/ethercat/coe_objects.hpp"
 #include "host/modbus/objects.hpp"
 #include "host/serial10/objects.hpp"
@@ -31,6 +32,10 @@ class DriveLink {
   bool operates() const { return operation_.has_value(); }
   // Speaks the product's dialect; Ctrl-C, where an InterruptGuard lives, cancels its waits.
   std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options);
+  // The drive as `conform` checks it: beside its objects the frames of its bus. Throws Failure on a bus it has no
+  // checks for.
+  std::unique_ptr<host::conform::Subject> open_subject(const host::conform::SubjectSettings& settings,
+                                                       const BusOptions& options);
 
  private:
   void open_can(const BusOptions& options, bool drives);
@@ -38,6 +43,7 @@ class DriveLink {
   void open_serial10(const BusOptions& options, const std::string& link);
   void open_ethercat(const BusOptions& options, bool drives);
   const line::Product& modbus_product(std::uint8_t unit) const;
+  host::RegisterList register_list() const;
 
   std::unique_ptr<host::Bus> bus_;
   std::unique_ptr<host::ModbusClient> modbus_;

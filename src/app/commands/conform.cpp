@@ -1,0 +1,210 @@
+// `conform`: does a drive keep to the standards? Seen from outside, clause by clause.
+#include <algorithm>
+#include <cstdio>
+#include <fmt/format.h>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "app/drive_link.hpp"
+#include "app/number_options.hpp"
+#include "host/conform/report.hpp"
+#include "line/nearest_name.hpp"
+
+namespace servodrome::app {
+namespace {
+
+namespace conform = host::conform;
+using conform::Check;
+using conform::Outcome;
+using conform::Verdict;
+
+struct Options {
+  BusOptions bus;
+  std::vector<std::string> only;
+  std::string junit;
+  bool safe = false;
+  bool list = false;
+  bool verbose = false;
+  double revolutions = 0.5;
+  double units_per_revolution = 0.0;
+};
+
+std::string text_of_buses(unsigned set) {
+  std::string text;
+  const auto add = [&](unsigned bus, const char* word) {
+    if ((set & bus) != 0) text += fmt::format("{}{}", text.empty() ? "" : ",", word);
+  };
+  add(conform::buses::can, "can");
+  add(conform::buses::ethercat, "ethercat");
+  add(conform::buses::modbus, "modbus");
+  return text;
+}
+
+void list_checks(bool json) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  std::string_view group;
+  for (const Check& check : conform::all_checks()) {
+    if (json) {
+      all.push_back({{"id", check.id},
+                     {"clause", check.clause},
+                     {"title", check.title},
+                     {"needs", conform::name(check.demand)},
+                     {"buses", text_of_buses(check.buses)}});
+      continue;
+    }
+    if (check.group() != group) fmt::print("{}{}\n", group.empty() ? "" : "\n", check.group());
+    group = check.group();
+    fmt::print("  {:<36}{}\n  {:<36}{}; needs {}; {}\n", check.id, check.title, "", check.clause,
+               conform::name(check.demand), text_of_buses(check.buses));
+  }
+  if (json) fmt::print("{}\n", all.dump(2));
+}
+
+void refuse_unknown(const std::vector<std::string>& words) {
+  for (const std::string& word : words) {
+    if (conform::is_check_or_group(word)) continue;
+    std::vector<std::string_view> known;
+    for (const Check& check : conform::all_checks()) {
+      known.push_back(check.id);
+      if (std::find(known.begin(), known.end(), check.group()) == known.end()) known.push_back(check.group());
+    }
+    throw Failure::wrong_use(fmt::format("--only {}: there is no such check or group; {}; --list shows all", word,
+                                         line::suggestion(word, known)));
+  }
+}
+
+nlohmann::ordered_json json_of(const Outcome& outcome) {
+  nlohmann::ordered_json observations = nlohmann::ordered_json::array();
+  for (const conform::Observation& one : outcome.observations) {
+    observations.push_back({{"sent", one.sent}, {"expected", one.expected}, {"seen", one.seen}, {"met", one.met}});
+  }
+  const char* verdict = outcome.verdict == Verdict::fail ? "fail" : conform::name(outcome.verdict);
+  return {{"id", outcome.check->id},
+          {"clause", outcome.check->clause},
+          {"title", outcome.check->title},
+          {"verdict", verdict},
+          {"reason", outcome.reason},
+          {"seconds", std::chrono::duration<double>(outcome.duration).count()},
+          {"observations", std::move(observations)}};
+}
+
+// Outcomes as they come, by groups; on a terminal also which check runs.
+class Screen {
+ public:
+  Screen(const Options& options, std::size_t checks)
+      : shows_(!options.bus.json), progress_(shows_ && on_terminal()), verbose_(options.verbose), checks_(checks) {}
+
+  void begin(const Check& check) {
+    ++number_;
+    if (!progress_) return;
+    fmt::print("\r\x1B[K  {}/{}  {}", number_, checks_, check.id);
+    std::fflush(stdout);
+  }
+  void end(const Outcome& outcome) {
+    if (!shows_) return;
+    if (progress_) fmt::print("\r\x1B[K");
+    if (outcome.check->group() != group_) fmt::print("{}\n", outcome.check->group());
+    group_ = outcome.check->group();
+    fmt::print("{}", conform::text_of(outcome, verbose_));
+    std::fflush(stdout);
+  }
+
+ private:
+  bool shows_;
+  bool progress_;
+  bool verbose_;
+  std::size_t checks_;
+  std::size_t number_ = 0;
+  std::string_view group_;
+};
+
+void write_file(const std::string& path, const std::string& text) {
+  std::ofstream file(path, std::ios::binary);
+  file << text;
+  file.close();
+  if (!file) {
+    throw Failure::did_not_work(fmt::format("--junit {}: cannot be written; see whether the folder exists", path));
+  }
+}
+
+void run(const Options& options) {
+  refuse_unknown(options.only);
+  if (options.list) return list_checks(options.bus.json);
+  const InterruptGuard guard;
+  DriveLink link(options.bus, true);
+  const line::Product* product = link.product();
+  conform::SubjectSettings settings{.revolutions = options.revolutions, .cancelled = InterruptGuard::interrupted};
+  if (product != nullptr) settings.dialect = host::dialect_of(product->name);
+  if (options.units_per_revolution > 0) settings.units_per_revolution = options.units_per_revolution;
+  const auto subject = link.open_subject(settings, options.bus);
+  conform::RunOptions run_options{.safe = options.safe, .only = options.only};
+  if (product != nullptr) run_options.product = product->name;
+  const auto checks = conform::all_checks();
+  const auto wanted = std::count_if(checks.begin(), checks.end(), [&](const Check& check) {
+    return conform::is_wanted(check, run_options, subject->bus_kind());
+  });
+  if (wanted == 0) {
+    throw Failure::wrong_use(fmt::format("--only: none of these checks is for this bus; --list shows which are"));
+  }
+  const std::string drive =
+      fmt::format("{}{}", subject->where(), product != nullptr ? fmt::format(" ({})", product->name) : "");
+  if (!options.bus.json) fmt::print("{}\n", drive);
+  Screen screen(options, static_cast<std::size_t>(wanted));
+  run_options.before = [&](const Check& check) { screen.begin(check); };
+  run_options.after = [&](const Outcome& outcome) { screen.end(outcome); };
+  const conform::Report report = conform::run_checks(*subject, run_options);
+  if (options.bus.json) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const Outcome& outcome : report.outcomes) list.push_back(json_of(outcome));
+    fmt::print("{}\n", nlohmann::ordered_json{{"drive", subject->where()},
+                                              {"product", product != nullptr ? product->name : ""},
+                                              {"safe", options.safe},
+                                              {"passed", report.count(Verdict::pass)},
+                                              {"failed", report.count(Verdict::fail)},
+                                              {"departures", report.count(Verdict::departure)},
+                                              {"skipped", report.count(Verdict::skipped)},
+                                              {"checks", std::move(list)},
+                                              {"problems", report.problems}}
+                           .dump(2));
+  } else {
+    fmt::print("{}\n", conform::summary_of(report));
+  }
+  for (const std::string& problem : report.problems) fmt::print(stderr, "servodrome: {}\n", problem);
+  if (!options.junit.empty()) write_file(options.junit, conform::junit_of(report, drive));
+  if (report.cancelled) throw Failure::did_not_work(fmt::format("interrupted: {} is at rest", subject->where()));
+  const std::size_t failures = report.count(Verdict::fail);
+  if (failures != 0) {
+    throw Failure::did_not_work(
+        fmt::format("{}: {} of {} checks failed, see above", drive, failures, report.outcomes.size()));
+  }
+}
+
+}  // namespace
+
+void add_conform(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "conform", "Check a drive against CiA 301 and 402, ETG.1000, 1020 and 6010, or Modbus, clause by clause");
+  add_bus_options(*command, options->bus, "Seconds to wait for each answer");
+  add_node_option(*command, options->bus);
+  add_serial_options(*command, options->bus);
+  add_cycle_options(*command, options->bus);
+  command->add_flag("--safe", options->safe, "Leave out what enables or moves the axis");
+  command->add_option("--only", options->only, "Check or group of checks to run; may be given again")
+      ->allow_extra_args(false);
+  command->add_flag("--list", options->list, "Show which checks there are, and run none");
+  command->add_flag("--verbose", options->verbose, "Show what was sent and seen of what passed, too");
+  command->add_option("--junit", options->junit, "Write the outcomes to this file, as JUnit XML");
+  command->add_option("--revolutions", options->revolutions, "How far the axis may be moved either way, in revolutions")
+      ->check(number_within(0.01, 1000.0))
+      ->capture_default_str();
+  command
+      ->add_option("--units-per-revolution", options->units_per_revolution,
+                   "Position units of a motor revolution; by 6091h and 6092h, or 608Fh, if not given")
+      ->check(number_within(1e-3, 1e9));
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

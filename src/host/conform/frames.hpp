@@ -1,0 +1,34 @@
+#pragma once
+
+#include <array>
+
+#include "host/conform/trial.hpp"
+
+// Frames that no proper client sends, and what comes back.
+namespace servodrome::host::conform {
+
+using SdoFrame = std::array<std::uint8_t, 8>;
+
+// To the node's default server; nothing: no answer in time.
+std::optional<SdoFrame> ask_sdo(Trial& trial, const SdoFrame& request, Time timeout = std::chrono::seconds(1));
+unsigned count_sdo_answers(Trial& trial, const SdoFrame& request, Time span);
+// "SDO 40 00 10 00 00 00 00 00"
+std::string text_of_sdo(const SdoFrame& frame);
+
+// The times at which frames of an identifier come, and the frames.
+struct Arrival {
+  Time at;
+  Frame frame;
+};
+class Watch {
+ public:
+  Watch(Bus& bus, std::uint32_t can_id);
+  const std::vector<Arrival>& arrivals() const { return arrivals_; }
+  void forget() { arrivals_.clear(); }
+
+ private:
+  std::vector<Arrival> arrivals_;
+  Bus::Subscription listening_;
+};
+
+}  // namespace servodrome::host::conform

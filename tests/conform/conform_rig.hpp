@@ -1,0 +1,60 @@
+#pragma once
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "host/conform/run.hpp"
+#include "line/line.hpp"
+#include "line/support.hpp"
+
+// Whole drives of the products on one bus, in virtual time, and what can falsify them on the way.
+namespace servodrome::host::conform::test {
+
+using namespace std::chrono_literals;
+using line::test::settings_of;
+
+// 10 revolutions either way between the stops, no switches wired.
+inline std::string line_of(std::string_view product, std::string_view bus_type, std::string_view axis_keys) {
+  return fmt::format(R"(
+clock = "virtual"
+[[bus]]
+name = "bus"
+type = "{}"
+[[axis]]
+name = "x"
+product = "{}"
+{}
+[axis.travel]
+low_stop = -2000000
+high_stop = 2000000
+)",
+                     bus_type, product, axis_keys);
+}
+
+inline std::string text_of(const Outcome& outcome) {
+  std::string text = fmt::format("{:<10} {} {}\n", name(outcome.verdict), outcome.check->id, outcome.reason);
+  for (const Observation& one : outcome.observations) {
+    if (!one.met) text += fmt::format("    sent {} / expected {} / seen {}\n", one.sent, one.expected, one.seen);
+  }
+  return text;
+}
+
+// Outcomes with one of these verdicts.
+inline std::string text_of(const Report& report, std::initializer_list<Verdict> verdicts) {
+  std::string text;
+  for (const Outcome& outcome : report.outcomes) {
+    if (std::find(verdicts.begin(), verdicts.end(), outcome.verdict) != verdicts.end()) text += text_of(outcome);
+  }
+  for (const std::string& problem : report.problems) text += problem + "\n";
+  return text;
+}
+
+inline std::vector<std::string_view> failed(const Report& report) {
+  std::vector<std::string_view> ids;
+  for (const Outcome& outcome : report.outcomes) {
+    if (outcome.verdict == Verdict::fail) ids.push_back(outcome.check->id);
+  }
+  return ids;
+}
+
+}  // namespace servodrome::host::conform::test
