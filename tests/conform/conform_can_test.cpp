@@ -19,7 +19,7 @@ class FalseClient final : public links::CanClient {
     Frame changed = frame;
     if (!to_drive_ || to_drive_(changed)) client_.send(changed);
   }
-  std::optional<Frame> receive(std::chrono::milliseconds timeout) override {
+  std::optional<Frame> receive(links::Time timeout) override {
     auto frame = client_.receive(timeout);
     if (frame && from_drive_ && !from_drive_(*frame)) return std::nullopt;
     return frame;
