@@ -42,6 +42,7 @@ class Drive final : public dictionary::Listener {
   Drive(const Policy& policy, Objects& objects, std::size_t objects_base);
 
   void set_events(DriveEvents* events) { events_ = events; }
+  const Policy& policy() const { return policy_; }
 
   // Takes over motor, gains, thresholds and terminals; may be called while running.
   void configure(const Configuration& configuration);
@@ -103,6 +104,9 @@ class Drive final : public dictionary::Listener {
 
   // --- What the drive is doing
   PowerState state() const { return state_; }
+  // Whether a command that triggers this row of Policy::transitions would do so now. A row that does not begin in the
+  // present state is not.
+  bool accepts(const Transition& transition) const;
   Mode mode() const { return mode_; }
   std::uint16_t statusword() const;
   bool in_motion() const { return !axis_.generator.standing(); }

@@ -30,6 +30,18 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   }
 }
 
+bool Drive::accepts(const Transition& transition) const {
+  if (transition.from != state_) return false;
+  switch (transition.number) {
+    case 3: return transition.command != Command::enable_operation || policy_.direct_enable;
+    case 16:  // not while the stop leads to Switch on disabled by itself
+      return policy_.transition_16 && !pending_.active && !axis_.active(Signal::quick_stop) &&
+             has(policy_.option_codes.quick_stop_continues, axis_.objects.quick_stop_option_code);
+    case release_quick_stop: return !pending_.active;
+    default: return true;
+  }
+}
+
 void Drive::handle_command(Command command) {
   if (state_ == PowerState::operation_enabled && pending_.active && command == Command::enable_operation) {
     // The operation that was being ended is wanted again: take over the axis as it moves.
@@ -38,12 +50,11 @@ void Drive::handle_command(Command command) {
     return;
   }
   const Transition* transition = transitions_.find(state_, command);
-  if (transition == nullptr) return;
+  if (transition == nullptr || !accepts(*transition)) return;
   // On the way already; but disable voltage does not wait for a ramp to end.
   if (pending_.active && pending_.to == transition->to && command != Command::disable_voltage) return;
   switch (transition->number) {
     case 3:
-      if (command == Command::enable_operation && !policy_.direct_enable) return;
       enter_state(PowerState::switched_on);
       if (command == Command::enable_operation) enter_state(PowerState::operation_enabled);
       break;
@@ -61,15 +72,8 @@ void Drive::handle_command(Command command) {
       }
       break;
     }
-    case 16:  // not while the stop leads to Switch on disabled by itself
-      if (policy_.transition_16 && !pending_.active && !axis_.active(Signal::quick_stop) &&
-          has(policy_.option_codes.quick_stop_continues, axis_.objects.quick_stop_option_code)) {
-        enter_state(PowerState::operation_enabled);
-      }
-      break;
-    case release_quick_stop:
-      if (!pending_.active) leave_operation(Stop::power_off, transition->to);
-      break;
+    case 16: enter_state(PowerState::operation_enabled); break;
+    case release_quick_stop: leave_operation(Stop::power_off, transition->to); break;
     default:
       if (energised() && !has_power_in(transition->to)) {  // products that energise the motor in Switched on
         leave_operation(Stop::power_off, transition->to);
