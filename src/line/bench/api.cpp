@@ -11,7 +11,8 @@
 namespace servodrome::line::bench {
 namespace {
 
-constexpr std::array line_groups{axis_routes, object_routes, plant_routes, fault_routes, bus_routes, clock_routes};
+constexpr std::array line_groups{axis_routes,   object_routes, plant_routes, fault_routes, geometry_routes,
+                                 homing_routes, state_routes,  bus_routes,   clock_routes};
 
 std::string_view word(Method method) {
   switch (method) {

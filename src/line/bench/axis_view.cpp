@@ -39,17 +39,19 @@ const char* word(canopen::NmtState state) {
 
 }  // namespace
 
-Json active_faults(Axis& axis) {
-  Json faults = Json::array();
+std::vector<const drive::FaultRow*> active_faults(Axis& axis) {
+  std::vector<const drive::FaultRow*> faults;
   if (!axis.powered()) return faults;
   const drive::Drive& drive = axis.device().drive();
   for (unsigned cause = 1; cause < 256; ++cause) {
     if (!drive.is_active(static_cast<drive::Cause>(cause))) continue;
-    if (const drive::FaultRow* row = drive.row(static_cast<drive::Cause>(cause))) {
-      faults.push_back({{"code", fmt::format("0x{:04X}", row->code)}, {"name", row->name}});
-    }
+    if (const drive::FaultRow* row = drive.row(static_cast<drive::Cause>(cause))) faults.push_back(row);
   }
   return faults;
+}
+
+Json view_of(const drive::FaultRow& row) {
+  return Json{{"code", fmt::format("0x{:04X}", row.code)}, {"name", row.name}};
 }
 
 Json view_of(const Line& line, Axis& axis) {
@@ -91,7 +93,8 @@ Json view_of(const Line& line, Axis& axis) {
     view["homed"] = drive.homed();
     view["in_motion"] = drive.in_motion();
   }
-  view["faults"] = active_faults(axis);
+  view["faults"] = Json::array();
+  for (const drive::FaultRow* row : active_faults(axis)) view["faults"].push_back(view_of(*row));
   const plant::Plant& plant = axis.plant();
   view["position_counts"] = plant.position_counts();
   view["velocity_rpm"] = plant.velocity_rpm();

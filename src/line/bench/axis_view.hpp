@@ -1,5 +1,8 @@
 #pragma once
 
+#include <vector>
+
+#include "drive/faults.hpp"
 #include "line/bench/error.hpp"
 #include "line/line.hpp"
 
@@ -8,7 +11,9 @@ namespace servodrome::line::bench {
 // What GET /api/v1/axes/{axis} says of an axis: the drive as it sees itself, and the true shaft.
 Json view_of(const Line& line, Axis& axis);
 
-// The drive's active faults: [{"code": "0x7380", "name": ...}].
-Json active_faults(Axis& axis);
+// The drive's active faults; none without power.
+std::vector<const drive::FaultRow*> active_faults(Axis& axis);
+// {"code": "0x7380", "name": ...}
+Json view_of(const drive::FaultRow& row);
 
 }  // namespace servodrome::line::bench

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <optional>
 
+#include "describe/fault_texts.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
 #include "line/bench/body_reader.hpp"
@@ -47,6 +48,28 @@ Injectable injectable(Axis& axis, const std::string& name) {
                  suggestion(name, names) + "; or give a fault code of the drive such as \"0x2310\""};
 }
 
+// Adds what the fault is, what brings it and what to do: of the drive's own alarm, else of its code.
+void explain(Json& fault, const Axis& axis, const drive::FaultRow& row) {
+  const std::string_view product = axis.settings().product->name;
+  const describe::FaultText* text = row.alarm != 0 ? describe::find_alarm_text(product, row.alarm) : nullptr;
+  if (text == nullptr) text = describe::find_fault_text(product, row.code);
+  if (row.alarm != 0) fault["alarm"] = describe::alarm_name(product, row.alarm);
+  if (text == nullptr) return;
+  fault["text"] = text->text;
+  fault["cause"] = text->cause;
+  fault["remedy"] = text->remedy;
+}
+
+Json explained_faults(Axis& axis) {
+  Json faults = Json::array();
+  for (const drive::FaultRow* row : active_faults(axis)) {
+    Json fault = view_of(*row);
+    explain(fault, axis, *row);
+    faults.push_back(std::move(fault));
+  }
+  return faults;
+}
+
 // What the drive itself remembers, the newest first.
 Json past_faults(Axis& axis) {
   Json history = Json::array();
@@ -59,6 +82,7 @@ Json past_faults(Axis& axis) {
                        {"temperature_c", past->temperature_c},
                        {"mode", past->mode},
                        {"power_stage_on", past->power_stage_on}});
+    explain(history.back(), axis, *past->fault);
   }
   return history;
 }
@@ -78,7 +102,7 @@ Json show_faults(Call& call) {
   }
   Json plant_faults = Json::array();
   for (const plant::InjectionName& known : plant::injection_names) plant_faults.push_back(known.name);
-  return Json{{"active", active_faults(axis)},
+  return Json{{"active", explained_faults(axis)},
               {"history", past_faults(axis)},
               {"injected", std::move(injected)},
               {"injectable", {{"plant", std::move(plant_faults)}, {"drive", std::move(drive_faults)}}}};

@@ -45,6 +45,9 @@ std::span<const Route> axis_routes();
 std::span<const Route> object_routes();
 std::span<const Route> plant_routes();
 std::span<const Route> fault_routes();
+std::span<const Route> geometry_routes();
+std::span<const Route> homing_routes();
+std::span<const Route> state_routes();
 std::span<const Route> bus_routes();
 std::span<const Route> clock_routes();
 

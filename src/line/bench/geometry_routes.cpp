@@ -1,0 +1,70 @@
+#include <array>
+#include <fmt/format.h>
+
+#include "line/bench/routes.hpp"
+
+// Where along the travel the things lie that an axis can meet.
+namespace servodrome::line::bench {
+namespace {
+
+Json counts_or_null(std::int64_t counts) {
+  if (counts == plant::no_low_limit || counts == plant::no_high_limit) return nullptr;
+  return counts;
+}
+
+// What a switch of the travel is for: by its shape, as the line file's keys give it.
+std::string_view name_of(const plant::Switch& fitted, const Product& product) {
+  if (fitted.from_counts == plant::no_low_limit) return "negative_limit";
+  if (fitted.to_counts == plant::no_high_limit) return "positive_limit";
+  return fitted.wire == product.wiring.home ? "home" : "switch";
+}
+
+Json show_geometry(Call& call) {
+  const Axis& axis = axis_argument(call);
+  const plant::Parameters& parameters = axis.plant().parameters();
+  Json geometry{{"negative_stop", counts_or_null(parameters.load.low_stop_counts)},
+                {"positive_stop", counts_or_null(parameters.load.high_stop_counts)},
+                {"negative_limit", nullptr},
+                {"positive_limit", nullptr},
+                {"home_from", nullptr},
+                {"home_to", nullptr},
+                {"index_every", nullptr},
+                {"index_at", nullptr}};
+  if (parameters.encoder.index_width_counts > 0) {
+    geometry["index_every"] = parameters.encoder.counts_per_revolution;
+    geometry["index_at"] = parameters.encoder.index_position_counts;
+  }
+  Json inputs = Json::object();
+  Json switches = Json::array();
+  for (std::size_t i = 0; i < parameters.switch_count; ++i) {
+    const plant::Switch& fitted = parameters.switches[i];
+    const std::string_view name = name_of(fitted, *axis.settings().product);
+    const std::string wire = fmt::format("DI{}", fitted.wire);
+    if (name == "negative_limit") {
+      geometry["negative_limit"] = counts_or_null(fitted.to_counts);
+    } else if (name == "positive_limit") {
+      geometry["positive_limit"] = counts_or_null(fitted.from_counts);
+    } else if (name == "home") {
+      geometry["home_from"] = fitted.from_counts;
+      geometry["home_to"] = fitted.to_counts;
+    }
+    if (name != "switch") inputs[std::string(name)] = wire;
+    switches.push_back({{"name", name},
+                        {"input", wire},
+                        {"from", counts_or_null(fitted.from_counts)},
+                        {"to", counts_or_null(fitted.to_counts)},
+                        {"hysteresis", fitted.hysteresis_counts},
+                        {"normally_closed", fitted.normally_closed}});
+  }
+  geometry["inputs"] = std::move(inputs);
+  geometry["switches"] = std::move(switches);
+  return geometry;
+}
+
+constexpr std::array geometry_table{Route{Method::get, "/api/v1/axes/{}/geometry", show_geometry}};
+
+}  // namespace
+
+std::span<const Route> geometry_routes() { return geometry_table; }
+
+}  // namespace servodrome::line::bench

@@ -1,0 +1,123 @@
+#include <array>
+#include <fmt/format.h>
+
+#include "drive/drive.hpp"
+#include "drive/homing/cia402_methods.hpp"
+#include "line/bench/routes.hpp"
+
+// The homing methods of a drive, leg by leg, from the table that its homing runs by.
+namespace servodrome::line::bench {
+namespace {
+
+using drive::Direction;
+using drive::HomingSpeed;
+using drive::Leg;
+using drive::Then;
+using drive::Until;
+
+struct UntilWord {
+  Until until;
+  const char* name;
+  const char* text;
+};
+constexpr std::array until_words{
+    UntilWord{Until::home_rising, "home_rising", "the home switch becomes active"},
+    UntilWord{Until::home_falling, "home_falling", "the home switch becomes inactive"},
+    UntilWord{Until::limit_reached, "limit_reached", "the {} limit switch is active"},
+    UntilWord{Until::limit_released, "limit_released", "the {} limit switch becomes inactive"},
+    UntilWord{Until::index, "index", "the next index of the encoder"},
+    UntilWord{Until::stalled, "stalled", "the axis presses against its stop"},
+    UntilWord{Until::retracted, "retracted", "the retraction distance is travelled"},
+};
+
+struct ThenWord {
+  Then then;
+  const char* name;
+  const char* text;
+};
+constexpr std::array then_words{
+    ThenWord{Then::stop, "stop", "then to rest"},
+    ThenWord{Then::keep, "keep", "then on without stopping"},
+    ThenWord{Then::hold, "hold", "then held there"},
+    ThenWord{Then::latch, "latch", "there is home"},
+};
+
+template <typename Words, typename Key>
+const auto& row_of(const Words& words, Key key) {
+  for (const auto& row : words) {
+    if constexpr (requires { row.until == key; }) {
+      if (row.until == key) return row;
+    } else {
+      if (row.then == key) return row;
+    }
+  }
+  return words.front();
+}
+
+const char* word(Direction direction) { return direction == Direction::negative ? "negative" : "positive"; }
+
+// The limit switch of this end stands in the way of a leg that runs towards it, and is left by one that runs away.
+Direction limit_of(const Leg& leg) {
+  return leg.until == Until::limit_released ? opposite(leg.direction) : leg.direction;
+}
+
+Json leg_number(std::uint8_t leg) { return leg == drive::no_leg ? Json(nullptr) : Json(leg); }
+
+Json view_of(const Leg& leg) {
+  const UntilWord& until = row_of(until_words, leg.until);
+  const ThenWord& then = row_of(then_words, leg.then);
+  const bool fast = leg.speed == HomingSpeed::fast;
+  std::string text =
+      fmt::format("{}, at the speed during search for {}, until {}; {}", word(leg.direction), fast ? "switch" : "zero",
+                  fmt::format(fmt::runtime(until.text), word(limit_of(leg))), then.text);
+  if (leg.on_limit != drive::no_leg) {
+    text += fmt::format("; at the {} limit switch to rest, then leg {}", word(leg.direction), leg.on_limit + 1);
+  }
+  return Json{{"direction", word(leg.direction)},
+              {"speed", fast ? "switch" : "zero"},
+              {"until", until.name},
+              {"then", then.name},
+              {"next", leg_number(leg.next)},
+              {"on_limit", leg_number(leg.on_limit)},
+              {"text", std::move(text)}};
+}
+
+Json view_of(const drive::Method& method) {
+  Json legs = Json::array();
+  for (std::size_t i = 0; i < method.leg_count; ++i) legs.push_back(view_of(method.legs[i]));
+  Json needs = Json::array();
+  if (needs_limit_switch(method, Direction::negative)) needs.push_back("negative_limit");
+  if (needs_limit_switch(method, Direction::positive)) needs.push_back("positive_limit");
+  if (needs_home_switch(method)) needs.push_back("home");
+  if (uses_index(method)) needs.push_back("index");
+  return Json{{"method", method.number},
+              {"supported", !method.idle},
+              {"legs", std::move(legs)},
+              {"start_active", method.start_active},
+              {"returns", method.returns_to_latch},
+              {"needs", std::move(needs)}};
+}
+
+Json show_homing(Call& call) {
+  Axis& axis = axis_argument(call);
+  const drive::Drive& drive = axis.device().drive();
+  const std::span<const drive::Method> table = drive.policy().homing_methods;
+  Json methods = Json::array();
+  for (int number = INT8_MIN; number <= INT8_MAX; ++number) {
+    const auto narrow = static_cast<std::int8_t>(number);
+    if (const drive::Method* method = find_method(table, narrow)) {
+      methods.push_back(view_of(*method));
+    } else if (find_method(drive::cia402_methods, narrow) != nullptr && number > 0) {
+      methods.push_back({{"method", number}, {"supported", false}, {"legs", Json::array()}});
+    }
+  }
+  return Json{{"reversed", drive.axis().units.position_inverted}, {"methods", std::move(methods)}};
+}
+
+constexpr std::array homing_table{Route{Method::get, "/api/v1/axes/{}/homing", show_homing}};
+
+}  // namespace
+
+std::span<const Route> homing_routes() { return homing_table; }
+
+}  // namespace servodrome::line::bench

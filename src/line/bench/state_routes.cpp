@@ -1,0 +1,68 @@
+#include <array>
+
+#include "drive/drive.hpp"
+#include "line/bench/routes.hpp"
+
+// Where a drive stands in its power state machine, and where a master can take it from there.
+namespace servodrome::line::bench {
+namespace {
+
+using drive::Command;
+using drive::PowerState;
+
+struct CommandWord {
+  Command command;
+  const char* name;
+  std::uint16_t controlword;  // CiA 402-2 table 24; bits that the command leaves open are 0
+};
+constexpr std::array command_words{
+    CommandWord{Command::shutdown, "shutdown", 0x06},
+    CommandWord{Command::switch_on, "switch on", 0x07},
+    CommandWord{Command::enable_operation, "enable operation", 0x0F},
+    CommandWord{Command::disable_voltage, "disable voltage", 0x00},
+    CommandWord{Command::quick_stop, "quick stop", 0x02},
+};
+constexpr std::uint8_t disable_operation = 5;
+constexpr std::uint8_t fault_reset = 15;
+
+// One command for each transition: where the motor is off, quick stop does what disable voltage does, and enable
+// operation passes through switched on.
+bool is_the_usual(const drive::Transition& transition) {
+  if (transition.command == Command::quick_stop) return transition.from == PowerState::operation_enabled;
+  return transition.command != Command::enable_operation || transition.from != PowerState::ready_to_switch_on;
+}
+
+Json show_states(Call& call) {
+  Axis& axis = axis_argument(call);
+  if (!axis.powered()) {
+    throw ApiError{409, "the axis has no power", axis.settings().name,
+                   "switch it on: POST .../power {\"action\": \"on\"}"};
+  }
+  const drive::Drive& drive = axis.device().drive();
+  Json transitions = Json::array();
+  for (const drive::Transition& transition : drive.policy().transitions) {
+    if (!drive.accepts(transition) || !is_the_usual(transition)) continue;
+    for (const CommandWord& row : command_words) {
+      if (row.command != transition.command) continue;
+      transitions.push_back({{"number", transition.number},
+                             {"name", transition.number == disable_operation ? "disable operation" : row.name},
+                             {"to", drive::name(transition.to)},
+                             {"controlword", row.controlword}});
+    }
+  }
+  if (drive.state() == PowerState::fault) {  // by the rising edge of bit 7, once the cause has gone
+    transitions.push_back({{"number", fault_reset},
+                           {"name", "fault reset"},
+                           {"to", drive::name(PowerState::switch_on_disabled)},
+                           {"controlword", drive::controlword::fault_reset}});
+  }
+  return Json{{"state", drive::name(drive.state())}, {"transitions", std::move(transitions)}};
+}
+
+constexpr std::array state_table{Route{Method::get, "/api/v1/axes/{}/states", show_states}};
+
+}  // namespace
+
+std::span<const Route> state_routes() { return state_table; }
+
+}  // namespace servodrome::line::bench

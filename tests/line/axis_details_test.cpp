@@ -1,0 +1,242 @@
+// What the bench API tells about an axis for a page to draw: travel, homing methods, power states, faults in words.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "drive/drive.hpp"
+#include "line/bench/api.hpp"
+#include "support.hpp"
+
+namespace servodrome::line::bench {
+namespace {
+
+using namespace test;
+using nlohmann::json;
+using testing::HasSubstr;
+
+constexpr std::string_view all_kinds = R"(
+clock = "virtual"
+[[bus]]
+name = "can0"
+[[bus]]
+name = "ecat"
+type = "ethercat"
+[[axis]]
+name = "ismc"
+product = "ismc"
+bus = "can0"
+node = 1
+  [axis.travel]
+  counts_per_unit = 1000
+  low_stop = -11
+  high_stop = 11
+  negative_limit = -10
+  positive_limit = { at = 10, hysteresis = 1, normally_closed = true }
+  home = { from = -5, to = 5 }
+  [[axis.travel.switch]]
+  from = 7
+  to = 8
+  wire = 4
+[[axis]]
+name = "pronet"
+product = "pronet"
+bus = "can0"
+node = 2
+[[axis]]
+name = "ismk"
+product = "ismk"
+bus = "can0"
+node = 3
+[[axis]]
+name = "generic402"
+product = "generic402"
+bus = "can0"
+node = 4
+[[axis]]
+name = "jmc_ec"
+product = "jmc_ec"
+bus = "ecat"
+[[axis]]
+name = "generic402-ec"
+product = "generic402-ec"
+bus = "ecat"
+[[axis]]
+name = "ismk-ea"
+product = "ismk-ea"
+bus = "ecat"
+)";
+
+class AxisDetails : public testing::TestWithParam<const char*> {
+ protected:
+  AxisDetails() { line_.run_until(100ms); }
+
+  Response ask(Method method, const std::string& target, const std::string& body = {}) {
+    return handle(line_, {.method = method, .target = "/api/v1/axes/" + target, .body = body});
+  }
+  json get(const std::string& target) {
+    const Response response = ask(Method::get, target);
+    EXPECT_EQ(response.status, 200U) << target << " " << response.body;
+    return json::parse(response.body);
+  }
+  void pass(Time time) { line_.run_until(line_.now() + time); }
+  void control(const std::string& axis, unsigned word) {
+    const Response response = ask(Method::put, axis + "/objects/6040/0", json{{"value", word}}.dump());
+    ASSERT_EQ(response.status, 204U) << response.body;
+  }
+
+  Line line_{settings_of(all_kinds)};
+};
+INSTANTIATE_TEST_SUITE_P(Products, AxisDetails,
+                         testing::Values("ismc", "pronet", "ismk", "generic402", "jmc_ec", "generic402-ec", "ismk-ea"));
+
+TEST_F(AxisDetails, GeometryIsTheLineFiles) {
+  EXPECT_EQ(get("ismc/geometry"), json::parse(R"({
+    "negative_stop": -11000, "positive_stop": 11000, "negative_limit": -10000, "positive_limit": 10000,
+    "home_from": -5000, "home_to": 5000, "index_every": 131072, "index_at": 0,
+    "inputs": {"negative_limit": "DI0", "positive_limit": "DI1", "home": "DI2"},
+    "switches": [
+      {"name": "negative_limit", "input": "DI0", "from": null, "to": -10000, "hysteresis": 0, "normally_closed": false},
+      {"name": "positive_limit", "input": "DI1", "from": 10000, "to": null, "hysteresis": 1000, "normally_closed": true},
+      {"name": "home", "input": "DI2", "from": -5000, "to": 5000, "hysteresis": 0, "normally_closed": false},
+      {"name": "switch", "input": "DI4", "from": 7000, "to": 8000, "hysteresis": 0, "normally_closed": false}]})"));
+  const json open = get("generic402/geometry");
+  for (const char* key :
+       {"negative_stop", "positive_stop", "negative_limit", "positive_limit", "home_from", "home_to"}) {
+    EXPECT_TRUE(open.at(key).is_null()) << key;
+  }
+  EXPECT_EQ(open["switches"], json::array());
+}
+
+TEST_F(AxisDetails, HomingLegsAreThoseOfTheStandardsFigures) {
+  const json homing = get("generic402/homing");
+  EXPECT_EQ(homing["reversed"], false);
+  const auto method = [&homing](int number) {
+    for (const json& one : homing["methods"]) {
+      if (one["method"] == number) return one;
+    }
+    return json();
+  };
+  const json seven = method(7);
+  EXPECT_EQ(seven["needs"], json({"home", "index"}));
+  EXPECT_EQ(seven["start_active"], 2);
+  EXPECT_EQ(seven["returns"], true);
+  ASSERT_EQ(seven["legs"].size(), 4U);
+  EXPECT_EQ(seven["legs"][0], json::parse(R"({"direction": "positive", "speed": "switch", "until": "home_rising",
+    "then": "stop", "next": 2, "on_limit": 1,
+    "text": "positive, at the speed during search for switch, until the home switch becomes active; then to rest; at the positive limit switch to rest, then leg 2"})"));
+  EXPECT_EQ(seven["legs"][3]["until"], "index");
+  EXPECT_EQ(seven["legs"][3]["then"], "latch");
+  EXPECT_TRUE(seven["legs"][3]["next"].is_null());
+  const json one = method(1);
+  EXPECT_EQ(one["needs"], json({"negative_limit", "index"}));
+  EXPECT_THAT(one["legs"][1]["text"].get<std::string>(), HasSubstr("the negative limit switch becomes inactive"));
+  EXPECT_EQ(method(37)["legs"], json::array());
+  EXPECT_EQ(method(15), json()) << "reserved";
+  ASSERT_EQ(ask(Method::put, "generic402/objects/607E/0", R"({"value": 128})").status, 204U);
+  pass(10ms);
+  EXPECT_EQ(get("generic402/homing")["reversed"], true);
+}
+
+TEST_P(AxisDetails, HomingIsTheProductsTable) {
+  const std::span<const drive::Method> table = line_.find_axis(GetParam())->device().drive().policy().homing_methods;
+  std::size_t supported = 0;
+  const json methods = get(std::string(GetParam()) + "/homing")["methods"];
+  for (const json& method : methods) {
+    const drive::Method* row = find_method(table, method["method"].get<std::int8_t>());
+    if (row == nullptr || row->idle) {
+      EXPECT_EQ(method["supported"], false);
+      continue;
+    }
+    EXPECT_EQ(method["supported"], true);
+    EXPECT_EQ(method["legs"].size(), row->leg_count);
+    ++supported;
+  }
+  EXPECT_EQ(supported, static_cast<std::size_t>(std::count_if(
+                           table.begin(), table.end(), [](const drive::Method& method) { return !method.idle; })));
+}
+
+// The controlwords lead where they say, all the way up and down.
+TEST_P(AxisDetails, TransitionsLeadWhereTheySay) {
+  const std::string axis = GetParam();
+  const auto go = [&](unsigned number) {
+    const json transitions = get(axis + "/states")["transitions"];
+    for (const json& transition : transitions) {
+      if (transition["number"] != number) continue;
+      control(axis, transition["controlword"].get<unsigned>());
+      pass(500ms);
+      EXPECT_EQ(get(axis + "/states")["state"], transition["to"]) << number;
+      return;
+    }
+    ADD_FAILURE() << "no transition " << number << " in " << get(axis + "/states").dump();
+  };
+  if (get(axis + "/states")["state"] == "ready to switch on") go(7);  // Kinco's drives start with controlword 6
+  EXPECT_EQ(get(axis + "/states")["state"], "switch on disabled");
+  for (const unsigned number : {2U, 7U, 2U, 3U, 6U, 3U, 4U, 5U, 4U, 9U, 2U, 3U, 10U}) go(number);
+  const json left = get(axis + "/states")["transitions"];
+  EXPECT_EQ(left.size(), 1U);
+  for (const json& transition : left) {
+    EXPECT_EQ(transition,
+              json::parse(R"({"number": 2, "name": "shutdown", "to": "ready to switch on", "controlword": 6})"));
+  }
+}
+
+TEST_F(AxisDetails, Transition16IsOfferedWhereTheDriveHasIt) {
+  const auto numbers_in_quick_stop = [this](const std::string& axis) {
+    for (const unsigned word : {0x06U, 0x07U, 0x0FU, 0x02U}) {
+      control(axis, word);
+      pass(200ms);
+    }
+    EXPECT_EQ(get(axis + "/states")["state"], "quick stop active") << axis;
+    std::vector<unsigned> numbers;
+    const json transitions = get(axis + "/states")["transitions"];
+    for (const json& transition : transitions) numbers.push_back(transition["number"]);
+    return numbers;
+  };
+  ASSERT_EQ(ask(Method::put, "generic402/objects/605A/0", R"({"value": 6})").status, 204U);
+  ASSERT_EQ(ask(Method::put, "ismc/objects/605A/0", R"({"value": 6})").status, 204U);
+  EXPECT_THAT(numbers_in_quick_stop("generic402"), testing::UnorderedElementsAre(12U, 16U));
+  EXPECT_THAT(numbers_in_quick_stop("ismc"), testing::UnorderedElementsAre(12U));
+}
+
+TEST_F(AxisDetails, WithoutPowerThereAreNoStates) {
+  ASSERT_EQ(ask(Method::post, "ismc/power", R"({"action": "off"})").status, 200U);
+  EXPECT_EQ(ask(Method::get, "ismc/states").status, 409U);
+  EXPECT_EQ(ask(Method::get, "ismc/homing").status, 200U) << "a table needs no power";
+  EXPECT_EQ(ask(Method::get, "ismc/geometry").status, 200U);
+}
+
+TEST_P(AxisDetails, AFaultIsExplained) {
+  const std::string axis = GetParam();
+  ASSERT_EQ(ask(Method::post, axis + "/faults", R"({"inject": "encoder_loss"})").status, 200U);
+  pass(500ms);
+  const json active = get(axis + "/faults")["active"];
+  ASSERT_FALSE(active.empty());
+  for (const json& fault : active) {
+    for (const char* key : {"code", "name", "text", "cause", "remedy"}) {
+      EXPECT_FALSE(fault.value(key, "").empty()) << key << " of " << fault.dump();
+    }
+  }
+  EXPECT_EQ(get(axis)["faults"][0].size(), 2U) << "the list of axes stays short";
+  EXPECT_EQ(get(axis + "/states")["state"], "fault");
+  EXPECT_EQ(get(axis + "/states")["transitions"][0]["controlword"], 0x80);
+}
+
+TEST_F(AxisDetails, WhatADriveRemembersIsExplained) {
+  // Keeps alarms of a motor that is not enabled as well.
+  ASSERT_EQ(ask(Method::put, "ismk/objects/2605/3", R"({"value": 65535})").status, 204U);
+  for (const char* code : {"0x7331", "0x4310"}) {
+    ASSERT_EQ(ask(Method::post, "ismk/faults", json{{"inject", code}}.dump()).status, 200U);
+    pass(50ms);
+  }
+  const json past = get("ismk/faults")["history"];
+  ASSERT_EQ(past.size(), 2U);
+  EXPECT_EQ(past[0]["code"], "0x4310");
+  for (const json& fault : past) {
+    for (const char* key : {"alarm", "text", "cause", "remedy"}) {
+      EXPECT_FALSE(fault.value(key, "").empty()) << key << " of " << fault.dump();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace servodrome::line::bench
