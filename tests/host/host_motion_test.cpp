@@ -62,15 +62,17 @@ TEST(BrakingDistance, AndItsInverseAgreeWithTheProfile) {
   for (const double jerk : {0.0, 1e3, 1e5, 1e7}) {
     const MotionLimits limits{5000.0, 5000.0, 5000.0, jerk};
     for (const double v : {1.0, 30.0, 900.0, 5000.0}) {
-      drive::Trajectory stop;
-      stop.plan_velocity({0.0, v, 0.0}, 0.0, limits,
-                         jerk > 0 ? drive::RampShape::jerk_limited : drive::RampShape::linear);
-      const double distance = stop.at(stop.duration_s()).position;
-      EXPECT_NEAR(braking_distance(v, limits), distance, 1e-9 * distance);
-      EXPECT_NEAR(velocity_to_stop_within(distance, limits), v, 1e-9 * v);
+      for (const double end : {0.0, 0.5 * v}) {
+        drive::Trajectory brake;
+        brake.plan_velocity({0.0, v, 0.0}, end, limits,
+                            jerk > 0 ? drive::RampShape::jerk_limited : drive::RampShape::linear);
+        const double distance = brake.at(brake.duration_s()).position;
+        EXPECT_NEAR(braking_distance(v, end, limits), distance, 1e-9 * distance);
+        EXPECT_NEAR(velocity_to_slow_within(distance, end, limits), v, 1e-9 * v);
+      }
     }
   }
-  EXPECT_EQ(velocity_to_stop_within(-1.0, linear), 0.0);
+  EXPECT_EQ(velocity_to_slow_within(-1.0, 3.0, linear), 3.0);
 }
 
 class MotionOfSimulatedDrives : public testing::Test {

@@ -76,6 +76,9 @@ class MotionAxis {
   void abort_homing();
   void shift_set_point(double distance) { generator_.shift(distance); }
 
+  // Counts; 0: none.
+  void set_following_error_limit(double counts) { options_.following_error_limit = counts; }
+
   // ---- What is ----
   const SetPointGenerator& generator() const { return generator_; }
   const MotionState& set_point() const { return generator_.state(); }

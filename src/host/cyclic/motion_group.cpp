@@ -19,10 +19,9 @@ void MotionGroup::cycle() {
   for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].read(bus_.is_fresh(i));
   if (program_) program_();
   if (watch_ && !seen_) seen_ = watch_();
-  for (MotionAxis& axis : axes_) {
-    axis.advance();
-    axis.write();
-  }
+  for (MotionAxis& axis : axes_) axis.advance();
+  if (on_set_points_) on_set_points_();
+  for (MotionAxis& axis : axes_) axis.write();
 }
 
 void MotionGroup::throw_faults() const {

@@ -26,6 +26,9 @@ class MotionGroup {
   // Runs in each cycle, between inputs and outputs.
   void on_cycle(std::function<void()> program) { program_ = std::move(program); }
 
+  // Runs when the set-points of the next cycle are there, before they are written: for axes that follow others.
+  void on_set_points(std::function<void()> action) { on_set_points_ = std::move(action); }
+
   // Waits at most `timeout` until `done`, which is asked each cycle; false: it was not. Throws HostError when an axis
   // that is switched on has a fault, which names it.
   bool wait_until(const std::function<bool()>& done, Time timeout);
@@ -50,6 +53,7 @@ class MotionGroup {
   CyclicBus& bus_;
   std::deque<MotionAxis> axes_;
   std::function<void()> program_;
+  std::function<void()> on_set_points_;
   std::function<bool()> watch_;
   bool seen_ = false;
 };

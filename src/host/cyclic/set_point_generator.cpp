@@ -79,25 +79,30 @@ void SetPointGenerator::advance() {
   state_.position += base_;
 }
 
-double braking_distance(double velocity, const MotionLimits& limits) {
-  const double v = std::abs(velocity);
+double braking_distance(double velocity, double end_velocity, const MotionLimits& limits) {
+  const double change = velocity - end_velocity;
+  if (!(change > 0.0)) return 0.0;
   const double d = limits.deceleration;
-  if (!(limits.jerk > 0.0)) return v * v / (2.0 * d);
-  // With d reached, a trapezoid of the deceleration; without, a triangle.
-  const double duration = v >= d * d / limits.jerk ? v / d + d / limits.jerk : 2.0 * std::sqrt(v / limits.jerk);
-  return 0.5 * v * duration;
+  double duration = change / d;
+  // With the jerk, d is reached (a trapezoid of the deceleration) or not (a triangle).
+  if (limits.jerk > 0.0) {
+    duration = change >= d * d / limits.jerk ? change / d + d / limits.jerk : 2.0 * std::sqrt(change / limits.jerk);
+  }
+  return 0.5 * (velocity + end_velocity) * duration;
 }
 
-double velocity_to_stop_within(double distance, const MotionLimits& limits) {
-  if (!(distance > 0.0)) return 0.0;
-  const double d = limits.deceleration;
-  if (!(limits.jerk > 0.0)) return std::sqrt(2.0 * d * distance);
-  const double j = limits.jerk;
-  // The inverse of braking_distance(): v^1.5 / sqrt(j), or v (v + d^2 / j) / 2d.
-  const double triangle = std::cbrt(distance * distance * j);
-  if (triangle < d * d / j) return triangle;
-  const double b = d * d / j;
-  return 0.5 * (std::sqrt(b * b + 8.0 * d * distance) - b);
+double velocity_to_slow_within(double distance, double end_velocity, const MotionLimits& limits) {
+  if (!(distance > 0.0)) return end_velocity;
+  // Without jerk the answer is a root; with jerk it is less than that.
+  double low = end_velocity;
+  double high = std::sqrt(end_velocity * end_velocity + 2.0 * limits.deceleration * distance);
+  if (!(limits.jerk > 0.0)) return high;
+  constexpr int halvings = 60;
+  for (int i = 0; i < halvings; ++i) {
+    const double middle = 0.5 * (low + high);
+    (braking_distance(middle, end_velocity, limits) > distance ? high : low) = middle;
+  }
+  return low;
 }
 
 }  // namespace servodrome::host

@@ -59,10 +59,10 @@ class SetPointGenerator {
   MotionState state_{};
 };
 
-// From velocity and acceleration 0 to standstill, in counts: what a brake at `deceleration` (and `jerk`, 0: none)
+// From `velocity` to `end_velocity`, magnitudes, both at acceleration 0: the way in counts that a brake within `limits`
 // takes.
-double braking_distance(double velocity, const MotionLimits& limits);
-// The greatest velocity from which that is at most `distance`.
-double velocity_to_stop_within(double distance, const MotionLimits& limits);
+double braking_distance(double velocity, double end_velocity, const MotionLimits& limits);
+// The greatest velocity from which that is at most `distance`; `end_velocity` if there is no way.
+double velocity_to_slow_within(double distance, double end_velocity, const MotionLimits& limits);
 
 }  // namespace servodrome::host

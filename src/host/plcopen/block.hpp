@@ -1,0 +1,117 @@
+#pragma once
+
+#include <memory>
+
+#include "host/plcopen/axis.hpp"
+
+namespace servodrome::host::plcopen {
+
+// The rules for blocks with Execute (part 1, clause 2.4.1): inputs are taken at its rising edge; of Busy, the goal
+// (Done, InVelocity, ...), CommandAborted and Error one at most is TRUE, Busy besides a goal that goes on; the goal,
+// CommandAborted and Error are there in one call at least, and until a call finds Execute FALSE.
+//
+// Members have the standard's names. A block is called once a cycle, with its axis.
+class ExecuteBlock {
+ public:
+  bool Execute = false;
+
+  bool Busy = false;
+  bool CommandAborted = false;
+  bool Error = false;
+  ErrorId ErrorID = ErrorId::none;
+
+ protected:
+  // The edge, and no other.
+  bool rises() {
+    const bool rising = Execute && !before_;
+    before_ = Execute;
+    return rising;
+  }
+  // With a result standing: is it to be taken back in this call?
+  bool is_to_be_cleared() {
+    if (!Execute && shown_) return true;
+    shown_ = true;
+    return false;
+  }
+  void begin() { shown_ = false; }
+  void set(bool busy, bool aborted, ErrorId error) {
+    Busy = busy;
+    CommandAborted = aborted;
+    Error = error != ErrorId::none;
+    ErrorID = error;
+  }
+
+ private:
+  bool before_ = false;
+  bool shown_ = false;
+};
+
+// A block that moves an axis.
+class MotionBlock : public ExecuteBlock {
+ public:
+  bool Active = false;
+
+ protected:
+  // `make` fills a command at the rising edge. Returns the goal.
+  template <typename Make>
+  bool run(Axis& axis, Make make) {
+    if (rises()) {
+      command_ = std::make_shared<Command>();
+      make(*command_);
+      axis.give(command_);
+      begin();
+    }
+    return follow();
+  }
+  Command* command() { return command_.get(); }
+
+ private:
+  bool follow();
+
+  std::shared_ptr<Command> command_;
+};
+
+// A block that acts within the call: Done or Error in the same cycle.
+class InstantBlock : public ExecuteBlock {
+ public:
+  bool Done = false;
+
+ protected:
+  template <typename Act>
+  void run(Act act) {
+    if (rises()) {
+      result_ = act();
+      has_result_ = true;
+      begin();
+    }
+    if (has_result_ && is_to_be_cleared()) has_result_ = false;
+    Done = has_result_ && result_ == ErrorId::none;
+    set(false, false, has_result_ ? result_ : ErrorId::none);
+  }
+
+ private:
+  ErrorId result_ = ErrorId::none;
+  bool has_result_ = false;
+};
+
+// The rules for blocks with Enable: as long as it is TRUE, Valid with outputs, or Error.
+class EnableBlock {
+ public:
+  bool Enable = false;
+
+  bool Valid = false;
+  bool Busy = false;
+  bool Error = false;
+  ErrorId ErrorID = ErrorId::none;
+
+ protected:
+  // `read` sets outputs and says what was wrong.
+  template <typename Read>
+  void run(Read read) {
+    ErrorID = Enable ? read() : ErrorId::none;
+    Error = ErrorID != ErrorId::none;
+    Valid = Busy = Enable && !Error;
+  }
+};
+
+}  // namespace servodrome::host::plcopen
