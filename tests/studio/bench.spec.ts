@@ -1,0 +1,103 @@
+import { expect, panel, test, type } from './fixtures';
+
+interface View {
+  state: string;
+  powered: boolean;
+}
+
+test('an input is forced and given back', async ({ page, open, line, picture }) => {
+  await open('/plant/reference');
+  const inputs = panel(page, 'Digital inputs');
+  await inputs.getByRole('group', { name: 'Force DI0' }).getByRole('button', { name: '1' }).click();
+  await expect(inputs.getByRole('row', { name: /DI0/ }).getByRole('img', { name: 'on' })).toBeVisible();
+  const level = async () => (await line.call<{ inputs: Record<string, { level: boolean; forced: boolean }> }>('GET', '/axes/reference/inputs')).inputs.DI0;
+  expect(await level()).toEqual({ level: true, forced: true });
+  await picture('plant');
+  await inputs.getByRole('group', { name: 'Force DI0' }).getByRole('button', { name: 'wire' }).click();
+  await expect.poll(level).toEqual({ level: false, forced: false });
+});
+
+test('a fault is provoked, explained, looked at in its moment, and cleared', async ({ page, open, line, picture }) => {
+  await open('/axis/reference');
+  await panel(page, 'Motion').getByRole('button', { name: 'Enable' }).click();
+  await expect(panel(page, 'State machine').locator('.place.now')).toHaveText('operation enabled');
+  await page.getByRole('link', { name: 'I/O and plant' }).click();
+  await panel(page, 'Fault injection').getByRole('button', { name: 'Inject' }).click();
+  await expect.poll(async () => (await line.call<View>('GET', '/axes/reference')).state).toBe('fault');
+
+  await page.getByRole('link', { name: 'Faults' }).click();
+  const active = panel(page, 'Active');
+  await expect(active).toContainText('cause');
+  await expect(active).toContainText('remedy');
+  const moment = panel(page, 'Moments of faults').getByRole('link').first();
+  await expect(moment).toBeVisible();
+  await picture('faults');
+
+  await page.getByRole('link', { name: 'Take it back' }).click();
+  await page.getByRole('button', { name: /Take back encoder_loss/ }).click();
+  await page.getByRole('link', { name: 'Faults' }).click();
+  await active.getByRole('button', { name: 'Clear fault' }).click();
+  await expect(active).toContainText('No fault.');
+  expect((await line.call<View>('GET', '/axes/reference')).state).toBe('switch on disabled');
+
+  await moment.click();
+  await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
+  await expect(page.getByText('Fault of reference')).toBeVisible();
+});
+
+test('a parameter is changed, marked, stored, and there after a power cycle', async ({ page, open, line, picture }) => {
+  await open('/objects/reference?q=profile velocity&object=6081:00');
+  const editor = panel(page, /profile velocity/i);
+  await editor.getByLabel('New value').fill('0x4D2');
+  await editor.getByRole('button', { name: 'Write' }).click();
+  await expect(editor.locator('dd.changed')).toContainText('1234');
+  await picture('objects');
+
+  await open('/objects/reference?q=save all&object=1010:01');
+  await page.getByRole('button', { name: /Store/ }).click();
+  await expect(page.getByText('1010:01 written')).toBeVisible();
+  await open('/plant/reference');
+  await page.getByRole('button', { name: 'Power cycle' }).click();
+  await expect.poll(async () => (await line.call<View>('GET', '/axes/reference')).powered).toBe(true);
+  await open('/objects/reference?group=Changed&object=6081:00');
+  await expect(panel(page, /profile velocity/i).locator('dd.changed')).toContainText('1234');
+});
+
+test('what the drive refuses is said, and changes nothing', async ({ page, open, line, watched }) => {
+  await open('/objects/reference?q=modes of operation&object=6060:00');
+  const editor = panel(page, /modes of operation/i);
+  await editor.getByLabel('New value').fill('99');
+  await editor.getByRole('button', { name: 'Write' }).click();
+  await expect(page.locator('.notice.bad')).toContainText('refuses');
+  expect((await line.call<{ value: number }>('GET', '/axes/reference/objects/6060/0')).value).toBe(0);
+  // The browser itself logs the refusal.
+  expect(watched.splice(0).join()).toContain('422');
+});
+
+test('the plant is changed', async ({ page, open, line }) => {
+  await open('/plant/ismc');
+  await type(page, 'Load torque', 0.25);
+  await page.getByText('Locked rotor').click();
+  await expect.poll(async () => line.call('GET', '/axes/ismc/plant')).toMatchObject({ load_torque_nm: 0.25, locked_rotor: true });
+});
+
+test('a bus is disturbed and left alone again', async ({ page, open, line }) => {
+  await open('/plant/reference');
+  const disturbance = panel(page, 'Disturbance of can0');
+  await disturbance.getByRole('button', { name: 'Disturb' }).click();
+  await expect(disturbance.getByText('disturbed')).toBeVisible();
+  expect(await line.call('GET', '/buses/can0')).toMatchObject({ disturbance: { drop: 0.05 } });
+  await disturbance.getByRole('button', { name: 'End' }).click();
+  await expect(disturbance.getByText('disturbed')).toHaveCount(0);
+});
+
+test('without power an axis says so, and comes back', async ({ page, open, line }) => {
+  await open('/plant/jmc');
+  await page.getByRole('button', { name: 'Off' }).click();
+  await expect.poll(async () => (await line.call<View>('GET', '/axes/jmc')).powered).toBe(false);
+  await open('/');
+  const card = page.getByRole('article', { name: 'jmc' });
+  await expect(card).toContainText('no power');
+  await card.getByRole('button', { name: 'Power on' }).click();
+  await expect(card).not.toContainText('no power');
+});

@@ -1,0 +1,91 @@
+import { type ChildProcess, spawn } from 'node:child_process';
+import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+
+// A line of virtual drives of the built program, on ports of its own, with the built page.
+
+const root = fileURLToPath(new URL('../..', import.meta.url));
+const servodrome = process.env.SERVODROME ?? join(root, 'build/release/src/app/servodrome');
+const page = process.env.SERVODROME_STUDIO ?? join(root, 'build/studio');
+
+interface Axis {
+  name: string;
+  product: string;
+  counts: number; // per revolution
+  switches: boolean;
+  home: string; // method, as the page's list begins
+}
+
+// One of each product, as in lines/default.toml.
+export const axes: Axis[] = [
+  { name: 'ismc', product: 'ismc', counts: 131072, switches: true, home: '7' },
+  { name: 'reference', product: 'generic402', counts: 131072, switches: true, home: '7' },
+  { name: 'pronet', product: 'pronet', counts: 131072, switches: true, home: '20' },
+  { name: 'ismk', product: 'ismk', counts: 65536, switches: false, home: '33' },
+  { name: 'jmc', product: 'jmc_ec', counts: 4000, switches: true, home: '7' },
+];
+
+export function lineFile(clock: 'real' | 'virtual' = 'real'): string {
+  const bus = (name: string, type: string) => `[[bus]]\nname = "${name}"\ntype = "${type}"\n\n`;
+  const travel = ({ counts, switches }: Axis) =>
+    `  [axis.travel]\n  counts_per_unit = ${counts}\n  low_stop = -11\n  high_stop = 11\n` +
+    (switches ? '  negative_limit = -10\n  positive_limit = 10\n  home = { from = -0.5, to = 0.5 }\n' : '');
+  const axis = (each: Axis, i: number) =>
+    `[[axis]]\nname = "${each.name}"\nproduct = "${each.product}"\n` +
+    (each.product === 'jmc_ec' ? 'bus = "ecat"\n' : `bus = "can0"\nnode = ${i + 1}\n`) +
+    `${travel(each)}\n`;
+  return `clock = "${clock}"\n\n${bus('can0', 'can')}${bus('ecat', 'ethercat')}${axes.map(axis).join('')}`;
+}
+
+export class Line {
+  private process: ChildProcess | null = null;
+  private readonly folder = mkdtempSync(join(tmpdir(), 'studio-'));
+  address = ''; // http://127.0.0.1:PORT
+
+  constructor(text: string) {
+    writeFileSync(join(this.folder, 'line.toml'), text);
+  }
+
+  // On the port it had before, if it ran before.
+  async start(): Promise<this> {
+    const port = this.address === '' ? '0' : new URL(this.address).port;
+    const process = spawn(servodrome, ['up', 'line.toml', '--api', `127.0.0.1:${port}`, '--studio', page, '--json'], { cwd: this.folder });
+    this.process = process;
+    let output = '';
+    let errors = '';
+    process.stderr.on('data', (data: Buffer) => (errors += data.toString()));
+    const ready = await new Promise<{ api: string }>((resolve, reject) => {
+      process.stdout.on('data', (data: Buffer) => {
+        output += data.toString();
+        if (output.includes('\n')) resolve(JSON.parse(output.slice(0, output.indexOf('\n'))) as { api: string });
+      });
+      process.on('error', reject);
+      process.on('exit', (code) => reject(new Error(`servodrome up ended with ${code}: ${errors}`)));
+    });
+    this.address = ready.api.replace('/api/v1', '');
+    return this;
+  }
+
+  async stop(): Promise<void> {
+    const { process } = this;
+    this.process = null;
+    if (!process || process.exitCode !== null) return;
+    const ended = new Promise((resolve) => process.once('exit', resolve));
+    process.kill('SIGINT');
+    await ended;
+  }
+
+  async end(): Promise<void> {
+    await this.stop();
+    rmSync(this.folder, { recursive: true, force: true });
+  }
+
+  async call<T>(method: string, path: string, body?: unknown): Promise<T> {
+    const answer = await fetch(`${this.address}/api/v1${path}`, { method, ...(body === undefined ? {} : { body: JSON.stringify(body) }) });
+    const text = await answer.text();
+    if (!answer.ok) throw new Error(`${method} ${path}: ${answer.status} ${text}`);
+    return (text === '' ? undefined : JSON.parse(text)) as T;
+  }
+}

@@ -1,0 +1,67 @@
+import { readFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { expect, test } from './fixtures';
+
+// Every page, in every look: opens, has no serious accessibility violation, no error, no request outside, and fits.
+
+const axeSource = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
+interface Violation {
+  id: string;
+  impact: string;
+  nodes: { html: string }[];
+}
+
+const pages: Record<string, string> = {
+  line: '/', axis: '/axis/reference', homing: '/axis/ismc?do=home', scope: '/scope', faults: '/faults/reference', objects: '/objects/reference',
+  plant: '/plant/reference', bus: '/bus',
+};
+
+for (const [name, path] of Object.entries(pages)) {
+  for (const scheme of ['light', 'dark'] as const) {
+    for (const width of [1280, 390]) {
+      test(`${name}, ${scheme}, ${width} px`, async ({ page, open, picture }) => {
+        await page.emulateMedia({ colorScheme: scheme });
+        await page.setViewportSize({ width, height: width === 390 ? 844 : 820 });
+        await open(path);
+        await expect(page.locator('main')).not.toHaveText('');
+        await page.waitForTimeout(500); // what comes over the stream is there as well
+
+        await page.evaluate(axeSource);
+        const violations = await page.evaluate(async () => {
+          const { axe } = window as unknown as { axe: { run(): Promise<{ violations: Violation[] }> } };
+          return (await axe.run()).violations;
+        });
+        const serious = violations.filter(({ impact }) => impact === 'serious' || impact === 'critical');
+        expect(serious.map(({ id, nodes }) => `${id}: ${nodes[0].html}`)).toEqual([]);
+
+        const overhang = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+        expect(overhang).toBeLessThanOrEqual(0);
+        await picture(`${name}-${scheme}-${width}`);
+      });
+    }
+  }
+}
+
+test('the keyboard reaches every page, and stops the line', async ({ page, open }) => {
+  await open('/');
+  await page.keyboard.press('Tab');
+  await expect(page.getByText('Skip to the content')).toBeFocused();
+  await page.getByRole('link', { name: 'Axis', exact: true }).focus();
+  await page.keyboard.press('Enter');
+  await expect(page).toHaveURL(/\/axis\//);
+  await page.keyboard.press('Control+Space');
+  await expect(page.getByText('all axes stopped')).toBeVisible();
+});
+
+test('the choice of colours survives a reload', async ({ page, open }) => {
+  await page.emulateMedia({ colorScheme: 'light' });
+  await open('/');
+  const ground = () => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+  const light = await ground();
+  await page.getByRole('button', { name: 'Colours' }).click();
+  await page.getByRole('option', { name: 'Dark' }).click();
+  await expect.poll(ground).not.toBe(light);
+  const dark = await ground();
+  await page.reload();
+  await expect.poll(ground).toBe(dark);
+});

@@ -1,0 +1,21 @@
+import { defineConfig } from '@playwright/test';
+
+// Debian's Chromium in front of the built program. The tests wait for what they see, not for a time: drives move no
+// faster on an idle machine, and slower on a busy one.
+const report = process.env.STUDIO_REPORT;
+const asRoot = process.getuid?.() === 0;
+
+export default defineConfig({
+  testDir: '.',
+  outputDir: '../../build/studio-tests',
+  timeout: 120_000,
+  expect: { timeout: 30_000 },
+  retries: 2,
+  workers: Number(process.env.STUDIO_WORKERS ?? 2),
+  reporter: report ? [['line'], ['junit', { outputFile: report }]] : 'line',
+  use: {
+    viewport: { width: 1280, height: 820 },
+    trace: 'retain-on-failure',
+    launchOptions: { executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium', args: asRoot ? ['--no-sandbox'] : [] },
+  },
+});

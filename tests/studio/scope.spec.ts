@@ -1,0 +1,78 @@
+import { readFileSync } from 'node:fs';
+import { expect, panel, test, type } from './fixtures';
+
+const setup = '?ch=reference/velocity_rpm,reference/following_error,reference/torque_nm&rate=4000&ms=1200&pre=20';
+
+test('a move is recorded, and its overshoot read', async ({ page, open, picture }) => {
+  await open(`/scope${setup}&trigger=edge&tch=0&level=5`);
+  await page.getByRole('button', { name: 'Move and record' }).click();
+  const measures = page.getByRole('table', { name: 'Measurements' });
+  await expect(measures).toBeVisible({ timeout: 60_000 });
+  await expect(measures).toContainText('of the whole recording');
+
+  // The rise to the speed of the move, between two cursors: a step.
+  await type(page, 'Cursor A', -10);
+  await type(page, 'Cursor B', 90);
+  await expect(measures).toContainText('between the cursors');
+  const row = measures.getByRole('row', { name: /reference velocity/i });
+  const cells = await row.getByRole('cell').allTextContents();
+  const [rise, overshoot] = [cells.at(-3)!, cells.at(-2)!];
+  expect(Number(rise)).toBeGreaterThan(10); // 600 rpm at 200 rev/s^2 take 50 ms
+  expect(Number(rise)).toBeLessThan(60);
+  expect(overshoot).toMatch(/^\d+\.\d\d %$/);
+  await picture('scope');
+
+  const [csv] = await Promise.all([page.waitForEvent('download'), page.getByRole('link', { name: 'CSV' }).click()]);
+  const lines = readFileSync(await csv.path(), 'utf8').trim().split('\n');
+  expect(lines.length).toBeGreaterThan(4000);
+  const [png] = await Promise.all([page.waitForEvent('download'), page.getByRole('button', { name: 'PNG' }).click()]);
+  expect(readFileSync(await png.path()).subarray(1, 4).toString()).toBe('PNG');
+});
+
+test('an earlier recording lies over the present one', async ({ page, open }) => {
+  await open(`/scope${setup}`);
+  const record = page.getByRole('button', { name: 'Move and record' });
+  for (const id of [1, 2]) {
+    await record.click();
+    await expect(page).toHaveURL(new RegExp(`rec=${id}`));
+    await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible({ timeout: 60_000 });
+  }
+  await page.getByRole('checkbox', { name: 'over' }).check();
+  await expect(page.getByRole('img', { name: /recording 1/ })).toBeVisible();
+});
+
+test('a reload in the middle of a recording loses nothing', async ({ page, open }) => {
+  await open(`/scope?ch=reference/position_counts&rate=1000&ms=4000&pre=0`);
+  await page.getByText('with a move').click();
+  await page.getByRole('button', { name: 'Record', exact: true }).click();
+  await expect(panel(page, /Recording 1/).getByRole('status')).toContainText('running');
+  await page.reload();
+  await expect(panel(page, /Recording 1/).getByRole('status')).toContainText('running');
+  await expect(panel(page, /Recording 1/).getByRole('status')).toContainText('4\u2009000 samples of 1 channels', { timeout: 60_000 });
+  await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
+});
+
+test('live curves are drawn from the stream', async ({ page, open }) => {
+  await open('/scope');
+  const inked = () =>
+    page.evaluate(() => {
+      const canvas = document.querySelector<HTMLCanvasElement>('.lane canvas');
+      if (!canvas) return 0;
+      const { data } = canvas.getContext('2d')!.getImageData(80, 0, canvas.width - 90, canvas.height);
+      const colours = new Set<number>();
+      for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) colours.add((data[i] << 16) | (data[i + 1] << 8) | data[i + 2]);
+      return colours.size;
+    });
+  await expect.poll(inked).toBeGreaterThan(1);
+});
+
+test('a channel is added by its object and taken away', async ({ page, open }) => {
+  await open('/scope');
+  const channels = panel(page, 'Channels');
+  await channels.getByLabel('Signal or object').fill('6077:00');
+  await channels.getByRole('button', { name: 'Add' }).click();
+  await expect(page).toHaveURL(/6077/);
+  await expect(channels).toContainText('3 of 16');
+  await channels.getByRole('button', { name: /Remove .*6077/ }).click();
+  await expect(channels).toContainText('2 of 16');
+});

@@ -1,0 +1,54 @@
+import { card, expect, test, watch } from './fixtures';
+import { lineFile } from './line';
+
+test('two browsers agree', async ({ page, open, line, browser, picture }) => {
+  await open('/');
+  const other = await (await browser.newContext()).newPage();
+  const found: string[] = [];
+  watch(other, line, found);
+  await other.goto(line.address);
+  await card(page, 'reference').getByRole('button', { name: 'Enable' }).click();
+  for (const each of [page, other]) await expect(card(each, 'reference').locator('header .chip')).toHaveText('operation enabled');
+  await other.goto(`${line.address}/axis/reference`);
+  await other.getByRole('button', { name: 'Move +' }).click();
+  await expect(other.getByText(/move: done/)).toBeVisible();
+  for (const each of [page, other]) await expect(each.locator('body')).toContainText(/(1\.00\d|0\.99\d)\d?\s*rev/);
+  await picture('line');
+  expect(found).toEqual([]);
+});
+
+test('the loss of the server and its new start are said, and the page comes back', async ({ page, open, line, watched, picture }) => {
+  await open('/');
+  await line.stop();
+  await expect(page.getByRole('alert')).toContainText('The server does not answer');
+  await picture('lost');
+  await line.start();
+  await expect(page.getByText('The server was started anew')).toBeVisible();
+  await expect(page.getByRole('alert')).toHaveCount(0);
+  await card(page, 'ismc').getByRole('button', { name: 'Enable' }).click();
+  await expect(card(page, 'ismc').locator('header .chip')).toHaveText('operation enabled');
+  await page.getByRole('button', { name: 'Understood' }).click();
+  await expect(page.getByText('The server was started anew')).toHaveCount(0);
+  // The browser itself logs each connection that is refused meanwhile.
+  for (const message of watched.splice(0)) expect(message).toMatch(/ERR_CONNECTION_REFUSED|ERR_CONNECTION_RESET|ERR_EMPTY_RESPONSE|WebSocket connection/);
+});
+
+test.describe('in virtual time', () => {
+  test.use({ lineText: lineFile('virtual') });
+
+  test('it is started, hurried and stopped', async ({ page, open, line }) => {
+    await open('/');
+    const time = async () => (await line.call<{ time_ms: number }>('GET', '/clock')).time_ms;
+    const before = await time();
+    await page.getByRole('button', { name: '+100 ms' }).click();
+    await expect.poll(time).toBe(before + 100);
+    await page.getByRole('button', { name: 'Speed of virtual time' }).click();
+    await page.getByRole('option', { name: '× 10', exact: true }).click();
+    await expect.poll(time).toBeGreaterThan(before + 2000);
+    await card(page, 'reference').getByRole('button', { name: 'Enable' }).click();
+    await expect(card(page, 'reference').locator('header .chip')).toHaveText('operation enabled');
+    await page.getByRole('button', { name: 'Speed of virtual time' }).click();
+    await page.getByRole('option', { name: 'stands' }).click();
+    await expect.poll(async () => (await line.call<{ speed: number }>('GET', '/clock')).speed).toBe(0);
+  });
+});
