@@ -263,7 +263,7 @@ function HomeMove({ axis, units, geometry }: { axis: AxisView; units: Units | un
   return (
     <>
       <div className="form">
-        <Choice label="Method" value={method.method} options={methods.map(({ method: number, legs }) => [number, `${number}: ${textOf(legs)}`] as const)} onChange={setChosen} />
+        <Choice label="Method" isLong value={method.method} options={methods.map(({ method: number, legs }) => [number, `${number}: ${textOf(legs)}`] as const)} onChange={setChosen} />
         <NumberInput label="Speed to the switch" unit={names.velocity} value={fast} onChange={setFast} minimum={0} />
         <NumberInput label="Speed to the zero" unit={names.velocity} value={slow} onChange={setSlow} minimum={0} />
         <div className="buttons">

@@ -11,9 +11,10 @@ export function Button({ kind = 'plain', ...props }: ButtonProps & { kind?: 'pla
   return <AriaButton {...props} className={`button ${kind} ${typeof props.className === 'string' ? props.className : ''}`} />;
 }
 
-export function Choice<T extends string | number>({ label, value, options, onChange, hideLabel = false, isDisabled = false }: {
+export function Choice<T extends string | number>({ label, value, options, onChange, hideLabel = false, isDisabled = false, isLong = false }: {
   label: string;
   value: T;
+  isLong?: boolean;
   options: readonly (readonly [T, string])[];
   onChange: (value: T) => void;
   hideLabel?: boolean;
@@ -31,7 +32,7 @@ export function Choice<T extends string | number>({ label, value, options, onCha
       {...(hideLabel ? { 'aria-label': label } : {})}
     >
       {!hideLabel && <Label>{label}</Label>}
-      <AriaButton className="button select">
+      <AriaButton className={isLong ? 'button select long' : 'button select'}>
         <SelectValue />
         <span aria-hidden="true">▾</span>
       </AriaButton>

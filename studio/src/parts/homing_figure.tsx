@@ -39,7 +39,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
   const level = (row: number, name: string, spans: [number, number][]) => {
     const low = signalsTop + row * 20 + 14;
     let line = `M${margin} ${low}`;
-    for (const [a, b] of spans) line += ` H${at(a)} V${low - 9} H${at(b)} V${low}`;
+    for (const [a, b] of spans.filter(([left, right]) => right > from && left < from + span && right > left)) line += ` H${at(a)} V${low - 9} H${at(b)} V${low}`;
     return (
       <g className="signal" key={name}>
         <path d={`${line} H${width - margin}`} />
@@ -54,7 +54,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
   return (
     <svg className="homing" viewBox={`0 0 ${width} ${height}`} role="img" aria-label={`Homing method ${method.method}: ${path.map(({ leg: { direction, until } }) => `${direction} until ${until.replaceAll('_', ' ')}`).join(', then ')}`}>
       <defs>
-        <marker id="leg-end" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">
+        <marker id="leg-end" viewBox="0 0 8 8" refX="7" refY="4" markerUnits="userSpaceOnUse" markerWidth="9" markerHeight="9" orient="auto">
           <path d="M0 0 L8 4 L0 8 z" />
         </marker>
       </defs>
@@ -79,8 +79,8 @@ export function HomingFigure({ method, geometry, axis, start }: {
       <circle className="here" cx={at(axis.position_counts)} cy={here} r="4" />
       {level(0, 'index', marks.map((mark) => [mark, mark + span / 400]))}
       {level(1, 'home', geometry.home_from !== null && geometry.home_to !== null ? [[geometry.home_from, geometry.home_to]] : [])}
-      {level(2, 'negative limit', geometry.negative_limit !== null ? [[from, Math.max(from, geometry.negative_limit)]] : [])}
-      {level(3, 'positive limit', geometry.positive_limit !== null ? [[Math.min(from + span, geometry.positive_limit), from + span]] : [])}
+      {level(2, 'negative limit', geometry.negative_limit !== null ? [[from, geometry.negative_limit]] : [])}
+      {level(3, 'positive limit', geometry.positive_limit !== null ? [[geometry.positive_limit, from + span]] : [])}
     </svg>
   );
 }
