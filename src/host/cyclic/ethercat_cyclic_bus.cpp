@@ -28,11 +28,23 @@ constexpr std::array<std::uint16_t, 8> inputs{0x6041, 0x6061, 0x6064, 0x606C, 0x
 constexpr std::array<std::uint16_t, 1> probe_outputs{0x60B8};
 constexpr std::array<std::uint16_t, 3> probe_inputs{0x60B9, 0x60BA, 0x60BB};
 
-// A slave refuses a whole mapping for one object that it does not have. Objects are as long as it says.
-void add_those_there_are(EthercatSlave& slave, std::span<const std::uint16_t> wanted, Pdo& pdo) {
+// As the slave's dictionary says. A slave without SDO information is taken to map what it has.
+bool can_map(EthercatSlave& slave, std::uint16_t index, std::uint16_t direction) {
+  try {
+    return (slave.coe().describe(ObjectAddress{index, 0}).access & direction) != 0;
+  } catch (const CoeError& error) {
+    if (!error.from_slave()) throw;
+    return true;
+  }
+}
+
+// A slave refuses a whole mapping for one object that it does not have or cannot map. Objects are as long as it says.
+void add_those_there_are(EthercatSlave& slave, std::span<const std::uint16_t> wanted, std::uint16_t direction,
+                         Pdo& pdo) {
   for (const std::uint16_t index : wanted) {
     try {
       const std::size_t bytes = slave.coe().upload({index, 0}).size();
+      if (!can_map(slave, index, direction)) continue;
       pdo.entries.push_back({.object = {index, 0}, .bits = static_cast<std::uint8_t>(8 * bytes)});
     } catch (const CoeError& error) {
       if (!error.from_slave()) throw;
@@ -62,11 +74,11 @@ void set_interpolation_time(EthercatSlave& slave, Time period) {
 void set_up_cyclic_axis(EthercatSlave& slave, const EthercatAxisSetUp& set_up) {
   Pdo rx{.index = 0x1600};
   Pdo tx{.index = 0x1A00};
-  add_those_there_are(slave, outputs, rx);
-  add_those_there_are(slave, inputs, tx);
+  add_those_there_are(slave, outputs, entry_access::rx_pdo, rx);
+  add_those_there_are(slave, inputs, entry_access::tx_pdo, tx);
   if (set_up.touch_probe) {
-    add_those_there_are(slave, probe_outputs, rx);
-    add_those_there_are(slave, probe_inputs, tx);
+    add_those_there_are(slave, probe_outputs, entry_access::rx_pdo, rx);
+    add_those_there_are(slave, probe_inputs, entry_access::tx_pdo, tx);
   }
   map_pdo(slave.coe(), rx);
   map_pdo(slave.coe(), tx);
