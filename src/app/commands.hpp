@@ -34,5 +34,9 @@ void add_nmt(CLI::App& app);
 void add_prove(CLI::App& app);
 void add_state(CLI::App& app);
 void add_conform(CLI::App& app);
+void add_faults(CLI::App& app);
+void add_jog(CLI::App& app);
+void add_torque(CLI::App& app);
+void add_probe(CLI::App& app);
 
 }  // namespace servodrome::app

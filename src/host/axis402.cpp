@@ -5,7 +5,7 @@
 #include <array>
 #include <fmt/format.h>
 
-#include "describe/fault_texts.hpp"
+#include "host/fault_report.hpp"
 
 namespace servodrome::host {
 namespace {
@@ -117,25 +117,15 @@ AxisStatus Axis402::status() {
   return status;
 }
 
-std::string Axis402::text_of_fault(std::uint16_t code) const {
-  const auto own = describe::fault_texts(options_.dialect.product, code);
-  if (own.empty()) return fmt::format("{:04X}h {}", code, text_of_error_code(code));
-  std::string texts;
-  for (const describe::FaultText& text : own) {
-    const std::string alarm = describe::alarm_name(options_.dialect.product, text.alarm);
-    texts += fmt::format("{}{}{}{}", texts.empty() ? "" : " or ", alarm, alarm.empty() ? "" : " ", text.text);
-  }
-  return fmt::format("{:04X}h {}", code, texts);
-}
-
 void Axis402::fail(const std::string& happened, const std::string& remedy) {
   const std::uint16_t word = statusword();
   std::string shown = fmt::format("state {}, statusword {}", drive::name(state_of(word)), text_of_statusword(word));
   std::string to_do = remedy;
   if (const auto code = objects_.read_if_present<std::uint16_t>(0x603F); code && *code != 0) {
-    shown += ", error code 603Fh " + text_of_fault(*code);
-    if (const auto* const text = describe::find_fault_text(options_.dialect.product, *code)) {
-      to_do += fmt::format(". Of {:04X}h: {} {}", *code, text->cause, text->remedy);
+    const ReportedFault fault = fault_of_code(*code, {0x603F, 0}, options_.dialect.product);
+    shown += ", error code 603Fh " + text_of(fault, options_.dialect.product);
+    for (const describe::FaultText* meaning : fault.meanings) {
+      to_do += fmt::format(". {}: {} {}", meaning->text, meaning->cause, meaning->remedy);
     }
   }
   if (const auto emergency = latest_emergency()) shown += ", latest " + text_of(*emergency);

@@ -151,6 +151,8 @@ class Axis402 {
 
   // Profile velocity; returns when the velocity is reached. Goes on running.
   void run_at(std::int32_t velocity, const MotionProfile& profile, Time timeout, const Progress& progress = {});
+  // Lets what goes on go on for so long; throws if the drive leaves operation enabled meanwhile.
+  void hold_for(Time span, const Progress& progress = {});
   // Of the motion under way: the velocity it runs at, or 6081h of a move.
   void change_velocity(std::int32_t velocity);
   // Profile velocity, at what `demand` answers at each poll, until it answers nothing or throws; then stop(). Whatever
@@ -231,8 +233,6 @@ class Axis402 {
   // Polls a motion until `done` says so; throws if the drive leaves operation enabled or the time is up.
   void follow(Time timeout, const Progress& progress, const std::string& doing,
               const std::function<bool(std::uint16_t statusword)>& done);
-  // "2310h over-current", with the product's own number where it has one.
-  std::string text_of_fault(std::uint16_t code) const;
   [[noreturn]] void fail(const std::string& happened, const std::string& remedy);
 
   AxisOptions options_;

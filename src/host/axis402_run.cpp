@@ -44,6 +44,11 @@ void Axis402::change_velocity(std::int32_t velocity) {
   if (!halted_) hand_over(*goal_, enabled | change_immediately);
 }
 
+void Axis402::hold_for(Time span, const Progress& progress) {
+  const Time end = objects_.now() + span;
+  follow(span + options_.state_timeout, progress, "keeping on", [&](std::uint16_t) { return objects_.now() >= end; });
+}
+
 void Axis402::jog(const MotionProfile& profile, const JogDemand& demand) {
   require_enabled("jog");
   begin_velocity(profile);

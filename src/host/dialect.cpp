@@ -8,6 +8,10 @@ namespace {
 
 constexpr Dialect cia402{};
 
+// Error_State, Error_State2 and their extension (iSMK manual L3268-3325).
+constexpr std::array ismk_alarm_words{AlarmWord{{0x2601, 0}, 0}, AlarmWord{{0x2602, 0}, 16},
+                                      AlarmWord{{0x2605, 7}, 32}};
+
 // Bit 15 attained, bit 12 error, bit 10 stays 0 (iSMK manual L1148, L2406); units L3458-3467; sub 1 of 607Dh is the
 // positive limit.
 constexpr Dialect ismk(std::string_view product) {
@@ -15,10 +19,13 @@ constexpr Dialect ismk(std::string_view product) {
           .homing_signals = {.attained = 1U << 15, .error = 1U << 12, .target_reached = false},
           .units = AxisUnits{65536.0, 60.0 * 512.0 * 65536.0 / 1875.0, 65536.0 * 65536.0 / 4'000'000.0},
           .cautious_homing_method = 33,
-          .software_limits = {.lowest = 2, .highest = 1}};
+          .software_limits = {.lowest = 2, .highest = 1},
+          .alarm_words = ismk_alarm_words};
 }
 
 constexpr std::array dialects{
+    Dialect{.product = "generic402"},
+    Dialect{.product = "generic402-ec"},
     // Halt empties the buffer of set-points (ISMC manual L1523-1530).
     Dialect{.product = "ismc", .halt_drops_target = true},
     // 0.1 rpm and 0.1 rpm/s (ProNet manual L750-762). The encoder cannot be asked for: increments of the 17-bit one.
@@ -26,7 +33,9 @@ constexpr std::array dialects{
     Dialect{.product = "pronet",
             .units = AxisUnits{131072.0, 600.0, 600.0},
             .has_old_factors = true,
-            .cautious_homing_method = 35},
+            .cautious_homing_method = 35,
+            .alarm_log = 0x3200,  // Fn000-0 .. 9
+            .alarm_log_length = 10},
     ismk("ismk"),
     ismk("ismk-ea"),
     // Methods 0 to 35 (JMC manual L2858-2860).

@@ -2,7 +2,10 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string_view>
+
+#include "host/object_address.hpp"
 
 // How a product's drives differ from CiA 402 in what a master must know to move them.
 namespace servodrome::host {
@@ -27,6 +30,12 @@ struct SoftwareLimitSubs {
   std::uint8_t highest = 2;
 };
 
+// A word whose bits are alarms that are there: bit n is the product's alarm number `first_alarm` + n.
+struct AlarmWord {
+  ObjectAddress object;
+  std::uint16_t first_alarm;
+};
+
 struct Dialect {
   std::string_view product{};  // as `servodrome products` lists it
   HomingSignals homing_signals{};
@@ -39,6 +48,10 @@ struct Dialect {
   SoftwareLimitSubs software_limits{};
   // A halt drops the target: to go on, it is given again.
   bool halt_drops_target = false;
+  std::span<const AlarmWord> alarm_words{};
+  // Objects, one after another from this index, with what an alarm log keeps: alarm number or code, the newest first.
+  std::uint16_t alarm_log = 0;
+  std::uint8_t alarm_log_length = 0;
 };
 
 // By the product's name; that of CiA 402 for one that is not in the table.

@@ -41,9 +41,11 @@ inline const RigCase every_product[] = {{"ismc"},
 class AxisRig {
  public:
   explicit AxisRig(const RigCase& its_case, unsigned axes = 1) : rig_case(its_case), line(line_of(its_case, axes)) {
+    // A node that is alone on its bus has nobody who acknowledges its frames.
+    if (rig_case.bus != RigCase::BusKind::ethercat) open_can();
     line.run_until(100ms);
     switch (rig_case.bus) {
-      case RigCase::BusKind::can: open_can(); break;
+      case RigCase::BusKind::can: open_nodes(); break;
       case RigCase::BusKind::modbus: open_modbus(); break;
       case RigCase::BusKind::ethercat: open_ethercat(); break;
     }
@@ -65,7 +67,7 @@ class AxisRig {
 
   RigCase rig_case;
   line::Line line;
-  // Of the one kind of bus there is.
+  // Of the bus of the case; a CAN bus also where drives are commanded over Modbus.
   std::unique_ptr<Bus> can;
   std::unique_ptr<ModbusClient> modbus;
   std::unique_ptr<EthercatMaster> ethercat;
@@ -90,6 +92,8 @@ class AxisRig {
   }
   void open_can() {
     can = std::make_unique<Bus>(std::make_unique<links::MemoryCanClient>(line.buses()[0]->bus, line), "mem:", &line);
+  }
+  void open_nodes() {
     for (std::size_t i = 0; i < line.axes().size(); ++i) {
       clients.push_back(std::make_unique<SdoClient>(*can, static_cast<std::uint8_t>(i + 1)));
     }

@@ -1,0 +1,125 @@
+// `faults`: what is wrong with a drive, why, and what to do.
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "app/drive_link.hpp"
+#include "host/fault_report.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct Options {
+  BusOptions bus;
+  bool reset = false;
+  bool clear_history = false;
+};
+
+using Faults = std::vector<host::ReportedFault>;
+
+nlohmann::ordered_json json_of(const Faults& faults, std::string_view product) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const host::ReportedFault& fault : faults) {
+    nlohmann::ordered_json meanings = nlohmann::ordered_json::array();
+    for (const describe::FaultText* meaning : fault.meanings) {
+      meanings.push_back({{"alarm", describe::alarm_name(product, meaning->alarm)},
+                          {"text", meaning->text},
+                          {"cause", meaning->cause},
+                          {"remedy", meaning->remedy},
+                          {"of_class", meaning->code != fault.code}});
+    }
+    list.push_back({{"code", fault.code},
+                    {"alarm", describe::alarm_name(product, fault.alarm)},
+                    {"object", text_of(fault.source)},
+                    {"meanings", std::move(meanings)}});
+  }
+  return list;
+}
+
+void print_explained(const char* title, const Faults& faults, std::string_view product) {
+  if (faults.empty()) return;
+  fmt::print("{}:\n", title);
+  for (const host::ReportedFault& fault : faults) {
+    fmt::print("  {}\n", text_of(fault, product));
+    for (const describe::FaultText* meaning : fault.meanings) {
+      if (fault.meanings.size() > 1) fmt::print("  {}\n", meaning->text);
+      fmt::print("    cause:  {}\n    remedy: {}\n", meaning->cause, meaning->remedy);
+    }
+  }
+}
+
+void print_list(const char* title, const Faults& faults, std::string_view product) {
+  if (faults.empty()) return;
+  fmt::print("{}, newest first:\n", title);
+  for (const host::ReportedFault& fault : faults) {
+    fmt::print("  {}  {}\n", text_of(fault.source), text_of(fault, product));
+  }
+}
+
+void run(const Options& options) {
+  DriveLink link(options.bus, true);
+  const auto axis = link.open_axis({});
+  const std::string_view product = link.product() != nullptr ? link.product()->name : std::string_view{};
+  const InterruptGuard guard;
+  if (options.clear_history) host::clear_fault_history(link.objects());
+  std::string refusal;
+  if (options.reset) {
+    try {
+      axis->reset_fault();
+    } catch (const host::HostError& error) {
+      refusal = error.what();  // what is still there is shown first
+    }
+  }
+  const host::FaultReport report = host::read_faults(link.objects(), host::dialect_of(product));
+  const std::uint16_t word = report.statusword;
+  if (options.bus.json) {
+    nlohmann::ordered_json json{{"node", axis->address()},
+                                {"product", product},
+                                {"state", drive::name(host::state_of(word))},
+                                {"statusword", word},
+                                {"error_register", nullptr},
+                                {"active", json_of(report.active, product)},
+                                {"warnings", json_of(report.warnings, product)},
+                                {"history", json_of(report.history, product)},
+                                {"log", json_of(report.log, product)}};
+    if (report.error_register) json["error_register"] = *report.error_register;
+    fmt::print("{}\n", json.dump(2));
+  } else {
+    fmt::print("{} {}: {}, statusword {}", link.noun(), axis->address(), drive::name(host::state_of(word)),
+               host::text_of_statusword(word));
+    if (report.error_register.value_or(0) != 0) {
+      fmt::print(", error register {:02X}h ({})", *report.error_register,
+                 host::text_of_error_register(*report.error_register));
+    }
+    fmt::print("\n");
+    print_explained("active", report.active, product);
+    print_explained("warning", report.warnings, product);
+    if (report.active.empty() && report.warnings.empty()) fmt::print("no fault is active\n");
+    print_list("history", report.history, product);
+    print_list("the drive's own log", report.log, product);
+  }
+  std::fflush(stdout);
+  if (!refusal.empty()) throw Failure::did_not_work(refusal);
+  if (!report.active.empty()) {
+    throw Failure::did_not_work(
+        fmt::format("{}: {} active", link.objects().where(), report.active.size() == 1 ? "a fault is" : "faults are"));
+  }
+}
+
+}  // namespace
+
+void add_faults(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("faults",
+                                         "Show what is wrong with a drive, why and what to do, and what was wrong "
+                                         "before; exit status 1 if a fault is active");
+  add_bus_options(*command, options->bus, "Seconds to wait for each answer");
+  add_node_option(*command, options->bus);
+  add_serial_options(*command, options->bus);
+  command->add_flag("--reset", options->reset, "Reset the fault first");
+  command->add_flag("--clear-history", options->clear_history, "Empty the history (1003h) first");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

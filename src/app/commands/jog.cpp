@@ -1,0 +1,150 @@
+// `jog` and `torque`: what goes on as long as somebody wants it.
+#include <fmt/format.h>
+#include <sys/select.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include "app/commands.hpp"
+#include "app/motion_run.hpp"
+#include "host/jog_keys.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct JogOptions : MotionOptions {
+  double velocity = 0.0;
+  std::optional<double> acceleration;
+  std::optional<double> seconds;
+};
+
+struct TorqueOptions : MotionOptions {
+  double percent = 0.0;
+  std::optional<double> slope;
+  double seconds = 0.0;
+};
+
+// Characters come one by one and are not shown, as long as this lives.
+class RawTerminal {
+ public:
+  RawTerminal() {
+    ::tcgetattr(STDIN_FILENO, &before_);
+    termios raw = before_;
+    raw.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
+    raw.c_cc[VMIN] = 0;
+    raw.c_cc[VTIME] = 0;
+    ::tcsetattr(STDIN_FILENO, TCSANOW, &raw);
+  }
+  ~RawTerminal() { ::tcsetattr(STDIN_FILENO, TCSANOW, &before_); }
+  RawTerminal(const RawTerminal&) = delete;
+  RawTerminal& operator=(const RawTerminal&) = delete;
+
+  // What was typed since; a terminal that is gone ends the jog.
+  static std::string typed() {
+    fd_set ready;
+    FD_ZERO(&ready);
+    FD_SET(STDIN_FILENO, &ready);
+    timeval now{};
+    if (::select(STDIN_FILENO + 1, &ready, nullptr, nullptr, &now) <= 0) return {};
+    std::array<char, 64> characters{};
+    const ssize_t count = ::read(STDIN_FILENO, characters.data(), characters.size());
+    return count > 0 ? std::string(characters.data(), static_cast<std::size_t>(count)) : "q";
+  }
+
+ private:
+  termios before_{};
+};
+
+bool has_keyboard() { return ::isatty(STDIN_FILENO) == 1 && on_terminal(); }
+
+void jog(const JogOptions& options) {
+  if (!options.seconds && !has_keyboard()) {
+    throw Failure::wrong_use("jog: there is no terminal to take keys from; give --seconds, how long to jog");
+  }
+  run_motion(options, [&](const Units& units) -> Motion {
+    const auto velocity = units.velocity<std::int32_t>(options.velocity, "--velocity");
+    const auto acceleration = units.acceleration(options.acceleration, "--acceleration");
+    const host::MotionProfile profile{.acceleration = acceleration, .deceleration = acceleration};
+    return [&options, velocity, profile](host::Axis402& axis, const host::Axis402::Progress& progress) {
+      const auto now = [&axis] { return axis.objects().now(); };
+      if (options.seconds) {
+        const host::Time end =
+            now() + std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(*options.seconds));
+        axis.jog(profile, [&](const host::AxisStatus& status) -> std::optional<std::int32_t> {
+          progress(status);
+          return now() < end ? std::optional(velocity) : std::nullopt;
+        });
+      } else {
+        fmt::print("hold right or left to move; up, down: faster, slower; blank: stop; q: end\n");
+        const RawTerminal terminal;
+        host::JogKeys keys(velocity);
+        axis.jog(profile, [&](const host::AxisStatus& status) {
+          keys.feed(RawTerminal::typed(), now());
+          progress(status);
+          return keys.velocity(now());
+        });
+      }
+      return MotionResult{"jogged"};
+    };
+  });
+}
+
+void torque(const TorqueOptions& options) {
+  const auto permille = whole_units<std::int16_t>(options.percent * 10.0, "--percent", options.percent);
+  host::TorqueProfile profile;
+  if (options.slope) profile.slope = whole_units<std::uint32_t>(*options.slope * 10.0, "--slope", *options.slope);
+  run_motion(options, [&](const Units&) -> Motion {
+    return [&options, permille, profile](host::Axis402& axis, const host::Axis402::Progress& progress) {
+      const auto seconds = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.seconds));
+      const host::Time end = axis.objects().now() + seconds;
+      double most_percent = 0;
+      try {
+        axis.run_torque(permille, profile, options.bus.timeout(), progress);
+        axis.hold_for(std::max(end - axis.objects().now(), host::Time{}), [&](const host::AxisStatus& status) {
+          most_percent = std::max(most_percent, std::abs(status.torque) / 10.0);
+          progress(status);
+        });
+      } catch (...) {
+        axis.stop();
+        throw;
+      }
+      axis.stop();
+      return MotionResult{"gave torque and stopped", {{"most_percent", most_percent}}};
+    };
+  });
+}
+
+}  // namespace
+
+void add_jog(CLI::App& app) {
+  const auto options = std::make_shared<JogOptions>();
+  CLI::App* command = app.add_subcommand(
+      "jog",
+      "Enable a drive and run it in profile velocity while an arrow key is held, or for some seconds; then stop it");
+  command->add_option("--velocity", options->velocity, "Velocity (60FFh); with --seconds its sign is the direction")
+      ->required();
+  command->add_option("--acceleration", options->acceleration,
+                      "Acceleration and deceleration (6083h, 6084h); the drive's if not given");
+  command->add_option("--seconds", options->seconds, "Take no keys, but run for so long")
+      ->check(number_within(0.001, 1e6));
+  add_motion_options(*command, *options, "Seconds, not used: jogging ends by itself or by a key");
+  command->remove_option(command->get_option("--timeout"));
+  command->callback([options] { jog(*options); });
+}
+
+void add_torque(CLI::App& app) {
+  const auto options = std::make_shared<TorqueOptions>();
+  CLI::App* command = app.add_subcommand(
+      "torque",
+      "Enable a drive, let it give torque for some seconds in profile torque mode, and stop it. Without a load "
+      "it runs as fast as its limits let it");
+  command->add_option("--percent", options->percent, "Torque (6071h), in % of the rated one")
+      ->required()
+      ->check(number_within(-1000.0, 1000.0));
+  command->add_option("--slope", options->slope, "Torque slope (6087h), % of the rated torque per second")
+      ->check(number_within(0.1, 1e6));
+  command->add_option("--seconds", options->seconds, "How long")->required()->check(number_within(0.001, 1e6));
+  add_motion_options(*command, *options, "Seconds it may take to reach the torque");
+  command->callback([options] { torque(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,74 @@
+// `probe`: where the axis was at an edge of a touch probe.
+#include <fmt/format.h>
+
+#include "app/commands.hpp"
+#include "app/motion_run.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct Options : MotionOptions {
+  unsigned probe = 1;
+  std::string source = "input";
+  std::string edge = "positive";
+  std::optional<double> by;
+  std::optional<double> velocity;
+};
+
+using Request = host::ProbeRequest;
+
+nlohmann::ordered_json json_of(const std::optional<std::int32_t>& position) {
+  return position ? nlohmann::ordered_json(*position) : nullptr;
+}
+
+void run(const Options& options) {
+  if (options.velocity && !options.by) throw Failure::wrong_use("probe: --velocity goes with --by DISTANCE");
+  const Request request{.probe = static_cast<std::uint8_t>(options.probe),
+                        .source = options.source == "index" ? Request::Source::index : Request::Source::input,
+                        .positive_edge = options.edge != "negative",
+                        .negative_edge = options.edge != "positive"};
+  run_motion(options, [&](const Units& units) -> Motion {
+    const auto by = units.position(options.by, "--by");
+    const host::MotionProfile profile{.velocity = units.velocity(options.velocity, "--velocity")};
+    return [&options, request, by, profile](host::Axis402& axis, const host::Axis402::Progress& progress) {
+      axis.arm_probe(request);
+      host::ProbePositions seen;
+      try {
+        if (by) axis.start_move_by(*by, profile);
+        seen = axis.wait_for_probe(request, options.bus.timeout(), progress);
+      } catch (...) {
+        if (by) axis.stop();
+        throw;
+      }
+      if (by) axis.stop();
+      axis.disarm_probe(request.probe);
+      MotionResult result{fmt::format("touch probe {} has seen its edge", request.probe)};
+      if (request.positive_edge) result.details["positive_edge"] = json_of(seen.positive);
+      if (request.negative_edge) result.details["negative_edge"] = json_of(seen.negative);
+      return result;
+    };
+  });
+}
+
+}  // namespace
+
+void add_probe(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "probe", "Wait for a touch probe (60B8h), moving meanwhile if asked to, and print the position it kept");
+  command->add_option("--probe", options->probe, "1 or 2")
+      ->check(CLI::Range(1, 2).description(""))
+      ->capture_default_str();
+  command->add_option("--source", options->source, "What it looks at: input, or index (the encoder's)")
+      ->check(CLI::IsMember({"input", "index"}))
+      ->capture_default_str();
+  command->add_option("--edge", options->edge, "positive, negative or both")
+      ->check(CLI::IsMember({"positive", "negative", "both"}))
+      ->capture_default_str();
+  command->add_option("--by", options->by, "Move by this distance meanwhile, and stop when the edge has come");
+  command->add_option("--velocity", options->velocity, "Of this move (6081h); the drive's if not given");
+  add_motion_options(*command, *options, "Seconds to wait for the edge");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,86 @@
+#include "app/motion_run.hpp"
+
+#include <fmt/format.h>
+
+#include "app/commands.hpp"
+#include "app/drive_link.hpp"
+
+namespace servodrome::app {
+namespace {
+
+// A slave that leaves OP with its motor on takes that for a fault.
+void disable_if_possible(host::Axis402& axis) {
+  try {
+    axis.disable();
+  } catch (const host::HostError&) {
+    // What went wrong before is told.
+  }
+}
+
+}  // namespace
+
+void add_motion_options(CLI::App& command, MotionOptions& options, const std::string& timeout_help) {
+  add_bus_options(command, options.bus, timeout_help);
+  add_node_option(command, options.bus);
+  add_serial_options(command, options.bus);
+  add_cycle_options(command, options.bus);
+  command.add_flag("--revolutions", options.revolutions,
+                   "Numbers are motor revolutions, /s and /s2, instead of the drive's units");
+  command.add_flag("--reset-fault", options.reset_fault, "Reset a fault first");
+  command.add_flag("--disable", options.disable,
+                   "Disable the drive afterwards instead of holding the position (on EtherCAT always: a drive holds "
+                   "while a master exchanges data with it)");
+}
+
+Units::Units(host::Axis402& axis, bool revolutions) {
+  if (!revolutions) return;
+  const auto units = axis.units();
+  if (!units) {
+    throw Failure::did_not_work(
+        fmt::format("{}: the drive does not say how many units a revolution has (6092h, 608Fh); give the numbers "
+                    "in the drive's units",
+                    axis.objects().where()));
+  }
+  units_ = *units;
+}
+
+void run_motion(const MotionOptions& options, const std::function<Motion(const Units&)>& plan) {
+  DriveLink link(options.bus, true);
+  link.operate(options.bus);
+  const auto opened = link.open_axis({});
+  host::Axis402& axis = *opened;
+  const Motion motion = plan(Units(axis, options.revolutions));
+  const InterruptGuard guard;
+  host::Time start{};
+  MotionResult result;
+  try {
+    if (options.reset_fault) axis.reset_fault();
+    axis.enable();
+    start = link.objects().now();
+    result = motion(axis, motion_progress(axis, options.bus.json));
+  } catch (...) {
+    end_progress(options.bus.json);
+    if (link.operates()) disable_if_possible(axis);
+    throw;
+  }
+  const double seconds = std::chrono::duration<double>(link.objects().now() - start).count();
+  end_progress(options.bus.json);
+  const std::int32_t position = axis.position();
+  if (options.disable || link.operates()) axis.disable();
+  if (options.bus.json) {
+    nlohmann::ordered_json json{{"node", axis.address()},
+                                {"result", result.done},
+                                {"position", position},
+                                {"seconds", seconds},
+                                {"state", drive::name(axis.state())}};
+    json.update(result.details);
+    fmt::print("{}\n", json.dump(2));
+    return;
+  }
+  std::string details;
+  for (const auto& [name, value] : result.details.items()) details += fmt::format(", {} {}", name, value.dump());
+  fmt::print("{} {}: {} in {:.2f} s, position {}{}\n", link.noun(), axis.address(), result.done, seconds, position,
+             details);
+}
+
+}  // namespace servodrome::app
