@@ -35,7 +35,7 @@ Json view_of_port(const links::CanBus& bus, links::PortId port) {
               {"receive_errors", counters.receive_errors}};
 }
 
-Json view_of(const links::Disturbance& disturbance) {
+Json view_of_disturbance(const links::Disturbance& disturbance) {
   return Json{{"drop", disturbance.drop},
               {"delay", disturbance.delay},
               {"delay_ms", std::chrono::duration<double, std::milli>(disturbance.delay_time).count()},

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double longest_delay_ms = 60'000;
 
-Json view_of(const links::EthercatDisturbance& disturbance) {
+Json view_of_disturbance(const links::EthercatDisturbance& disturbance) {
   return Json{{"drop", disturbance.drop},
               {"drop_answer", disturbance.drop_answer},
               {"corrupt", disturbance.corrupt},
