@@ -71,7 +71,7 @@ Json view_of(const Line& line, const NamedBus& named) {
             {"errors", counters.errors},      {"collisions", counters.collisions},
             {"dropped", counters.dropped},    {"delayed", counters.delayed},
             {"corrupted", counters.corrupted}};
-  view["disturbance"] = bus.disturbance() ? view_of(*bus.disturbance()) : Json(nullptr);
+  view["disturbance"] = bus.disturbance() ? view_of_disturbance(*bus.disturbance()) : Json(nullptr);
   view["axes"] = Json::object();
   for (const auto& axis : line.axes()) {
     if (axis->settings().bus == index_of(line, named)) {

@@ -40,7 +40,7 @@ Json view_of(const Line& line, const NamedEthercatBus& named) {
             {"malformed", counters.malformed}, {"foreign", counters.foreign},
             {"dropped", counters.dropped},     {"delayed", counters.delayed},
             {"corrupted", counters.corrupted}};
-  view["disturbance"] = bus.disturbance() ? view_of(*bus.disturbance()) : Json(nullptr);
+  view["disturbance"] = bus.disturbance() ? view_of_disturbance(*bus.disturbance()) : Json(nullptr);
   view["unplugged"] = Json::array();
   for (std::size_t slave = 0; slave < bus.size(); ++slave) {
     if (!bus.cable(slave)) view["unplugged"].push_back(slave + 1);
