@@ -38,5 +38,6 @@ void add_faults(CLI::App& app);
 void add_jog(CLI::App& app);
 void add_torque(CLI::App& app);
 void add_probe(CLI::App& app);
+void add_run(CLI::App& app);
 
 }  // namespace servodrome::app

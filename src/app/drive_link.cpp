@@ -32,16 +32,6 @@ void check_link(const BusOptions& options, const std::string& link) {
   }
 }
 
-const line::Product* named_product(const BusOptions& options) {
-  if (options.product.empty()) return nullptr;
-  const line::Product* product = line::find_product(line::all_products(), options.product);
-  if (product != nullptr) return product;
-  std::vector<std::string_view> names;
-  for (const line::Product& known : line::all_products()) names.push_back(known.name);
-  throw Failure::wrong_use(fmt::format("--product {}: there is no such product; {}", options.product,
-                                       line::suggestion(options.product, names)));
-}
-
 // Of a protocol that only one product has, its drives need not be named.
 const line::Product* product_that_speaks(products::SerialProtocol protocol) {
   const line::Product* found = nullptr;
@@ -60,6 +50,16 @@ bool is_tcp(const std::string& link) {
 }
 
 }  // namespace
+
+const line::Product* named_product(const BusOptions& options) {
+  if (options.product.empty()) return nullptr;
+  const line::Product* product = line::find_product(line::all_products(), options.product);
+  if (product != nullptr) return product;
+  std::vector<std::string_view> names;
+  for (const line::Product& known : line::all_products()) names.push_back(known.name);
+  throw Failure::wrong_use(fmt::format("--product {}: there is no such product; {}", options.product,
+                                       line::suggestion(options.product, names)));
+}
 
 const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code) {
   for (const line::Product& product : line::all_products()) {
@@ -136,6 +136,12 @@ void DriveLink::open_can(const BusOptions& options, bool drives) {
 void DriveLink::open_modbus(const BusOptions& options, const std::string& link) {
   const host::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
   modbus_ = std::make_unique<host::ModbusClient>(open_modbus_client(options, link, modbus_options));
+  const std::uint8_t unit = modbus_unit(options, link);
+  if (product_ == nullptr) product_ = &modbus_product(*modbus_, unit);
+  objects_ = std::make_unique<host::ModbusObjects>(*modbus_, unit, register_list_of(*product_));
+}
+
+std::uint8_t modbus_unit(const BusOptions& options, const std::string& link) {
   if (options.node_id > modbus::highest_station) {
     throw Failure::wrong_use(fmt::format("--node {}: stations are 1..{}", options.node_id, modbus::highest_station));
   }
@@ -147,25 +153,26 @@ void DriveLink::open_modbus(const BusOptions& options, const std::string& link) 
     }
     unit = modbus::unspecified_unit;
   }
-  if (product_ == nullptr) product_ = &modbus_product(unit);
-  if (product_->serial == nullptr) {
-    throw Failure::wrong_use(fmt::format("--product {}: it has no Modbus registers", product_->name));
-  }
-  objects_ = std::make_unique<host::ModbusObjects>(*modbus_, unit, register_list());
+  return unit;
 }
 
-host::RegisterList DriveLink::register_list() const {
-  return {.registers = product_->serial->registers,
-          .table = product_->describe().service_table,
-          .word_order = product_->serial->profile->word_order};
+host::RegisterList register_list_of(const line::Product& product) {
+  if (product.serial == nullptr) {
+    throw Failure::wrong_use(fmt::format("--product {}: it has no Modbus registers", product.name));
+  }
+  return {.registers = product.serial->registers,
+          .table = product.describe().service_table,
+          .word_order = product.serial->profile->word_order};
 }
+
+host::RegisterList DriveLink::register_list() const { return register_list_of(*product_); }
 
 // A station without identification may be anything, and addresses mean something else for each product.
-const line::Product& DriveLink::modbus_product(std::uint8_t unit) const {
+const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t unit) {
   std::string name;
   try {
     constexpr std::uint8_t product_code = 1;
-    name = modbus_->read_device_identification(unit)[product_code];
+    name = client.read_device_identification(unit)[product_code];
   } catch (const host::ModbusError& error) {
     const bool gateway = error.exception() == Exception::gateway_path_unavailable ||
                          error.exception() == Exception::gateway_target_failed_to_respond;
@@ -178,7 +185,7 @@ const line::Product& DriveLink::modbus_product(std::uint8_t unit) const {
     if (candidate.serial != nullptr) known += fmt::format("{}{}", known.empty() ? "" : ", ", candidate.name);
   }
   throw Failure::wrong_use(
-      fmt::format("{}, unit {}: {}; give --product with the one whose registers it has ({})", modbus_->name(), unit,
+      fmt::format("{}, unit {}: {}; give --product with the one whose registers it has ({})", client.name(), unit,
                   name.empty() ? "it does not say what it is" : fmt::format("\"{}\" is not known", name), known));
 }
 

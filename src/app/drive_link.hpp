@@ -42,7 +42,6 @@ class DriveLink {
   void open_modbus(const BusOptions& options, const std::string& link);
   void open_serial10(const BusOptions& options, const std::string& link);
   void open_ethercat(const BusOptions& options, bool drives);
-  const line::Product& modbus_product(std::uint8_t unit) const;
   host::RegisterList register_list() const;
 
   std::unique_ptr<host::Bus> bus_;
@@ -58,6 +57,8 @@ class DriveLink {
   bool asked_product_ = false;
 };
 
+// That of --product; nullptr: none is given. Throws Failure if there is none of that name.
+const line::Product* named_product(const BusOptions& options);
 // The product that a drive with this identity (1018h) is; nullptr: none of ours.
 const line::Product* product_of(std::optional<std::uint32_t> vendor_id, std::optional<std::uint32_t> product_code);
 
@@ -82,6 +83,12 @@ host::OperationOptions operation_options(const BusOptions& options);
 // A Modbus master for --bus modbus:LINK, without a drive.
 host::ModbusClient open_modbus_client(const BusOptions& options, const std::string& link,
                                       const host::ModbusOptions& modbus_options);
+// The unit of --node, or the one alone behind a TCP address. Throws Failure.
+std::uint8_t modbus_unit(const BusOptions& options, const std::string& link);
+// What a station says it is. Throws Failure if it does not, or is none of ours.
+const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t unit);
+// Throws Failure if the product has no Modbus registers.
+host::RegisterList register_list_of(const line::Product& product);
 host::Serial10Client open_serial10_client(const BusOptions& options, const std::string& link,
                                           const host::Serial10Options& serial10_options);
 

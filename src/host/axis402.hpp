@@ -188,6 +188,7 @@ class Axis402 {
   std::optional<AxisUnits> units(std::optional<double> position = {});
 
   ObjectClient& objects() { return objects_; }
+  const Dialect& dialect() const { return options_.dialect; }
   std::uint16_t address() const { return objects_.address(); }  // node-ID, station, position
   std::optional<Emergency> latest_emergency() { return objects_.latest_emergency(); }
 

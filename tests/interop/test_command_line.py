@@ -40,6 +40,33 @@ def test_home_and_move(client, bench):
 
 
 @pytest.mark.once
+def test_jog_for_some_time_and_faults(client, bench):
+    jogged = json.loads(client("jog", "--node", "2", "--velocity", "131072", "--seconds", "0.5", "--json"))
+    assert jogged["result"] == "jogged" and jogged["state"] == "operation enabled"
+    assert "--seconds" in client("jog", "--node", "2", "--velocity", "1", status=2)
+    assert json.loads(client("faults", "--node", "2", "--json"))["active"] == []
+    bench.post("axes/reference/faults", {"inject": "over_voltage"})
+    wait_for(lambda: bench.get("axes/reference")["state"] == "fault", "the fault")
+    said = client("faults", "--node", "2", status=1)
+    assert "fault is active" in said, said
+
+
+@pytest.mark.once
+def test_run_a_script(client, bench, tmp_path):
+    script = tmp_path / "there.script"
+    script.write_text("axis it 2\nunits revolutions\nenable\nmove by 1 velocity 4\nexpect 603F == 0\ndisable\n")
+    assert "4 steps for 1 axis, no mistakes" in client("run", "--check", script)
+    before = bench.true_position("reference")
+    ran = json.loads(client("run", script, "--json"))
+    assert ran["passed"] and [step["line"] for step in ran["steps"]] == [3, 4, 5, 6]
+    wait_for(lambda: abs(bench.true_position("reference") - before - COUNTS) <= 50, "the move")
+    script.write_text("axis it 2\nenable\nexpect 603F == 5\n")
+    assert f"{script}:3:1: " in client("run", script, status=1)
+    script.write_text("enabel\n")
+    assert f"{script}:1:1: " in client("run", script, status=2)
+
+
+@pytest.mark.once
 def test_prove(client):
     table = client("prove")
     assert "ismc" in table.lower() or "sapphire" in table.lower()

@@ -1,0 +1,155 @@
+// `run`: a motion script.
+#include "host/script/run.hpp"
+
+#include <fmt/format.h>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "app/commands.hpp"
+#include "app/drive_group.hpp"
+
+namespace servodrome::app {
+namespace {
+
+using host::script::Script;
+using host::script::Step;
+
+struct Options {
+  BusOptions bus{.timeout_is_for_motion = true};
+  std::string script;
+  std::string eds;
+  bool check = false;
+  bool quiet = false;
+  bool disable = false;
+};
+
+std::string text_of(const Options& options) {
+  if (options.script == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
+  std::ifstream file(options.script, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (!file.is_open() || file.bad()) {
+    throw Failure::wrong_use(fmt::format("run: {} cannot be read; check the path", options.script));
+  }
+  return text;
+}
+
+Script parsed(const Options& options) {
+  const std::string name = options.script == "-" ? "standard input" : options.script;
+  try {
+    if (options.eds.empty()) return host::script::parse(text_of(options), name, host::ObjectCatalogue::standard());
+    std::ifstream file(options.eds);
+    if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
+    return host::script::parse(text_of(options), name, host::ObjectCatalogue::read_eds(file, options.eds));
+  } catch (const host::script::ScriptMistakes& mistakes) {
+    throw Failure::wrong_use(fmt::format("the script has mistakes, and nothing was moved:\n{}", mistakes.what()));
+  }
+}
+
+void disable_all(DriveGroup& group) {
+  for (host::Axis402* axis : group.axes()) {
+    try {
+      axis->disable();
+    } catch (const host::HostError&) {
+      // What went wrong before is told, or the drive is off anyway.
+    }
+  }
+}
+
+void carry_out(const Options& options, const Script& script, nlohmann::ordered_json& steps) {
+  std::vector<DriveGroup::Member> members;
+  for (const host::script::AxisDeclaration& axis : script.axes) members.push_back({axis.node, axis.product});
+  const InterruptGuard guard;
+  DriveGroup group(options.bus, members);
+  host::script::RunOptions run_options;
+  run_options.cancelled = InterruptGuard::interrupted;
+  run_options.progress = [shown = motion_progress(*group.axes().front(), options.bus.json || options.quiet)](
+                             const host::AxisStatus& status) mutable { shown(status); };
+  run_options.done = [&](const Step& step, host::Time took, const std::string& said) {
+    const double seconds = std::chrono::duration<double>(took).count();
+    if (options.bus.json) {
+      steps.push_back({{"line", step.place.line}, {"text", step.source}, {"seconds", seconds}, {"said", said}});
+      return;
+    }
+    end_progress(options.quiet);
+    const bool speaks = step.verb == host::script::Verb::print || step.verb == host::script::Verb::get ||
+                        step.verb == host::script::Verb::wait_probe;
+    if (options.quiet) {
+      if (speaks) fmt::print("{}\n", said);
+    } else if (step.verb == host::script::Verb::print) {
+      fmt::print("{:>5}  {}\n", step.place.line, said);
+    } else {
+      fmt::print("{:>5}  {:<50} {:8.3f} s{}{}\n", step.place.line, step.source, seconds, said.empty() ? "" : "  ",
+                 said);
+    }
+    std::fflush(stdout);
+  };
+  try {
+    host::script::run(script, group.axes(), run_options);
+  } catch (...) {
+    end_progress(options.bus.json || options.quiet);
+    if (group.operates() || options.disable) disable_all(group);
+    throw;
+  }
+  if (group.operates() || options.disable) disable_all(group);
+}
+
+void run(const Options& options) {
+  const Script script = parsed(options);
+  if (options.check) {
+    if (options.bus.json) {
+      fmt::print("{}\n", nlohmann::ordered_json{{"script", script.file},
+                                                {"axes", script.axes.size()},
+                                                {"steps", script.count_steps()},
+                                                {"mistakes", nlohmann::ordered_json::array()}}
+                             .dump(2));
+    } else {
+      fmt::print("{}: {} steps for {} {}, no mistakes\n", script.file, script.count_steps(), script.axes.size(),
+                 script.axes.size() == 1 ? "axis" : "axes");
+    }
+    return;
+  }
+  nlohmann::ordered_json steps = nlohmann::ordered_json::array();
+  nlohmann::ordered_json json{{"script", script.file}, {"passed", true}};
+  std::string problem;
+  try {
+    carry_out(options, script, steps);
+  } catch (const host::script::ScriptFailure& failure) {
+    problem = failure.what();
+    json["passed"] = false;
+    json["failure"] = {
+        {"line", failure.place().line}, {"column", failure.place().column}, {"message", failure.message()}};
+  }
+  json["steps"] = std::move(steps);
+  if (options.bus.json) {
+    fmt::print("{}\n", json.dump(2));
+    std::fflush(stdout);
+  }
+  if (!problem.empty()) throw Failure::did_not_work(problem);
+}
+
+}  // namespace
+
+void add_run(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "run",
+      "Carry out a motion script: commands for one axis or several, with waits and expectations; docs/script.md "
+      "has its language. Exit status 1 with the line that failed");
+  command->add_option("SCRIPT", options->script, "File; - for standard input")->required();
+  command->add_flag("--check", options->check, "Look for mistakes only; no bus is opened");
+  command->add_flag("--quiet", options->quiet, "Print only what the script prints, gets and probes");
+  command->add_option("--eds", options->eds, "Electronic data sheet with the drives' own objects, names and types");
+  add_bus_options(*command, options->bus, "Seconds");
+  command->remove_option(command->get_option("--timeout"));
+  add_node_option(*command, options->bus);
+  add_serial_options(*command, options->bus);
+  add_cycle_options(*command, options->bus);
+  command->add_flag("--disable", options->disable,
+                    "Disable the drives at the end, instead of leaving those that the script enabled at rest (on "
+                    "EtherCAT always)");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

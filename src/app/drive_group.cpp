@@ -1,0 +1,90 @@
+#include "app/drive_group.hpp"
+
+#include <fmt/format.h>
+
+#include "app/commands.hpp"
+
+namespace servodrome::app {
+namespace {
+
+BusOptions options_of(BusOptions options, const DriveGroup::Member& member) {
+  if (member.node != 0) options.node_id = member.node;
+  if (!member.product.empty()) options.product = member.product;
+  return options;
+}
+
+}  // namespace
+
+DriveGroup::DriveGroup(const BusOptions& options, const std::vector<Member>& members) {
+  const auto [kind, link] = bus_kind(options);
+  switch (kind) {
+    case BusKind::can: open_can(options, members); break;
+    case BusKind::modbus: open_modbus(options, members, link); break;
+    case BusKind::ethercat: open_ethercat(options, members); break;
+    case BusKind::serial10:
+      if (members.size() != 1) {
+        throw Failure::wrong_use(fmt::format("--bus {}: this protocol is for one drive", options.link));
+      }
+      single_ = std::make_unique<DriveLink>(options_of(options, members[0]), true);
+      axes_.push_back(single_->open_axis({}));
+      break;
+  }
+  for (const auto& axis : axes_) pointers_.push_back(axis.get());
+}
+
+void DriveGroup::add_axis(std::unique_ptr<host::ObjectClient> objects, const line::Product* product) {
+  if (product == nullptr) {
+    product = product_of(objects->read_if_present<std::uint32_t>(0x1018, 1),
+                         objects->read_if_present<std::uint32_t>(0x1018, 2));
+  }
+  axes_.push_back(std::make_unique<host::Axis402>(
+      *objects, host::AxisOptions{.dialect = host::dialect_of(product != nullptr ? product->name : std::string_view{}),
+                                  .cancelled = InterruptGuard::interrupted}));
+  objects_.push_back(std::move(objects));
+}
+
+void DriveGroup::open_can(const BusOptions& options, const std::vector<Member>& members) {
+  bus_ = open_bus(options);
+  for (const Member& member : members) {
+    const BusOptions own = options_of(options, member);
+    if (own.node_id > 127) throw Failure::wrong_use(fmt::format("node {}: node-IDs are 1..127", own.node_id));
+    add_axis(std::make_unique<host::SdoClient>(*bus_, choose_node(*bus_, own, true),
+                                               host::SdoOptions{.timeout = options.answer_timeout()}),
+             named_product(own));
+  }
+}
+
+void DriveGroup::open_modbus(const BusOptions& options, const std::vector<Member>& members, const std::string& link) {
+  const host::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
+  modbus_ = std::make_unique<host::ModbusClient>(open_modbus_client(options, link, modbus_options));
+  for (const Member& member : members) {
+    const BusOptions own = options_of(options, member);
+    const std::uint8_t unit = modbus_unit(own, link);
+    const line::Product* product = named_product(own);
+    if (product == nullptr) product = &modbus_product(*modbus_, unit);
+    add_axis(std::make_unique<host::ModbusObjects>(*modbus_, unit, register_list_of(*product)), product);
+  }
+}
+
+void DriveGroup::open_ethercat(const BusOptions& options, const std::vector<Member>& members) {
+  ethercat_ = open_ethercat_master(options);
+  segment_ = scan_segment(*ethercat_);
+  std::vector<host::EthercatSlave*> slaves;
+  std::vector<const line::Product*> products;
+  for (const Member& member : members) {
+    const BusOptions own = options_of(options, member);
+    const host::FoundSlave& found = choose_slave(*ethercat_, segment_, own);
+    slaves_.push_back(std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout()));
+    slaves.push_back(slaves_.back().get());
+    products.push_back(own.product.empty() ? product_of(found) : named_product(own));
+    if (!is_drive(*slaves.back())) {
+      throw Failure::wrong_use(fmt::format("{}: it is no CiA 402 drive", slaves.back()->where()));
+    }
+  }
+  operation_.emplace(*ethercat_, segment_, slaves, operation_options(options));
+  for (std::size_t i = 0; i < slaves.size(); ++i) {
+    add_axis(std::make_unique<host::CoeObjects>(*slaves[i], operation_->exchange(), i), products[i]);
+  }
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,42 @@
+#pragma once
+
+#include "app/drive_link.hpp"
+
+namespace servodrome::app {
+
+// Several drives behind one --bus.
+class DriveGroup {
+ public:
+  struct Member {
+    unsigned node = 0;         // 0: that of --node, or the only one there is
+    std::string product = {};  // "": as the drive or --product says
+  };
+
+  // EtherCAT slaves go to OP, together, and stay there as long as this lives and waits. Throws Failure if a drive
+  // cannot be told, HostError if the link cannot be opened or a drive does not answer.
+  DriveGroup(const BusOptions& options, const std::vector<Member>& members);
+
+  const std::vector<host::Axis402*>& axes() const { return pointers_; }
+  // A slave that leaves OP with its motor on takes that for a fault: disable first.
+  bool operates() const { return operation_.has_value(); }
+
+ private:
+  void open_can(const BusOptions& options, const std::vector<Member>& members);
+  void open_modbus(const BusOptions& options, const std::vector<Member>& members, const std::string& link);
+  void open_ethercat(const BusOptions& options, const std::vector<Member>& members);
+  // `product` nullptr: the drive is asked.
+  void add_axis(std::unique_ptr<host::ObjectClient> objects, const line::Product* product);
+
+  std::unique_ptr<DriveLink> single_;  // of the protocol that has one drive
+  std::unique_ptr<host::Bus> bus_;
+  std::unique_ptr<host::ModbusClient> modbus_;
+  std::unique_ptr<host::EthercatMaster> ethercat_;
+  std::vector<host::FoundSlave> segment_;
+  std::vector<std::unique_ptr<host::EthercatSlave>> slaves_;
+  std::optional<host::EthercatOperation> operation_;
+  std::vector<std::unique_ptr<host::ObjectClient>> objects_;
+  std::vector<std::unique_ptr<host::Axis402>> axes_;
+  std::vector<host::Axis402*> pointers_;
+};
+
+}  // namespace servodrome::app
