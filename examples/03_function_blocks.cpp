@@ -1,0 +1,72 @@
+// A program of PLCopen function blocks on two EtherCAT axes: the first goes through a position at speed, the second is
+// geared to it.
+//
+//   03_function_blocks [LINK]                           servodrome up lines/cyclic-axes.toml: its axes 5 and 6
+#include "connection.hpp"
+#include "host/cyclic/ethercat_cyclic_bus.hpp"
+#include "host/plcopen/controller.hpp"
+
+using namespace servodrome;
+using namespace servodrome::host::plcopen;
+using namespace std::chrono_literals;
+
+int main(int argc, char** argv) {
+  return examples::run(argc, argv, "usage: 03_function_blocks [LINK]", [](std::string_view link) {
+    examples::Ethercat ethercat(link, "cyclic-axes.toml");
+    host::EthercatMaster& master = ethercat.master();
+    const std::vector<host::FoundSlave> found = host::scan_slaves(master);
+    if (found.size() < 6) throw std::runtime_error("there are not six slaves; start lines/cyclic-axes.toml");
+    host::EthercatSlave first(master, found[4]);
+    host::EthercatSlave second(master, found[5]);
+    host::EthercatSlave* const slaves[] = {&first, &second};
+    for (host::EthercatSlave* slave : slaves) {
+      slave->to_pre_operational();
+      host::set_up_cyclic_axis(*slave, {.period = 2ms});
+      slave->coe().write<std::int8_t>(0x6098, 0, 35);  // homing: home is here
+    }
+    host::EthercatOperation operation(master, found, slaves, {.cyclic = {.period = 2ms}});
+    host::EthercatCyclicBus bus(master, operation);
+
+    const AxisConfiguration in_revolutions[] = {{.counts_per_unit = 131072.0}};
+    Controller controller(bus, in_revolutions);
+    Axis& x = controller.axis(0);
+    Axis& y = controller.axis(1);
+
+    MC_Power x_power, y_power;
+    MC_Home x_home, y_home;
+    MC_GearIn gear;
+    MC_MoveAbsolute there, on;
+    gear.RatioNumerator = -1.0;
+    gear.RatioDenominator = 2.0;
+    gear.Acceleration = gear.Deceleration = 200.0;
+    there.Position = 4.0;
+    there.Velocity = 5.0;
+    there.Acceleration = there.Deceleration = 40.0;
+    on.Position = 6.0;
+    on.Velocity = 2.0;
+    on.Acceleration = on.Deceleration = 40.0;
+    on.Mode = BufferMode::BlendingLow;  // through 4.0 with 2 revolutions a second
+
+    // Called once a cycle, as a controller calls its program.
+    controller.on_cycle([&] {
+      x_power.Enable = y_power.Enable = true;
+      x_power(x);
+      y_power(y);
+      x_home.Execute = y_home.Execute = x_power.Status && y_power.Status;
+      x_home(x);
+      y_home(y);
+      gear.Execute = x_home.Done && y_home.Done;
+      gear(x, y);
+      there.Execute = on.Execute = gear.InGear;
+      there(x);
+      on(x);
+    });
+    if (!controller.run_until([&] { return on.Done; }, 20s)) {
+      throw std::runtime_error(std::string("it did not arrive: ") + text_of(x.error()) + "; " + text_of(y.error()));
+    }
+    controller.run_for(200ms);
+    examples::expect_near("x in revolutions", x.actual_position(), 6.0, 0.001);
+    examples::expect_near("y in revolutions", y.actual_position(), -3.0, 0.001);
+    controller.shut_down(40.0);
+  });
+}

@@ -1,0 +1,90 @@
+#include "connection.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fmt/format.h>
+#include <fstream>
+#include <iterator>
+
+#include "host/error.hpp"
+#include "line/line_file.hpp"
+#include "line/registry.hpp"
+#include "links/ethercat/memory_client.hpp"
+
+namespace examples {
+
+using namespace servodrome;
+
+namespace {
+
+std::string text_of(std::string_view line_file) {
+  std::ifstream file(std::string(SERVODROME_LINES) + "/" + std::string(line_file));
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::unique_ptr<line::Line> line_of(std::string_view text, const std::string& name) {
+  const line::LineFile file = line::parse_line_file(text, name, line::all_products());
+  if (!file.diagnostics.empty()) throw std::runtime_error(to_string(file.diagnostics.front()));
+  return std::make_unique<line::Line>(file.settings);
+}
+
+}  // namespace
+
+Can::Can(std::string_view link, std::string_view line_file) {
+  if (!link.empty()) {
+    bus_ = host::Bus::open(link);
+    return;
+  }
+  line_ = line_of(text_of(line_file), std::string(line_file));
+  auto client = std::make_unique<links::MemoryCanClient>(line_->buses().front()->bus, *line_);
+  bus_ = std::make_unique<host::Bus>(std::move(client), "mem:", line_.get());
+  bus_->run_for(std::chrono::milliseconds(500));  // drives boot
+}
+
+void Ethercat::open(std::string_view link, std::string_view text, const std::string& name) {
+  if (!link.empty()) {
+    master_ = host::EthercatMaster::open(link);
+    return;
+  }
+  line_ = line_of(text, name);
+  master_ = std::make_unique<host::EthercatMaster>(
+      std::make_unique<links::MemoryEthercatClient>(line_->ethercat_buses().front()->bus, *line_));
+}
+
+Ethercat::Ethercat(std::string_view link, std::string_view line_file) {
+  open(link, text_of(line_file), std::string(line_file));
+}
+
+Ethercat Ethercat::on_line(std::string_view link, std::string_view line_text) {
+  Ethercat ethercat;
+  ethercat.open(link, line_text, "the example's line");
+  return ethercat;
+}
+
+void expect_near(const char* what, double is, double should_be, double tolerance) {
+  fmt::print("{}: {:.7g}\n", what, is);
+  if (std::abs(is - should_be) <= tolerance) return;
+  throw std::runtime_error(
+      fmt::format("{} is {:.6g} and should be {:.6g} within {:g}", what, is, should_be, tolerance));
+}
+
+int run(int argc, char** argv, const char* usage, const std::function<void(std::string_view)>& program) {
+  if (argc > 1 && (std::strcmp(argv[1], "--help") == 0 || std::strcmp(argv[1], "-h") == 0)) {
+    fmt::print("{}\n", usage);
+    return 0;
+  }
+  if (argc > 2) {
+    fmt::print(stderr, "{}\n", usage);
+    return 2;
+  }
+  try {
+    program(argc > 1 ? argv[1] : "");
+    return 0;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "{}\n", error.what());
+    return 1;
+  }
+}
+
+}  // namespace examples
