@@ -1,12 +1,14 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <gtest/gtest.h>
 
 #include "host/axis402.hpp"
 #include "host/canopen/sdo_client.hpp"
 #include "host/ethercat/coe_objects.hpp"
 #include "host/modbus/objects.hpp"
+#include "host/serial10/objects.hpp"
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
@@ -18,12 +20,13 @@ using namespace std::chrono_literals;
 
 struct RigCase {
   const char* product;
-  enum class BusKind : std::uint8_t { can, ethercat, modbus } bus = BusKind::can;
+  enum class BusKind : std::uint8_t { can, ethercat, modbus, serial10 } bus = BusKind::can;
 
   std::string name() const {
     std::string text = product;
     std::replace(text.begin(), text.end(), '-', '_');
-    return text + (bus == BusKind::can ? "_can" : bus == BusKind::ethercat ? "_ethercat" : "_modbus");
+    constexpr std::array names{"_can", "_ethercat", "_modbus", "_serial10"};
+    return text + names[static_cast<std::size_t>(bus)];
   }
 };
 
@@ -33,6 +36,7 @@ inline const RigCase every_product[] = {{"ismc"},
                                         {"ismk"},
                                         {"generic402"},
                                         {"ismk", RigCase::BusKind::modbus},
+                                        {"ismk", RigCase::BusKind::serial10},
                                         {"generic402", RigCase::BusKind::modbus},
                                         {"jmc_ec", RigCase::BusKind::ethercat},
                                         {"ismk-ea", RigCase::BusKind::ethercat},
@@ -47,6 +51,7 @@ class AxisRig {
     switch (rig_case.bus) {
       case RigCase::BusKind::can: open_nodes(); break;
       case RigCase::BusKind::modbus: open_modbus(); break;
+      case RigCase::BusKind::serial10: open_serial10(); break;
       case RigCase::BusKind::ethercat: open_ethercat(); break;
     }
   }
@@ -59,7 +64,8 @@ class AxisRig {
   void cut() {
     switch (rig_case.bus) {
       case RigCase::BusKind::can: line.buses()[0]->bus.cut_bus(true); break;
-      case RigCase::BusKind::modbus: line.serial_buses()[0]->line.disturb({.cut = true}); break;
+      case RigCase::BusKind::modbus:
+      case RigCase::BusKind::serial10: line.serial_buses()[0]->line.disturb({.cut = true}); break;
       case RigCase::BusKind::ethercat: line.ethercat_buses()[0]->bus.disturb({.drop = 1.0}); break;
     }
   }
@@ -70,6 +76,7 @@ class AxisRig {
   // Of the bus of the case; a CAN bus also where drives are commanded over Modbus.
   std::unique_ptr<Bus> can;
   std::unique_ptr<ModbusClient> modbus;
+  std::unique_ptr<Serial10Client> serial10;
   std::unique_ptr<EthercatMaster> ethercat;
   std::vector<FoundSlave> found;
   std::vector<std::unique_ptr<EthercatSlave>> slaves;
@@ -82,11 +89,13 @@ class AxisRig {
     const bool modbus = rig_case.bus == RigCase::BusKind::modbus;
     std::string text =
         fmt::format("clock = \"virtual\"\n[[bus]]\nname = \"field\"\n{}", ethercat ? "type = \"ethercat\"\n" : "");
-    if (modbus) text += "[[bus]]\nname = \"rs\"\ntype = \"rs485\"\n";
+    const bool serial = modbus || rig_case.bus == RigCase::BusKind::serial10;
+    if (serial) text += "[[bus]]\nname = \"rs\"\ntype = \"rs485\"\n";
     for (unsigned i = 0; i < axes; ++i) {
       text += fmt::format("[[axis]]\nname = \"axis{}\"\nproduct = \"{}\"\nbus = \"field\"\n", i + 1, rig_case.product);
       if (!ethercat) text += fmt::format("node = {}\n", i + 1);
-      if (modbus) text += "serial = \"rs\"\nserial_protocol = \"modbus\"\n";
+      if (serial) text += "serial = \"rs\"\n";
+      if (modbus) text += "serial_protocol = \"modbus\"\n";
     }
     return line::test::settings_of(text);
   }
@@ -110,6 +119,12 @@ class AxisRig {
                                           RegisterList{product.serial->registers, product.describe().service_table,
                                                        product.serial->profile->word_order}));
     }
+  }
+  // Its drives are one: the universal id.
+  void open_serial10() {
+    serial10 = std::make_unique<Serial10Client>(
+        std::make_unique<links::MemoryByteClient>(line.serial_buses()[0]->line, line), "mem:");
+    clients.push_back(std::make_unique<Serial10Objects>(*serial10, servodrome::serial10::universal_id));
   }
   void open_ethercat() {
     ethercat = std::make_unique<EthercatMaster>(
