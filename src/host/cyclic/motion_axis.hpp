@@ -92,6 +92,7 @@ class MotionAxis {
   bool is_homed() const { return homed_; }
   bool is_in_torque_mode() const { return task_ == Task::torque; }
   CyclicAxis& axis() { return axis_; }
+  const CyclicAxis& axis() const { return axis_; }
   const MotionAxisOptions& options() const { return options_; }
 
  private:

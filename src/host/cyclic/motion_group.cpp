@@ -31,7 +31,7 @@ void MotionGroup::throw_faults() const {
     if (axis.error_code() != 0) {
       happened += fmt::format(", 603Fh is {:04X}h {}", axis.error_code(), text_of_error_code(axis.error_code()));
     }
-    throw HostError(happened, const_cast<MotionAxis&>(axis).axis().where(), remedy_of(axis.fault()));
+    throw HostError(happened, axis.axis().where(), remedy_of(axis.fault()));
   }
 }
 

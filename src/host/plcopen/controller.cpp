@@ -58,7 +58,8 @@ void Controller::shut_down(double deceleration, Time timeout) {
   if (run_until(all_off, timeout)) return;
   const auto late = std::find_if_not(axes_.begin(), axes_.end(), is_off);
   if (late == axes_.end()) return;
-  throw HostError("it stays in operation enabled", late->motion().axis().where(), "check the bus; switch its power off");
+  throw HostError("it stays in operation enabled", late->motion().axis().where(),
+                  "check the bus; switch its power off");
 }
 
 }  // namespace servodrome::host::plcopen
