@@ -342,5 +342,14 @@ right expect position == -3 tolerance 0.02
   EXPECT_NEAR(speed(1), 0, 0.05);
 }
 
+TEST_P(ScriptOfTwo, WhenOneLosesItsSupplyTheOtherStops) {
+  when(0.5, [this] { rig.power_off(0); });
+  EXPECT_THAT(problem_of("axis left 1\naxis right 2\nunits revolutions\nleft enable\nright enable\n"
+                         "right velocity 1 acceleration 50\nleft move to 100 velocity 2 acceleration 50"),
+              HasSubstr("a.script:7:1: `left move to 100"));
+  EXPECT_GT(shaft(1), 0.2);
+  EXPECT_NEAR(speed(1), 0, 0.05);
+}
+
 }  // namespace
 }  // namespace servodrome::host::script

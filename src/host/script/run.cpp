@@ -175,6 +175,7 @@ class Runner {
       }
       if (options_.began) options_.began(step);
       const Time start = now();
+      last_axis_ = step.axis;
       const std::string said = at(step, [&] {
         leave_if_cancelled();
         return do_step(step, members_[step.axis]);
@@ -395,23 +396,29 @@ class Runner {
 
   Time now() { return members_.front().axis->objects().now(); }
 
-  // Every axis, whatever becomes of the others. What went wrong.
+  // Every axis, whatever becomes of the others; the one that failed last, since it may not answer any more while others
+  // run. What went wrong.
   std::string come_to_rest() {
     std::string problems;
-    for (Member& member : members_) {
-      if (!member.enabled) continue;
+    const auto stop = [&](Member& member) {
+      if (!member.enabled) return;
       try {
         member.axis->stop();
       } catch (const HostError& error) {
         problems += fmt::format("{}{}", problems.empty() ? "" : "; ", error.what());
       }
+    };
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      if (i != last_axis_) stop(members_[i]);
     }
+    stop(members_[last_axis_]);
     return problems;
   }
 
   const Script& script_;
   const RunOptions& options_;
   std::vector<Member> members_;
+  std::size_t last_axis_ = 0;  // of the step that was begun last
   std::map<std::pair<std::size_t, ObjectAddress>, dictionary::Type> types_;
   std::map<std::pair<std::size_t, std::optional<double>>, AxisUnits> units_;  // of `units revolutions`
 };
