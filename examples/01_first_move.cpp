@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
     examples::Can can(link, "default.toml");
     host::SdoClient objects(can.bus(), 2);  // the drive's objects, over SDO
     host::Axis402 axis(objects);            // CiA 402 above them
+    const examples::QuickStopOnFailure stop_on_failure(objects);
 
     // Units are the drive's own: here encoder counts, 131072 for a revolution.
     constexpr std::int32_t revolution = 131072;

@@ -61,7 +61,9 @@ int main(int argc, char** argv) {
       there(x);
       on(x);
     });
-    if (!controller.run_until([&] { return on.Done; }, 20s)) {
+    // Left by Ctrl-C, the operation takes the drives out of OP, and they stop.
+    const auto done = [&] { return examples::throw_if_interrupted(), on.Done; };
+    if (!controller.run_until(done, 20s)) {
       throw std::runtime_error(std::string("it did not arrive: ") + text_of(x.error()) + "; " + text_of(y.error()));
     }
     controller.run_for(200ms);

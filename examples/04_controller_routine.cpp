@@ -100,7 +100,8 @@ class Sequence {
       power_(axis_);
       block(axis_);
     });
-    const bool came = controller_.run_until([&] { return block.Error || block.CommandAborted || until(); }, patience);
+    const bool came = controller_.run_until(
+        [&] { return examples::throw_if_interrupted(), block.Error || block.CommandAborted || until(); }, patience);
     if (!came || block.Error || block.CommandAborted) {
       idle();
       throw std::runtime_error(fmt::format("{}: {}; drive error {:04X}h", name,

@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
     examples::Can can(link, "default.toml");
     host::Master master(can.bus());
     host::SdoClient drive(can.bus(), node);
+    const examples::QuickStopOnFailure stop_on_failure(drive);
 
     // Expert mode: event-driven PDOs, type 255.
     master.command(host::NmtCommand::enter_pre_operational, node);

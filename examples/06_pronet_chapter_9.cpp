@@ -112,6 +112,7 @@ int main(int argc, char** argv) {
     examples::Can can(link, "default.toml");
     host::Master master(can.bus());
     host::SdoClient drive(can.bus(), node);
+    const examples::QuickStopOnFailure stop_on_failure(drive);
     parameter(drive);
     profile_position(master, drive);
     interpolated_position(can.bus());

@@ -59,6 +59,7 @@ int main(int argc, char** argv) {
     constexpr std::uint16_t reference_found = 1U << 15;
     examples::Can can(link, "default.toml");
     host::SdoClient drive(can.bus(), 4);
+    const examples::QuickStopOnFailure stop_on_failure(drive);
 
     write(drive, home);
     wait_for(drive, "reference found", reference_found);

@@ -1,8 +1,11 @@
 #include "connection.hpp"
 
+#include <atomic>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <exception>
 #include <fmt/format.h>
 #include <fstream>
 #include <iterator>
@@ -29,11 +32,35 @@ std::unique_ptr<line::Line> line_of(std::string_view text, const std::string& na
   return std::make_unique<line::Line>(file.settings);
 }
 
+std::atomic<bool> interrupt_seen{false};
+static_assert(std::atomic<bool>::is_always_lock_free);  // a signal handler sets it
+
 }  // namespace
+
+bool interrupted() { return interrupt_seen; }
+
+// Once: what puts things right afterwards waits as well.
+void throw_if_interrupted() {
+  if (interrupt_seen.exchange(false)) throw std::runtime_error("interrupted");
+}
+
+QuickStopOnFailure::QuickStopOnFailure(host::ObjectClient& drive)
+    : drive_(drive), exceptions_(std::uncaught_exceptions()) {}
+
+QuickStopOnFailure::~QuickStopOnFailure() {
+  if (std::uncaught_exceptions() == exceptions_) return;
+  constexpr std::uint16_t quick_stop = 0x0002;
+  try {
+    drive_.write<std::uint16_t>(0x6040, 0, quick_stop);
+  } catch (const host::HostError&) {
+    // It is gone. What went wrong first is what is told.
+  }
+}
 
 Can::Can(std::string_view link, std::string_view line_file) {
   if (!link.empty()) {
     bus_ = host::Bus::open(link);
+    watching_ = bus_->every(std::chrono::milliseconds(20), throw_if_interrupted);
     return;
   }
   line_ = line_of(text_of(line_file), std::string(line_file));
@@ -78,6 +105,7 @@ int run(int argc, char** argv, const char* usage, const std::function<void(std::
     fmt::print(stderr, "{}\n", usage);
     return 2;
   }
+  std::signal(SIGINT, [](int) { interrupt_seen = true; });
   try {
     program(argc > 1 ? argv[1] : "");
     return 0;

@@ -8,6 +8,7 @@
 
 #include "host/canopen/bus.hpp"
 #include "host/ethercat/master.hpp"
+#include "host/object_client.hpp"
 #include "line/line.hpp"
 
 // Where a program's drives are: behind the link that its command line names, or, without one, on a line in the
@@ -24,6 +25,7 @@ class Can {
  private:
   std::unique_ptr<servodrome::line::Line> line_;
   std::unique_ptr<servodrome::host::Bus> bus_;
+  servodrome::host::Bus::Subscription watching_;  // for Ctrl-C, while the bus runs
 };
 
 class Ethercat {
@@ -42,6 +44,23 @@ class Ethercat {
 
   std::unique_ptr<servodrome::line::Line> line_;
   std::unique_ptr<servodrome::host::EthercatMaster> master_;
+};
+
+// Ctrl-C was pressed. A program that waits by itself asks for it; what stops the axis is said where it is used.
+bool interrupted();
+void throw_if_interrupted();
+
+// For programs that write controlwords themselves: a quick stop when they are left by an exception, Ctrl-C among them.
+class QuickStopOnFailure {
+ public:
+  explicit QuickStopOnFailure(servodrome::host::ObjectClient& drive);
+  ~QuickStopOnFailure();
+  QuickStopOnFailure(const QuickStopOnFailure&) = delete;
+  QuickStopOnFailure& operator=(const QuickStopOnFailure&) = delete;
+
+ private:
+  servodrome::host::ObjectClient& drive_;
+  int exceptions_;
 };
 
 // Throws if `is` is not what it should be, so that a program that went wrong ends with exit status 1.
