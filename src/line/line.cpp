@@ -40,6 +40,7 @@ Time Line::next_bus_event() const {
 Time Line::next_instant(Time latest) const {
   Time instant = std::min(latest, next_bus_event());
   for (const Axis* axis : senders_) instant = std::min(instant, axis->next_sending(now_));
+  for (const Follower* follower : followers_) instant = std::min(instant, follower->next_deadline());
   return std::max(instant, now_);
 }
 
@@ -52,6 +53,9 @@ void Line::run_to_instant(Time instant) {
   for (const auto& bus : buses_) bus->bus.advance(instant);
   for (const auto& bus : serial_buses_) bus->line.advance(instant);
   for (const auto& axis : axes_) axis->poll(instant);
+  for (Follower* follower : followers_) {
+    if (follower->next_deadline() <= instant) follower->reached(instant);
+  }
 }
 
 void Line::run_until(Time target) {

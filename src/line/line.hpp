@@ -42,6 +42,19 @@ struct NamedEthercatBus {
   explicit NamedEthercatBus(const EthercatBusSettings& its_settings) : settings(its_settings) {}
 };
 
+// Somebody who goes along with the time of a line: is called when it has come to the time he asked for.
+class Follower {
+ public:
+  // The next time at which it wants to be called; links::never: not at all.
+  virtual Time next_deadline() const = 0;
+  // The line has come to the deadline: all that happens up to and at `now` has happened. Not to be used to let time
+  // pass. The next deadline is later than `now`.
+  virtual void reached(Time now) = 0;
+
+ protected:
+  ~Follower() = default;
+};
+
 // Axes and buses, and the order in which things happen to them. It has no clock: time passes when run_until is called,
 // in virtual time by whoever tests, in real time by a LineServer. A pure function of its settings and the calls made
 // to it; how the time is cut into calls changes nothing. Nothing is allocated while it runs.
@@ -56,6 +69,10 @@ class Line final : public links::VirtualClock {
   void run_until(Time target) override;
 
   Time now() const override { return now_; }
+  // From now on; not from within Follower::reached. A follower changes nothing by being there.
+  void add_follower(Follower& follower) { followers_.push_back(&follower); }
+  void remove_follower(Follower& follower) { std::erase(followers_, &follower); }
+
   // To the next instant at which anything may happen on a bus, at most 1 ms.
   void step() override;
   // The next such instant, for pacing.
@@ -74,6 +91,11 @@ class Line final : public links::VirtualClock {
   // speaks Modbus. A drive that is alone on its line answers to 0 and 255 as well (modbus::Units).
   modbus::Server* find_unit(const NamedSerialBus& bus, std::uint8_t unit) const;
   ClockMode clock_mode() const { return clock_mode_; }
+
+  // In virtual time: at how many times real time it is to pass by itself, 0 .. 1000. That is for a LineServer to do.
+  static constexpr double most_speed = 1000;
+  double speed() const { return speed_; }
+  void set_speed(double speed) { speed_ = speed; }
 
   // Real time that was given up because the machine could not keep pace.
   struct Lag {
@@ -96,9 +118,11 @@ class Line final : public links::VirtualClock {
   std::vector<std::unique_ptr<NamedEthercatBus>> ethercat_buses_;
   std::vector<std::unique_ptr<Axis>> axes_;
   std::vector<const Axis*> senders_;  // on CAN or alone, see Axis::sends
-  std::int64_t tick_ = 0;             // up to which all axes have run
+  std::vector<Follower*> followers_;
+  std::int64_t tick_ = 0;  // up to which all axes have run
   Time now_{};
   Lag lag_;
+  double speed_ = 0;
 };
 
 }  // namespace servodrome::line
