@@ -19,6 +19,7 @@
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
 #include "links/serial/link_name.hpp"
+#include "studio/jobs.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -229,6 +230,8 @@ void run(const Options& options) {
   std::signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away is no reason to leave symbolic links behind
   const std::unique_ptr<line::LineServer> opened = open_line(settings);
   line::LineServer& server = *opened;
+  studio::Jobs jobs(server.line());
+  server.add_routes(jobs.routes());
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
   signals.async_wait([&server](const boost::system::error_code& code, int) {
     if (!code) server.stop();

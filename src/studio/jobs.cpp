@@ -1,0 +1,176 @@
+#include "studio/jobs.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <system_error>
+
+#include "drive/drive.hpp"
+#include "studio/service_objects.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+using line::bench::ApiError;
+
+JobError error_of(const host::HostError& error) { return {error.happened(), error.where(), error.remedy()}; }
+
+}  // namespace
+
+Jobs::Jobs(line::Line& line, WallClock wall_clock) : line_(line), wall_clock_(std::move(wall_clock)) {
+  line_.add_follower(*this);
+}
+
+Jobs::~Jobs() {
+  line_.remove_follower(*this);
+  jobs_.clear();  // each ends its task
+}
+
+Job* Jobs::find(std::uint64_t id) {
+  const auto found = std::find_if(jobs_.begin(), jobs_.end(), [id](const Job& job) { return job.id == id; });
+  return found == jobs_.end() ? nullptr : &*found;
+}
+
+Job* Jobs::running_job(const std::string& axis) {
+  const auto found = std::find_if(jobs_.begin(), jobs_.end(), [&axis](const Job& job) {
+    return job.state == JobState::running && job.axis == axis;
+  });
+  return found == jobs_.end() ? nullptr : &*found;
+}
+
+void Jobs::make_room() {
+  if (jobs_.size() < most_remembered) return;
+  const auto over =
+      std::find_if(jobs_.begin(), jobs_.end(), [](const Job& job) { return job.state != JobState::running; });
+  if (over == jobs_.end()) {
+    throw ApiError{409, fmt::format("{} jobs are running", jobs_.size()), "jobs", "wait until one is done, or end one"};
+  }
+  jobs_.erase(over);
+}
+
+const Job& Jobs::begin(line::Axis& axis, const std::string& body) {
+  const std::string& name = axis.settings().name;
+  if (!axis.powered()) {
+    throw ApiError{409, "the axis has no power", name, "switch it on: POST .../power {\"action\": \"on\"}"};
+  }
+  Job job;
+  job.axis = name;
+  try {
+    job.order = read_order(body, [&] { return units_of(line_, axis); });
+  } catch (const host::HostError& error) {
+    throw ApiError{409, error.happened(), error.where(), error.remedy()};
+  }
+  Job* const other = running_job(name);
+  if (other != nullptr && !job.order.takes_over) {
+    throw ApiError{409, fmt::format("the axis has a job: {}", other->order.what), name,
+                   fmt::format("wait until it is done, or end it: DELETE /api/v1/jobs/{}", other->id)};
+  }
+  if (other == nullptr) make_room();  // else that one is over now, and may go
+  if (other != nullptr) {
+    abandon(*other, fmt::format("{} took its place", job.order.what));
+    make_room();
+  }
+  job.id = ++last_id_;
+  job.began_tick = line_.now() / line::tick_length;
+  job.sign_of_life = wall_clock_();
+  job.due = line_.now();
+  Job& kept = jobs_.emplace_back(std::move(job));
+  kept.task = std::make_unique<Task>([this, &kept, &axis] { carry_out(kept, axis); });
+  return kept;
+}
+
+// The body of a job's task.
+void Jobs::carry_out(Job& job, line::Axis& axis) {
+  const auto wait = [this, &job](host::Time until) {
+    job.due = until;
+    do {
+      job.task->pause();
+    } while (line_.now() < until);
+  };
+  ServiceObjects objects(line_, axis, wait);
+  host::AxisOptions options = options_for(axis);
+  options.cancelled = [&job] { return job.cancelled; };
+  host::Axis402 host_axis(objects, options);
+  const host::Time began = line_.now();
+  try {
+    job.order.carry_out(host_axis, [this, &job] { return wall_clock_() - job.sign_of_life > longest_silence; });
+    const std::chrono::duration<double> took = line_.now() - began;
+    job.result = JobResult{host_axis.position() / job.order.scale.units().position, took.count()};
+    job.state = JobState::done;
+  } catch (const host::Cancelled& cancelled) {
+    job.error = error_of(cancelled);
+    job.state = JobState::cancelled;
+  } catch (const host::HostError& error) {
+    job.error = error_of(error);
+    job.state = JobState::failed;
+  } catch (const std::exception& error) {
+    job.error = JobError{error.what(), job.axis, "begin the job again"};
+    job.state = JobState::failed;
+  }
+}
+
+void Jobs::resume(Job& job) {
+  try {
+    job.task->resume();
+  } catch (const std::system_error& error) {
+    job.error = JobError{fmt::format("the system gives no thread: {}", error.what()), job.axis,
+                         "end other programs, or raise the limit of threads"};
+    job.state = JobState::failed;
+  }
+  if (job.state != JobState::running) job.task.reset();
+}
+
+void Jobs::cancel(Job& job) {
+  if (job.state == JobState::running) job.cancelled = true;
+}
+
+void Jobs::abandon(Job& job, std::string reason) {
+  if (job.state != JobState::running) return;
+  job.task.reset();
+  job.state = JobState::cancelled;
+  job.error = JobError{std::move(reason), job.axis, ""};
+}
+
+void Jobs::sign_of_life(Job& job) {
+  if (!job.order.lives_on_signs) {
+    throw ApiError{409, fmt::format("a job \"{}\" needs no signs of life", job.order.what), job.axis,
+                   "it runs until it is done; DELETE ends it"};
+  }
+  job.sign_of_life = wall_clock_();
+}
+
+std::vector<Jobs::Stopped> Jobs::stop_all() {
+  constexpr std::uint16_t quick_stop = 0x0002;  // CiA 402-2 table 24
+  std::vector<Stopped> stopped;
+  for (const auto& axis : line_.axes()) {
+    const std::string& name = axis->settings().name;
+    if (Job* job = running_job(name)) abandon(*job, "all axes were stopped");
+    Stopped& row = stopped.emplace_back(Stopped{name, std::nullopt});
+    if (!axis->powered()) continue;
+    ServiceObjects objects(line_, *axis);
+    const auto enabled = [&] { return axis->device().drive().state() == drive::PowerState::operation_enabled; };
+    if (!enabled()) continue;
+    try {
+      objects.write<std::uint16_t>(0x6040, 0, quick_stop);
+      if (enabled()) row.error = JobError{"the drive did not take the quick stop", name, "switch its power off"};
+    } catch (const host::HostError& error) {
+      row.error = error_of(error);
+    }
+  }
+  return stopped;
+}
+
+line::Time Jobs::next_deadline() const {
+  line::Time next = links::never;
+  for (const Job& job : jobs_) {
+    if (job.state == JobState::running) next = std::min(next, job.due);
+  }
+  return next;
+}
+
+void Jobs::reached(line::Time now) {
+  for (Job& job : jobs_) {
+    if (job.state == JobState::running && job.due <= now) resume(job);
+  }
+}
+
+}  // namespace servodrome::studio

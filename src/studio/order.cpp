@@ -1,0 +1,200 @@
+#include "studio/order.hpp"
+
+#include <array>
+#include <cmath>
+#include <fmt/format.h>
+
+#include "line/nearest_name.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+using line::bench::ApiError;
+using line::bench::BodyReader;
+using Released = std::function<bool()>;
+using CarryOut = std::function<void(host::Axis402&, const Released&)>;
+
+constexpr double longest_timeout_s = 3600.0;
+constexpr double usual_timeout_s = 60.0;
+
+// The keys of one request, in the drive's units.
+class Numbers {
+ public:
+  Numbers(BodyReader& body, const Scale& scale) : body_(body), scale_(scale) {}
+
+  template <typename T>
+  std::optional<T> position(const char* key) {
+    return whole<T>(key, scale_.units().position);
+  }
+  template <typename T>
+  std::optional<T> velocity(const char* key) {
+    return whole<T>(key, scale_.units().velocity);
+  }
+  std::optional<std::uint32_t> acceleration(const char* key) {
+    return whole<std::uint32_t>(key, scale_.units().acceleration);
+  }
+  // `scale` units of the object for one of the key.
+  template <typename T>
+  std::optional<T> whole(const char* key, double scale) {
+    const std::optional<double> number = body_.number(key);
+    if (!number) return std::nullopt;
+    const double units = std::round(*number * scale);
+    if (units >= static_cast<double>(std::numeric_limits<T>::min()) &&
+        units <= static_cast<double>(std::numeric_limits<T>::max())) {
+      return static_cast<T>(units);
+    }
+    throw ApiError{
+        422, fmt::format("{} is {:g}, which is {:g} units of the drive", key, *number, units), key,
+        fmt::format("the object takes {} .. {}", std::numeric_limits<T>::min(), std::numeric_limits<T>::max())};
+  }
+  template <typename T>
+  T required(const char* key, std::optional<T> (Numbers::*read)(const char*)) {
+    body_.required(key);
+    return (this->*read)(key).value_or(T{});
+  }
+  host::MotionProfile profile(bool with_velocity) {
+    host::MotionProfile profile;
+    if (with_velocity) profile.velocity = velocity<std::uint32_t>("velocity");
+    profile.acceleration = acceleration("acceleration");
+    profile.deceleration = acceleration("deceleration");
+    if (!profile.deceleration) profile.deceleration = profile.acceleration;
+    return profile;
+  }
+  host::Time timeout() {
+    const double seconds = body_.number("timeout_s", 0.0, longest_timeout_s).value_or(usual_timeout_s);
+    return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
+  }
+  BodyReader& body() { return body_; }
+
+ private:
+  BodyReader& body_;
+  const Scale& scale_;
+};
+
+CarryOut enable(Numbers&) {
+  return [](host::Axis402& axis, const Released&) { axis.enable(); };
+}
+CarryOut disable(Numbers&) {
+  return [](host::Axis402& axis, const Released&) { axis.disable(); };
+}
+CarryOut reset_fault(Numbers&) {
+  return [](host::Axis402& axis, const Released&) { axis.reset_fault(); };
+}
+CarryOut quick_stop(Numbers&) {
+  return [](host::Axis402& axis, const Released&) { axis.quick_stop(); };
+}
+CarryOut stop(Numbers&) {
+  return [](host::Axis402& axis, const Released&) { axis.stop(); };
+}
+
+CarryOut home(Numbers& numbers) {
+  host::HomingRequest request;
+  request.method = numbers.whole<std::int8_t>("method", 1.0);
+  request.switch_speed = numbers.velocity<std::uint32_t>("speed");
+  request.zero_speed = numbers.velocity<std::uint32_t>("zero_speed");
+  request.acceleration = numbers.acceleration("acceleration");
+  request.offset = numbers.position<std::int32_t>("offset");
+  return [request, timeout = numbers.timeout()](host::Axis402& axis, const Released&) { axis.home(request, timeout); };
+}
+
+CarryOut move(Numbers& numbers) {
+  const auto to = numbers.position<std::int32_t>("to");
+  const auto by = numbers.position<std::int32_t>("by");
+  if (to.has_value() == by.has_value()) {
+    throw ApiError{400, to ? "both to and by are given" : "neither to nor by is given", "to",
+                   "give the target position under \"to\", or the distance under \"by\""};
+  }
+  const host::MotionProfile profile = numbers.profile(true);
+  return [to, by, profile, timeout = numbers.timeout()](host::Axis402& axis, const Released&) {
+    if (to) {
+      axis.move_to(*to, profile, timeout);
+    } else {
+      axis.move_by(*by, profile, timeout);
+    }
+  };
+}
+
+CarryOut velocity(Numbers& numbers) {
+  const auto target = numbers.required<std::int32_t>("velocity", &Numbers::velocity<std::int32_t>);
+  const host::MotionProfile profile = numbers.profile(false);
+  return [target, profile, timeout = numbers.timeout()](host::Axis402& axis, const Released&) {
+    axis.run_at(target, profile, timeout);
+  };
+}
+
+CarryOut torque(Numbers& numbers) {
+  constexpr double permille_per_percent = 10.0;
+  numbers.body().required("percent");
+  const auto target = numbers.whole<std::int16_t>("percent", permille_per_percent).value_or(std::int16_t{});
+  const host::TorqueProfile profile{.slope = numbers.whole<std::uint32_t>("slope", permille_per_percent)};
+  return [target, profile, timeout = numbers.timeout()](host::Axis402& axis, const Released&) {
+    axis.run_torque(target, profile, timeout);
+  };
+}
+
+CarryOut jog(Numbers& numbers) {
+  const auto target = numbers.required<std::int32_t>("velocity", &Numbers::velocity<std::int32_t>);
+  const host::MotionProfile profile = numbers.profile(false);
+  return [target, profile](host::Axis402& axis, const Released& released) {
+    axis.jog(profile, [&](const host::AxisStatus&) -> std::optional<std::int32_t> {
+      if (released()) return std::nullopt;
+      return target;
+    });
+  };
+}
+
+struct Kind {
+  const char* name;
+  CarryOut (*read)(Numbers& numbers);
+  bool takes_over = false;
+  bool lives_on_signs = false;
+};
+constexpr std::array kinds{
+    Kind{"enable", enable},
+    Kind{"disable", disable, true},
+    Kind{"reset_fault", reset_fault},
+    Kind{"quick_stop", quick_stop, true},
+    Kind{"stop", stop, true},
+    Kind{"home", home},
+    Kind{"move", move},
+    Kind{"velocity", velocity},
+    Kind{"torque", torque},
+    Kind{"jog", jog, false, true},
+};
+
+const Kind& kind_of(const std::string& name) {
+  for (const Kind& kind : kinds) {
+    if (name == kind.name) return kind;
+  }
+  std::vector<std::string_view> names;
+  for (const Kind& kind : kinds) names.push_back(kind.name);
+  throw ApiError{422, fmt::format("there is nothing called \"{}\" to do", name.substr(0, 40)), "do",
+                 line::suggestion(name, names)};
+}
+
+Scale scale_of(const std::string& name, const std::function<host::AxisUnits()>& units) {
+  if (name == "drive") return Scale();
+  if (name == "revolutions") return Scale(units());
+  throw ApiError{422, fmt::format("there are no units \"{}\"", name.substr(0, 40)), "units",
+                 "send \"drive\" or \"revolutions\""};
+}
+
+}  // namespace
+
+Order read_order(const std::string& text, const std::function<host::AxisUnits()>& units) {
+  BodyReader body(text);
+  body.required("do");
+  const Kind& kind = kind_of(body.string("do").value_or(""));
+  const std::string name_of_units = body.string("units").value_or("drive");
+  Order order{.what = kind.name,
+              .takes_over = kind.takes_over,
+              .lives_on_signs = kind.lives_on_signs,
+              .in_revolutions = name_of_units == "revolutions",
+              .scale = scale_of(name_of_units, units)};
+  Numbers numbers(body, order.scale);
+  order.carry_out = kind.read(numbers);
+  body.finish();
+  return order;
+}
+
+}  // namespace servodrome::studio

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "host/axis402.hpp"
+#include "line/bench/body_reader.hpp"
+
+// What a job is told to do: the body of a request, read and checked before anything moves.
+namespace servodrome::studio {
+
+// The numbers of a request in the drive's units, and back.
+class Scale {
+ public:
+  // 1 for everything: the drive's units.
+  Scale() = default;
+  explicit Scale(const host::AxisUnits& units) : units_(units) {}
+  const host::AxisUnits& units() const { return units_; }
+
+ private:
+  host::AxisUnits units_{1.0, 1.0, 1.0};
+};
+
+struct Order {
+  std::string what;             // "move"
+  bool takes_over = false;      // ends another job of the axis, instead of being refused
+  bool lives_on_signs = false;  // goes on while signs of life come
+  bool in_revolutions = false;
+  Scale scale{};
+  // Does it; `released`: no sign of life came in time.
+  std::function<void(host::Axis402& axis, const std::function<bool()>& released)> carry_out{};
+};
+
+// `units` is asked for what a revolution is, if the request has its numbers in revolutions. Throws ApiError for what
+// cannot be, and what `units` throws.
+Order read_order(const std::string& body, const std::function<host::AxisUnits()>& units);
+
+}  // namespace servodrome::studio

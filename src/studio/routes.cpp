@@ -1,0 +1,120 @@
+#include <array>
+#include <charconv>
+#include <fmt/format.h>
+
+#include "studio/jobs.hpp"
+#include "studio/service_objects.hpp"
+
+// The calls of the API that drive axes.
+namespace servodrome::studio {
+namespace {
+
+using line::bench::ApiError;
+using line::bench::BodyReader;
+using line::bench::Call;
+using line::bench::Json;
+using line::bench::Method;
+using line::bench::Route;
+
+Jobs& jobs_of(const Call& call) { return *static_cast<Jobs*>(call.context); }
+
+const char* word(JobState state) {
+  switch (state) {
+    case JobState::running: return "running";
+    case JobState::done: return "done";
+    case JobState::failed: return "failed";
+    case JobState::cancelled: return "cancelled";
+  }
+  return "";
+}
+
+Json view_of(const JobError& error) { return Json{{"what", error.what}, {"where", error.where}, {"hint", error.hint}}; }
+
+Json view_of(const Job& job) {
+  Json view{{"id", job.id},
+            {"axis", job.axis},
+            {"do", job.order.what},
+            {"units", job.order.in_revolutions ? "revolutions" : "drive"},
+            {"state", word(job.state)},
+            {"began_tick", job.began_tick}};
+  if (job.state == JobState::running && job.cancelled) view["ending"] = true;
+  if (job.error) view["error"] = view_of(*job.error);
+  if (job.result) view["result"] = {{"position", job.result->position}, {"seconds", job.result->seconds}};
+  return view;
+}
+
+Job& job_argument(Call& call) {
+  const std::string_view text = call.arguments.front();
+  std::uint64_t id = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  Job* job = nullptr;
+  if (error == std::errc() && end == text.data() + text.size()) job = jobs_of(call).find(id);
+  if (job != nullptr) return *job;
+  throw ApiError{404, fmt::format("there is no job \"{}\"", text.substr(0, 40)), "address",
+                 fmt::format("GET /api/v1/jobs lists the last {}", Jobs::most_remembered)};
+}
+
+Json begin_job(Call& call) {
+  line::Axis& axis = axis_argument(call);
+  return view_of(jobs_of(call).begin(axis, call.body));
+}
+
+Json list_jobs(Call& call) {
+  Json jobs = Json::array();
+  for (const Job& job : jobs_of(call).all()) jobs.push_back(view_of(job));
+  return Json{{"jobs", std::move(jobs)}};
+}
+
+Json show_job(Call& call) { return view_of(job_argument(call)); }
+
+Json end_job(Call& call) {
+  Job& job = job_argument(call);
+  BodyReader(call.body, true).finish();
+  jobs_of(call).cancel(job);
+  return view_of(job);
+}
+
+Json keep_alive(Call& call) {
+  Job& job = job_argument(call);
+  BodyReader(call.body, true).finish();
+  jobs_of(call).sign_of_life(job);
+  return view_of(job);
+}
+
+Json stop_all(Call& call) {
+  BodyReader(call.body, true).finish();
+  Json axes = Json::array();
+  for (const Jobs::Stopped& one : jobs_of(call).stop_all()) {
+    axes.push_back({{"name", one.axis}, {"stopped", !one.error}});
+    if (one.error) axes.back()["error"] = view_of(*one.error);
+  }
+  return Json{{"axes", std::move(axes)}};
+}
+
+Json show_units(Call& call) {
+  line::Axis& axis = axis_argument(call);
+  try {
+    const host::AxisUnits units = units_of(call.line, axis);
+    return Json{{"position_per_revolution", units.position},
+                {"velocity_per_rps", units.velocity},
+                {"acceleration_per_rps2", units.acceleration}};
+  } catch (const host::HostError& error) {
+    throw ApiError{409, error.happened(), error.where(), error.remedy()};
+  }
+}
+
+constexpr std::array table{
+    Route{Method::post, "/api/v1/axes/{}/jobs", begin_job, 201},
+    Route{Method::get, "/api/v1/axes/{}/units", show_units},
+    Route{Method::get, "/api/v1/jobs", list_jobs},
+    Route{Method::get, "/api/v1/jobs/{}", show_job},
+    Route{Method::delete_, "/api/v1/jobs/{}", end_job},
+    Route{Method::post, "/api/v1/jobs/{}/alive", keep_alive},
+    Route{Method::post, "/api/v1/stop", stop_all},
+};
+
+}  // namespace
+
+line::bench::RouteGroup Jobs::routes() { return {table, this}; }
+
+}  // namespace servodrome::studio

@@ -1,0 +1,69 @@
+#include "studio/service_objects.hpp"
+
+#include <fmt/format.h>
+
+#include "host/abort_text.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+// What an access takes: a caller that does nothing but read does not keep time from passing.
+constexpr host::Time access_time = line::tick_length;
+
+}  // namespace
+
+void ServiceObjects::wait(host::Time span) {
+  if (wait_) wait_(line_.now() + std::max(span, access_time));
+}
+
+void ServiceObjects::require_power() const {
+  if (axis_.powered()) return;
+  throw host::ObjectError("the axis has no power", where(), "switch it on", false);
+}
+
+void ServiceObjects::refuse(host::ObjectAddress object, dictionary::AbortCode abort, bool upload) const {
+  throw host::ObjectError(host::text_of_failed_access(upload, abort, true),
+                          fmt::format("{}, {}", where(), host::text_of(object)),
+                          host::remedy_of_failed_access(abort, true), host::is_absent(abort));
+}
+
+const dictionary::Entry& ServiceObjects::find(host::ObjectAddress object, bool upload) const {
+  require_power();
+  dictionary::AbortCode abort{};
+  const dictionary::Entry* entry = axis_.device().dictionary().find(object.index, object.sub, abort);
+  if (entry == nullptr) refuse(object, abort, upload);
+  return *entry;
+}
+
+std::vector<std::byte> ServiceObjects::upload(host::ObjectAddress object) {
+  wait(access_time);
+  const dictionary::Entry& entry = find(object, true);
+  dictionary::ReadValue value;
+  const dictionary::AbortCode abort = axis_.device().dictionary().read(entry, value);
+  if (abort != dictionary::AbortCode::none) refuse(object, abort, true);
+  return {value.bytes.begin(), value.bytes.end()};
+}
+
+void ServiceObjects::download(host::ObjectAddress object, std::span<const std::byte> data) {
+  wait(access_time);
+  const dictionary::Entry& entry = find(object, false);
+  const dictionary::AbortCode abort = axis_.device().dictionary().write(entry, data);
+  if (abort != dictionary::AbortCode::none) refuse(object, abort, false);
+  axis_.send_waiting(line_.now());
+}
+
+host::AxisOptions options_for(const line::Axis& axis) {
+  host::AxisOptions options;
+  options.dialect = host::dialect_of(axis.settings().product->name);
+  return options;
+}
+
+host::AxisUnits units_of(line::Line& line, line::Axis& axis) {
+  ServiceObjects objects(line, axis);
+  host::Axis402 host_axis(objects, options_for(axis));
+  if (const auto units = host_axis.units()) return *units;
+  const double counts = axis.plant().parameters().encoder.counts_per_revolution;
+  return host_axis.units(counts).value_or(host::AxisUnits{counts, counts, counts});
+}
+
+}  // namespace servodrome::studio

@@ -1,0 +1,414 @@
+// Jobs over the bench API, in virtual time: every product on its bus, driven over its service port.
+#include "studio/jobs.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "drive/drive.hpp"
+#include "host/dialect.hpp"
+#include "line/bench/api.hpp"
+#include "line/support.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+using namespace std::chrono_literals;
+using line::bench::Method;
+using line::bench::Response;
+using nlohmann::json;
+using testing::HasSubstr;
+
+// An axis of each product, named after it, that can travel 10 revolutions either way; its index lies where it starts.
+std::string line_of_all() {
+  std::string text = R"(
+clock = "virtual"
+[[bus]]
+name = "can0"
+[[bus]]
+name = "ecat"
+type = "ethercat"
+)";
+  int node = 0;
+  for (const line::Product& product : line::all_products()) {
+    const bool can = product.fieldbus == line::Fieldbus::can;
+    const int counts = product.name == "jmc_ec" ? 4000 : product.name.starts_with("ismk") ? 65536 : 131072;
+    text += fmt::format("[[axis]]\nname = \"{0}\"\nproduct = \"{0}\"\nbus = \"{1}\"\n", product.name,
+                        can ? "can0" : "ecat");
+    if (can) text += fmt::format("node = {}\n", ++node);
+    text += fmt::format(
+        "[axis.travel]\ncounts_per_unit = {}\nlow_stop = -11\nhigh_stop = 11\nnegative_limit = -10\n"
+        "positive_limit = 10\nhome = {{ from = -0.5, to = 0.5 }}\nstart = 0.25\n",
+        counts);
+  }
+  return text;
+}
+
+class JobsTest : public testing::Test {
+ protected:
+  JobsTest() { pass(300ms); }
+
+  Response ask(Method method, const std::string& target, const std::string& body = {}) {
+    const line::bench::RouteGroup group = jobs_.routes();
+    return line::bench::handle(line_, {.method = method, .target = "/api/v1/" + target, .body = body}, {&group, 1});
+  }
+  json get(const std::string& target) {
+    const Response response = ask(Method::get, target);
+    EXPECT_EQ(response.status, 200U) << target << " " << response.body;
+    return json::parse(response.body);
+  }
+  // Time passes in pieces that fit nothing, as in real life.
+  void pass(line::Time span) {
+    const line::Time end = line_.now() + span;
+    while (line_.now() < end) line_.run_until(std::min(end, line_.now() + 7'300us));
+  }
+  // Number of the job, which is begun.
+  std::uint64_t begin(const std::string& axis, const std::string& body) {
+    const Response response = ask(Method::post, "axes/" + axis + "/jobs", body);
+    EXPECT_EQ(response.status, 201U) << axis << " " << body << " " << response.body;
+    if (response.status != 201U) return 0;
+    const json job = json::parse(response.body);
+    EXPECT_EQ(job["state"], "running");
+    EXPECT_EQ(job["axis"], axis);
+    return job["id"].get<std::uint64_t>();
+  }
+  json job(std::uint64_t id) { return get("jobs/" + std::to_string(id)); }
+  // The job when it is over.
+  json finish(std::uint64_t id, line::Time longest = 60s) {
+    const line::Time end = line_.now() + longest;
+    while (line_.now() < end && job(id)["state"] == "running") pass(20ms);
+    return job(id);
+  }
+  void expect_done(const std::string& axis, const std::string& body) {
+    const json over = finish(begin(axis, body));
+    EXPECT_EQ(over["state"], "done") << axis << " " << over.dump();
+  }
+  double object(const std::string& axis, const std::string& where) {
+    return get("axes/" + axis + "/objects/" + where)["value"].get<double>();
+  }
+  json view(const std::string& axis) { return get("axes/" + axis); }
+  double turn(const std::string& axis) { return get("axes/" + axis + "/units")["position_per_revolution"]; }
+  double encoder_turn(const std::string& axis) { return get("axes/" + axis + "/geometry")["index_every"]; }
+  void make_ready(const std::string& axis) {
+    expect_done(axis, R"({"do": "enable"})");
+    EXPECT_EQ(view(axis)["state"], "operation enabled") << axis;
+  }
+
+  line::Line line_{line::test::settings_of(line_of_all())};
+  std::chrono::steady_clock::time_point wall_{};
+  Jobs jobs_{line_, [this] { return wall_; }};
+};
+
+class EveryProduct : public JobsTest, public testing::WithParamInterface<std::string> {
+ protected:
+  std::string axis_ = GetParam();
+};
+std::vector<std::string> product_names() {
+  std::vector<std::string> names;
+  for (const line::Product& product : line::all_products()) names.emplace_back(product.name);
+  return names;
+}
+INSTANTIATE_TEST_SUITE_P(Jobs, EveryProduct, testing::ValuesIn(product_names()), [](const auto& product) {
+  std::string name = product.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+});
+
+constexpr const char* profile = R"("acceleration": 50, "units": "revolutions")";
+
+TEST_P(EveryProduct, IsEnabledHomedMovedAndDisabled) {
+  make_ready(axis_);
+  expect_done(axis_, fmt::format(R"({{"do": "home", "method": {}, "speed": 2, "zero_speed": 1, "offset": 0, {}}})",
+                                 host::dialect_of(axis_).cautious_homing_method, profile));
+  EXPECT_EQ(view(axis_)["homed"], true);
+  const json moved = finish(begin(axis_, fmt::format(R"({{"do": "move", "to": 3, "velocity": 3, {}}})", profile)));
+  EXPECT_EQ(moved["state"], "done") << moved.dump();
+  EXPECT_NEAR(moved["result"]["position"].get<double>(), 3.0, 0.01);
+  EXPECT_GT(moved["result"]["seconds"].get<double>(), 0.9);
+  EXPECT_LT(moved["result"]["seconds"].get<double>(), 1.5);
+  const double before = view(axis_)["position_counts"];
+  const json back = finish(
+      begin(axis_, fmt::format(R"({{"do": "move", "by": {}, "velocity": {}}})", std::lround(-turn(axis_)),
+                               std::lround(2 * get("axes/" + axis_ + "/units")["velocity_per_rps"].get<double>()))));
+  EXPECT_EQ(back["state"], "done") << back.dump();
+  pass(100ms);
+  EXPECT_NEAR((view(axis_)["position_counts"].get<double>() - before) / encoder_turn(axis_), -1.0, 0.01);
+  expect_done(axis_, R"({"do": "disable"})");
+  EXPECT_NE(view(axis_)["state"], "operation enabled");
+}
+
+TEST_P(EveryProduct, RunsAtAVelocityAndStops) {
+  make_ready(axis_);
+  expect_done(axis_, fmt::format(R"({{"do": "velocity", "velocity": -2, {}}})", profile));
+  pass(300ms);
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), -120.0, 6.0) << "it goes on when the job is done";
+  expect_done(axis_, R"({"do": "stop"})");
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+  EXPECT_EQ(view(axis_)["state"], "operation enabled");
+}
+
+TEST_P(EveryProduct, GivesTorqueAndStops) {
+  make_ready(axis_);
+  // Kinco's drives have no slope (6087h); ESTUN's have no such mode.
+  const bool has_slope = !axis_.starts_with("ismk");
+  const std::uint64_t torque =
+      begin(axis_, has_slope ? R"({"do": "torque", "percent": 4, "slope": 100})" : R"({"do": "torque", "percent": 4})");
+  pass(150ms);
+  if (axis_ == "pronet") {
+    EXPECT_EQ(job(torque)["state"], "failed") << job(torque).dump();
+    return;
+  }
+  EXPECT_NE(job(torque)["state"], "failed") << job(torque).dump();
+  EXPECT_GT(view(axis_)["velocity_rpm"].get<double>(), 5.0);
+  expect_done(axis_, R"({"do": "stop"})");
+  pass(200ms);
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
+TEST_P(EveryProduct, JogsAsLongAsSomebodyIsThere) {
+  make_ready(axis_);
+  const std::uint64_t jog = begin(axis_, fmt::format(R"({{"do": "jog", "velocity": 1, {}}})", profile));
+  for (int i = 0; i < 10; ++i) {
+    pass(200ms);
+    wall_ += 400ms;
+    EXPECT_EQ(ask(Method::post, fmt::format("jobs/{}/alive", jog)).status, 200U);
+  }
+  EXPECT_EQ(job(jog)["state"], "running");
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 60.0, 4.0);
+  wall_ += 501ms;
+  const json over = finish(jog, 2s);
+  EXPECT_EQ(over["state"], "done") << over.dump();
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
+TEST_P(EveryProduct, AFaultInTheMiddleEndsTheJobAndIsReset) {
+  make_ready(axis_);
+  const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 5, "velocity": 2, {}}})", profile));
+  pass(500ms);
+  EXPECT_EQ(job(move)["state"], "running");
+  // One that can be reset without switching the drive off.
+  std::string cause;
+  for (const auto one :
+       {drive::Cause::over_voltage, drive::Cause::under_voltage, drive::Cause::i2t, drive::Cause::following_error}) {
+    const drive::FaultRow* row = line_.find_axis(axis_)->device().drive().row(one);
+    if (row == nullptr || row->reset != drive::ResetRule::when_cause_gone || row->reaction == drive::Reaction::none) {
+      continue;
+    }
+    cause = drive::name(one);
+    break;
+  }
+  ASSERT_EQ(ask(Method::post, "axes/" + axis_ + "/faults", json{{"inject", cause}}.dump()).status, 200U);
+  const json over = finish(move, 2s);
+  EXPECT_EQ(over["state"], "failed");
+  EXPECT_THAT(over["error"]["what"].get<std::string>(), HasSubstr("left operation enabled"));
+  EXPECT_THAT(over["error"]["what"].get<std::string>(), HasSubstr("error code 603Fh"));
+  EXPECT_EQ(over["error"]["where"], axis_);
+  const json enable = finish(begin(axis_, R"({"do": "enable"})"), 5s);
+  EXPECT_EQ(enable["state"], "failed");
+  ASSERT_EQ(ask(Method::delete_, "axes/" + axis_ + "/faults").status, 200U);
+  pass(500ms);
+  expect_done(axis_, R"({"do": "reset_fault"})");
+  make_ready(axis_);
+}
+
+TEST_P(EveryProduct, ACancelledMoveHaltsAndLeavesTheAxisUsable) {
+  make_ready(axis_);
+  const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));
+  pass(700ms);
+  EXPECT_GT(view(axis_)["velocity_rpm"].get<double>(), 100.0);
+  const json ending = json::parse(ask(Method::delete_, fmt::format("jobs/{}", move)).body);
+  EXPECT_EQ(ending["state"], "running");
+  EXPECT_EQ(ending["ending"], true);
+  const json over = finish(move, 3s);
+  EXPECT_EQ(over["state"], "cancelled") << over.dump();
+  pass(200ms);
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+  const double stood = view(axis_)["position_counts"];
+  pass(1s);
+  EXPECT_NEAR(view(axis_)["position_counts"].get<double>(), stood, encoder_turn(axis_) / 500) << "the move is dropped";
+  EXPECT_EQ(ask(Method::delete_, fmt::format("jobs/{}", move)).status, 200U) << "once more changes nothing";
+  expect_done(axis_, fmt::format(R"({{"do": "move", "by": -1, "velocity": 2, {}}})", profile));
+}
+
+TEST_P(EveryProduct, QuickStopTakesTheAxisFromAJob) {
+  make_ready(axis_);
+  const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));
+  pass(700ms);
+  expect_done(axis_, R"({"do": "quick_stop"})");
+  EXPECT_EQ(job(move)["state"], "cancelled");
+  EXPECT_THAT(job(move)["error"]["what"].get<std::string>(), HasSubstr("quick_stop took its place"));
+  pass(1s);
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+  EXPECT_NE(view(axis_)["state"], "operation enabled");
+}
+
+TEST_P(EveryProduct, PowerLostInTheMiddleEndsTheJob) {
+  make_ready(axis_);
+  const std::uint64_t move = begin(axis_, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));
+  pass(500ms);
+  ASSERT_EQ(ask(Method::post, "axes/" + axis_ + "/power", R"({"action": "off"})").status, 200U);
+  const json over = finish(move, 1s);
+  EXPECT_EQ(over["state"], "failed");
+  EXPECT_EQ(over["error"]["what"], "the axis has no power");
+  EXPECT_EQ(ask(Method::post, "axes/" + axis_ + "/jobs", R"({"do": "enable"})").status, 409U);
+  ASSERT_EQ(ask(Method::post, "axes/" + axis_ + "/power", R"({"action": "on"})").status, 200U);
+  pass(500ms);
+  make_ready(axis_);
+}
+
+TEST_F(JobsTest, AxesDoNotWaitForEachOther) {
+  make_ready("ismc");
+  make_ready("jmc_ec");
+  make_ready("pronet");
+  const std::uint64_t slow = begin("ismc", fmt::format(R"({{"do": "move", "by": 4, "velocity": 2, {}}})", profile));
+  const std::uint64_t quick = begin("jmc_ec", fmt::format(R"({{"do": "move", "by": 2, "velocity": 3, {}}})", profile));
+  const std::uint64_t back = begin("pronet", fmt::format(R"({{"do": "move", "by": -4, "velocity": 3, {}}})", profile));
+  EXPECT_EQ(finish(quick)["state"], "done");
+  EXPECT_EQ(job(back)["state"], "running");
+  EXPECT_EQ(finish(back)["state"], "done");
+  EXPECT_EQ(job(slow)["state"], "running");
+  EXPECT_EQ(finish(slow)["state"], "done");
+}
+
+TEST_F(JobsTest, TheBigStopStopsEveryAxisAtOnce) {
+  std::vector<std::uint64_t> running;
+  for (const std::string& axis : product_names()) {
+    if (axis == "pronet") {
+      ASSERT_EQ(ask(Method::post, "axes/pronet/power", R"({"action": "off"})").status, 200U);
+      continue;
+    }
+    if (axis == "generic402-ec") continue;  // stays disabled
+    make_ready(axis);
+    running.push_back(begin(axis, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile)));
+  }
+  pass(700ms);
+  const Response response = ask(Method::post, "stop", "{}");
+  ASSERT_EQ(response.status, 200U) << response.body;
+  const json stopped = json::parse(response.body)["axes"];
+  ASSERT_EQ(stopped.size(), product_names().size());
+  for (const json& axis : stopped) {
+    EXPECT_EQ(axis["stopped"], true) << axis.dump();
+    EXPECT_FALSE(axis.contains("error"));
+  }
+  for (const std::uint64_t id : running) EXPECT_EQ(job(id)["state"], "cancelled");
+  pass(2s);
+  for (const std::string& axis : product_names()) {
+    EXPECT_NEAR(view(axis)["velocity_rpm"].get<double>(), 0.0, 2.0) << axis;
+    if (axis == "pronet") continue;  // has no power
+    EXPECT_NE(view(axis)["state"], "operation enabled") << axis;
+  }
+}
+
+TEST_F(JobsTest, AMoveThatTakesTooLongIsStopped) {
+  make_ready("generic402");
+  const json over = finish(
+      begin("generic402", fmt::format(R"({{"do": "move", "by": 8, "velocity": 1, "timeout_s": 0.5, {}}})", profile)));
+  EXPECT_EQ(over["state"], "failed");
+  EXPECT_THAT(over["error"]["what"].get<std::string>(), HasSubstr("took longer than 0.5 s and was stopped"));
+  EXPECT_NEAR(view("generic402")["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
+// In virtual time nothing happens while nobody lets time pass, and however it is cut, the same does.
+TEST_F(JobsTest, HowTimeIsCutChangesNothing) {
+  const auto run = [](line::Time piece) {
+    line::Line line{line::test::settings_of(line_of_all())};
+    Jobs jobs(line);
+    line::Axis& axis = *line.find_axis("generic402");
+    line.run_until(300ms);
+    jobs.begin(axis, R"({"do": "enable"})");
+    EXPECT_EQ(jobs.find(1)->state, JobState::running);
+    for (line::Time at = 300ms; at < 1s; at += piece) line.run_until(at);
+    line.run_until(1s);
+    EXPECT_EQ(jobs.find(1)->state, JobState::done);
+    jobs.begin(axis, R"({"do": "move", "by": 100000, "velocity": 100000})");
+    for (line::Time at = 1s; at < 4s; at += piece) line.run_until(at);
+    line.run_until(4s);
+    EXPECT_EQ(jobs.find(2)->state, JobState::done);
+    return std::pair{axis.plant().position_counts(), jobs.find(2)->result->seconds};
+  };
+  const auto in_one = run(700ms);
+  EXPECT_EQ(in_one, run(1ms));
+  EXPECT_EQ(in_one, run(1234567ns));
+}
+
+TEST_F(JobsTest, JobsThatAreRunningEndWithTheServer) {
+  for (const std::string& axis : product_names()) {
+    make_ready(axis);
+    begin(axis, fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));
+  }
+  pass(300ms);
+  begin("ismc", R"({"do": "stop"})");  // has not begun
+}
+
+TEST_F(JobsTest, RemembersSixtyFour) {
+  make_ready("ismc");
+  for (int i = 0; i < 80; ++i) expect_done("ismc", R"({"do": "enable"})");
+  const json jobs = get("jobs")["jobs"];
+  ASSERT_EQ(jobs.size(), 64U);
+  EXPECT_EQ(jobs.front()["id"], 18);
+  EXPECT_EQ(jobs.back()["id"], 81);
+  EXPECT_EQ(ask(Method::get, "jobs/17").status, 404U);
+}
+
+TEST_F(JobsTest, UnitsOfARevolution) {
+  EXPECT_EQ(get("axes/ismk/units")["position_per_revolution"], 65536.0);
+  EXPECT_EQ(get("axes/generic402/units")["velocity_per_rps"], 131072.0);
+  EXPECT_EQ(get("axes/pronet/units")["velocity_per_rps"], 600.0);
+  EXPECT_EQ(get("axes/ismc/units")["position_per_revolution"], 131072.0) << "it has no factors: encoder counts";
+  ASSERT_EQ(ask(Method::post, "axes/ismc/power", R"({"action": "off"})").status, 200U);
+  EXPECT_EQ(ask(Method::get, "axes/ismc/units").status, 409U) << "its factors cannot be asked for";
+}
+
+struct Refusal {
+  const char* body;
+  unsigned status;
+  const char* what;
+};
+class Refusals : public JobsTest, public testing::WithParamInterface<Refusal> {};
+
+TEST_P(Refusals, SayWhatIsWrongAndBeginNothing) {
+  const Response response = ask(Method::post, "axes/generic402/jobs", GetParam().body);
+  EXPECT_EQ(response.status, GetParam().status) << response.body;
+  EXPECT_THAT(response.body, HasSubstr(GetParam().what));
+  EXPECT_EQ(get("jobs")["jobs"], json::array());
+}
+INSTANTIATE_TEST_SUITE_P(
+    Jobs, Refusals,
+    testing::Values(Refusal{"", 400, "not JSON"}, Refusal{"{}", 400, "do is missing"},
+                    Refusal{R"({"do": "fly"})", 422, "nothing called \\\"fly\\\""},
+                    Refusal{R"({"do": "move"})", 400, "neither to nor by"},
+                    Refusal{R"({"do": "move", "to": 1, "by": 1})", 400, "both to and by"},
+                    Refusal{R"({"do": "move", "to": "1"})", 400, "to is"},
+                    Refusal{R"({"do": "move", "to": 1e10})", 422, "units of the drive"},
+                    Refusal{R"({"do": "move", "to": 1e5, "units": "revolutions"})", 422, "units of the drive"},
+                    Refusal{R"({"do": "move", "to": 1, "velocity": -1})", 422, "units of the drive"},
+                    Refusal{R"({"do": "move", "to": 1, "units": "inches"})", 422, "no units \\\"inches\\\""},
+                    Refusal{R"({"do": "move", "to": 1, "speed": 1})", 400, "unknown key"},
+                    Refusal{R"({"do": "move", "to": 1, "timeout_s": 1e9})", 422, "timeout_s is"},
+                    Refusal{R"({"do": "home", "method": 200})", 422, "method is 200"},
+                    Refusal{R"({"do": "velocity"})", 400, "velocity is missing"},
+                    Refusal{R"({"do": "torque"})", 400, "percent is missing"},
+                    Refusal{R"({"do": "torque", "percent": 1e9})", 422, "percent is"},
+                    Refusal{R"({"do": "jog", "velocity": true})", 400, "velocity is true"}));
+
+TEST_F(JobsTest, RefusesASecondJobAndWhatIsNotThere) {
+  make_ready("ismc");
+  const std::uint64_t move = begin("ismc", fmt::format(R"({{"do": "move", "by": 8, "velocity": 2, {}}})", profile));
+  const Response second = ask(Method::post, "axes/ismc/jobs", R"({"do": "home"})");
+  EXPECT_EQ(second.status, 409U);
+  EXPECT_THAT(second.body, HasSubstr("the axis has a job: move"));
+  EXPECT_THAT(second.body, HasSubstr(fmt::format("/api/v1/jobs/{}", move)));
+  EXPECT_EQ(ask(Method::post, fmt::format("jobs/{}/alive", move)).status, 409U) << "a move needs none";
+  EXPECT_EQ(ask(Method::get, "jobs/99").status, 404U);
+  EXPECT_EQ(ask(Method::get, "jobs/x").status, 404U);
+  EXPECT_EQ(ask(Method::delete_, "jobs/-1").status, 404U);
+  EXPECT_EQ(ask(Method::post, "axes/nobody/jobs", R"({"do": "enable"})").status, 404U);
+  EXPECT_EQ(ask(Method::put, "jobs/1").status, 405U);
+  const json not_enabled =
+      finish(begin("pronet", fmt::format(R"({{"do": "move", "by": 1, "velocity": 2, {}}})", profile)), 1s);
+  EXPECT_EQ(not_enabled["state"], "failed");
+  EXPECT_THAT(not_enabled["error"]["what"].get<std::string>(), HasSubstr("not enabled"));
+}
+
+}  // namespace
+}  // namespace servodrome::studio
