@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "describe/object_texts.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/api.hpp"
 #include "support.hpp"
@@ -196,6 +197,68 @@ TEST_F(AxisDetails, Transition16IsOfferedWhereTheDriveHasIt) {
   ASSERT_EQ(ask(Method::put, "ismc/objects/605A/0", R"({"value": 6})").status, 204U);
   EXPECT_THAT(numbers_in_quick_stop("generic402"), testing::UnorderedElementsAre(12U, 16U));
   EXPECT_THAT(numbers_in_quick_stop("ismc"), testing::UnorderedElementsAre(12U));
+}
+
+json entry_of(const json& list, const std::string& index, unsigned sub) {
+  for (const json& entry : list["objects"]) {
+    if (entry["index"] == index && entry["sub"] == sub) return entry;
+  }
+  return json();
+}
+
+// Every object of CiA 301 and CiA 402 that a product has is explained, and no text is of an object that nobody has.
+TEST_P(AxisDetails, ObjectsOfTheStandardsAreExplained) {
+  const json list = get(std::string(GetParam()) + "/objects");
+  for (const json& entry : list["objects"]) {
+    const auto index = std::stoul(entry["index"].get<std::string>(), nullptr, 16);
+    if (index < 0x1000 || (index >= 0x2000 && index < 0x6000)) continue;                     // data types; makers' own
+    if (index >= 0x60F3 && index <= 0x60FB && index != 0x60F4 && index != 0x60FA) continue;  // makers' own
+    EXPECT_GT(entry.value("text", "").size(), 20U) << entry["index"] << " " << entry["name"];
+  }
+}
+
+TEST_F(AxisDetails, TextsAreInOrderAndOfObjectsThatExist) {
+  for (const auto texts : {describe::standard_object_texts(), describe::product_object_texts("ismk")}) {
+    for (std::size_t i = 0; i < texts.size(); ++i) {
+      const describe::ObjectText& row = texts[i];
+      EXPECT_LE(i == 0 ? 0 : texts[i - 1].index, row.index);
+      const auto has = [&row](const auto& axis) {
+        const auto table = axis->device().dictionary().table();
+        return std::any_of(table.begin(), table.end(), [&row](const dictionary::Entry& entry) {
+          return entry.index == row.index && (row.sub == describe::any_sub || entry.sub == row.sub);
+        });
+      };
+      EXPECT_TRUE(std::any_of(line_.axes().begin(), line_.axes().end(), has))
+          << fmt::format("{:04X}:{:02X}", row.index, row.sub);
+    }
+  }
+}
+
+TEST_F(AxisDetails, BitsAndValuesHaveTheProductsNames) {
+  const json reference = get("generic402/objects");
+  const json kinco = get("ismk/objects");
+  const auto name = [](const json& names, const char* key, int value) {
+    for (const json& one : names) {
+      if (one[key] == value) return one["name"].get<std::string>();
+    }
+    return std::string();
+  };
+  const json status = entry_of(reference, "0x6041", 0)["bits"];
+  EXPECT_EQ(name(status, "bit", 10), "target reached");
+  EXPECT_THAT(name(status, "bit", 12),
+              HasSubstr("set-point acknowledge (mode 1), speed zero (3), homing attained (6)"));
+  const json own = entry_of(kinco, "0x6041", 0)["bits"];
+  EXPECT_EQ(name(own, "bit", 15), "home found");
+  EXPECT_THAT(name(own, "bit", 12), HasSubstr("homing error (6)"));
+  EXPECT_THAT(name(own, "bit", 10), testing::Not(HasSubstr("(6)"))) << "it has none in homing";
+  EXPECT_EQ(name(entry_of(reference, "0x6060", 0)["enumeration"], "value", 8), "cyclic_sync_position");
+  EXPECT_EQ(name(entry_of(kinco, "0x6060", 0)["enumeration"], "value", 8), "");
+  EXPECT_EQ(name(entry_of(kinco, "0x6060", 0)["enumeration"], "value", -3), "immediate_velocity");
+  EXPECT_EQ(name(entry_of(reference, "0x60FD", 0)["bits"], "bit", 17), "DI1");
+  EXPECT_EQ(name(entry_of(reference, "0x60FD", 0)["bits"], "bit", 2), "home switch");
+  EXPECT_EQ(name(entry_of(reference, "0x60FE", 1)["bits"], "bit", 16), "DO0");
+  EXPECT_FALSE(entry_of(reference, "0x60FE", 0).contains("bits"));
+  EXPECT_EQ(entry_of(kinco, "0x2FF0", 1)["text"].get<std::string>().substr(0, 8), "1 stores");
 }
 
 TEST_F(AxisDetails, WithoutPowerThereAreNoStates) {

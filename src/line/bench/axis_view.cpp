@@ -9,7 +9,19 @@
 namespace servodrome::line::bench {
 namespace {
 
-const char* word(drive::Mode mode) {
+const char* word(canopen::NmtState state) {
+  switch (state) {
+    case canopen::NmtState::initialising: return "initialising";
+    case canopen::NmtState::stopped: return "stopped";
+    case canopen::NmtState::operational: return "operational";
+    case canopen::NmtState::pre_operational: return "pre_operational";
+  }
+  return "unknown";
+}
+
+}  // namespace
+
+const char* mode_name(drive::Mode mode) {
   switch (mode) {
     case drive::Mode::pulse: return "pulse";
     case drive::Mode::immediate_velocity: return "immediate_velocity";
@@ -26,18 +38,6 @@ const char* word(drive::Mode mode) {
   }
   return "unknown";
 }
-
-const char* word(canopen::NmtState state) {
-  switch (state) {
-    case canopen::NmtState::initialising: return "initialising";
-    case canopen::NmtState::stopped: return "stopped";
-    case canopen::NmtState::operational: return "operational";
-    case canopen::NmtState::pre_operational: return "pre_operational";
-  }
-  return "unknown";
-}
-
-}  // namespace
 
 std::vector<const drive::FaultRow*> active_faults(Axis& axis) {
   std::vector<const drive::FaultRow*> faults;
@@ -86,7 +86,7 @@ Json view_of(const Line& line, Axis& axis) {
     if (const canopen::Node* node = device.can_node()) view["nmt_state"] = word(node->nmt_state());
     view["state"] = drive::name(drive.state());
     view["mode"] = static_cast<int>(mode);
-    view["mode_name"] = word(mode);
+    view["mode_name"] = mode_name(mode);
     view["statusword"] = drive.statusword();
     view["controlword"] = device.dictionary().number(0x6040);
     view["error_code"] = device.dictionary().number(0x603F);

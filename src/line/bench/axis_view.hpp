@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "drive/faults.hpp"
+#include "drive/policy.hpp"
 #include "line/bench/error.hpp"
 #include "line/line.hpp"
 
@@ -10,6 +11,9 @@ namespace servodrome::line::bench {
 
 // What GET /api/v1/axes/{axis} says of an axis: the drive as it sees itself, and the true shaft.
 Json view_of(const Line& line, Axis& axis);
+
+// "profile_position"
+const char* mode_name(drive::Mode mode);
 
 // The drive's active faults; none without power.
 std::vector<const drive::FaultRow*> active_faults(Axis& axis);

@@ -7,6 +7,7 @@
 
 #include "describe/words.hpp"
 #include "line/bench/body_reader.hpp"
+#include "line/bench/object_words.hpp"
 #include "line/bench/routes.hpp"
 
 namespace servodrome::line::bench {
@@ -100,6 +101,7 @@ Json list_objects(Call& call) {
       object["maximum"] = entry.maximum;
       object["default"] = dictionary::Dictionary::default_number(entry, axis.device().node_id());
     }
+    add_words(object, axis, entry);
     objects.push_back(std::move(object));
   }
   return Json{{"objects", std::move(objects)}};
