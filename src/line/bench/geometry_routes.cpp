@@ -13,7 +13,7 @@ Json counts_or_null(std::int64_t counts) {
 }
 
 // What a switch of the travel is for: by its shape, as the line file's keys give it.
-std::string_view name_of(const plant::Switch& fitted, const Product& product) {
+std::string_view purpose_of(const plant::Switch& fitted, const Product& product) {
   if (fitted.from_counts == plant::no_low_limit) return "negative_limit";
   if (fitted.to_counts == plant::no_high_limit) return "positive_limit";
   return fitted.wire == product.wiring.home ? "home" : "switch";
@@ -38,7 +38,7 @@ Json show_geometry(Call& call) {
   Json switches = Json::array();
   for (std::size_t i = 0; i < parameters.switch_count; ++i) {
     const plant::Switch& fitted = parameters.switches[i];
-    const std::string_view name = name_of(fitted, *axis.settings().product);
+    const std::string_view name = purpose_of(fitted, *axis.settings().product);
     const std::string wire = fmt::format("DI{}", fitted.wire);
     if (name == "negative_limit") {
       geometry["negative_limit"] = counts_or_null(fitted.to_counts);
