@@ -79,7 +79,35 @@ Axis::~Axis() {
   if (serial_ != nullptr) serial_->detach(serial_port_);
 }
 
+// Stops for those who look on, so that an axis nobody looks at pays nothing per tick.
 void Axis::run_to(std::int64_t tick) {
+  while (samples_due_ <= tick) {
+    run_ticks(samples_due_);
+    take_samples();
+  }
+  run_ticks(tick);
+}
+
+void Axis::take_samples() {
+  samples_due_ = no_tick;
+  for (Tap* tap : taps_) {
+    if (tap->due() == tick_) tap->take();
+    samples_due_ = std::min(samples_due_, tap->due());
+  }
+}
+
+void Axis::attach(Tap& tap) {
+  taps_.push_back(&tap);
+  samples_due_ = std::min(samples_due_, tap.due());
+}
+
+void Axis::detach(Tap& tap) {
+  std::erase(taps_, &tap);
+  samples_due_ = no_tick;
+  for (const Tap* other : taps_) samples_due_ = std::min(samples_due_, other->due());
+}
+
+void Axis::run_ticks(std::int64_t tick) {
   if (!powered_) {
     for (; tick_ < tick; ++tick_) plant_.step(actuation_, feedback_);
     return;

@@ -1,14 +1,17 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
 #include <set>
+#include <vector>
 
 #include "drive/faults.hpp"
 #include "line/config.hpp"
 #include "line/registry.hpp"
+#include "line/tap.hpp"
 #include "links/can/bus.hpp"
 #include "links/ethercat/bus.hpp"
 #include "links/serial/line.hpp"
@@ -42,6 +45,10 @@ class Axis final : public links::Receiver {
 
   // Runs every tick up to and including number `tick`.
   void run_to(std::int64_t tick);
+  std::int64_t ticks() const { return tick_; }  // up to which it has run
+  // A tap is looked after from its next tick on; not while the axis runs.
+  void attach(Tap& tap);
+  void detach(Tap& tap);
   // May it send without having received? A slave on EtherCAT never does.
   bool sends() const { return ethercat_ == nullptr; }
   // Of an axis that does, the earliest time from `now` on at which it may: the next position-loop cycle, or the next
@@ -85,6 +92,7 @@ class Axis final : public links::Receiver {
 
  private:
   static constexpr std::int64_t unknown = -1;
+  static constexpr std::int64_t no_tick = std::numeric_limits<std::int64_t>::max();
 
   // The axis as a station of the RS485 line.
   class Station final : public links::SerialStation {
@@ -113,6 +121,8 @@ class Axis final : public links::Receiver {
     Axis& axis_;
   };
 
+  void run_ticks(std::int64_t tick);
+  void take_samples();
   void poll_slave(Time until);
   void follow_bit_rate();
   void follow_serial_format();
@@ -139,6 +149,8 @@ class Axis final : public links::Receiver {
   std::int64_t cycle_ticks_ = unknown;
   Time last_poll_{-1};
   bool powered_ = false;
+  std::vector<Tap*> taps_;
+  std::int64_t samples_due_ = no_tick;  // the next tick at which a tap wants its value
   std::map<int, bool> forced_inputs_;
   std::set<drive::Cause> injected_;
 };

@@ -76,6 +76,7 @@ struct ApiSettings {
   bool enabled = true;
   std::string address = "127.0.0.1";
   std::uint16_t port = 8402;  // 0: the system chooses
+  std::string page{};         // folder of the studio's page; empty: none
 };
 
 struct LineSettings {

@@ -536,9 +536,56 @@ class LineFileReader {
   std::set<std::string> taken_links_;
 };
 
+// A dotted key makes a table within a table for each of its parts, and the TOML library goes down into all of them on
+// the stack; of brackets it counts how deep they are itself.
+constexpr std::size_t most_key_parts = 16;
+
+// Where the string or comment that begins at `at` ends; `at` itself if none does.
+std::size_t end_of_text(std::string_view text, std::size_t at) {
+  const char quote = text[at];
+  if (quote == '#') return std::min(text.find('\n', at), text.size());
+  if (quote != '"' && quote != '\'') return at;
+  const bool of_lines = text.substr(at, 3) == std::string(3, quote);
+  const std::string_view mark = text.substr(at, of_lines ? 3 : 1);
+  for (std::size_t i = at + mark.size(); i < text.size(); ++i) {
+    if (text[i] == '\\' && quote == '"') {
+      ++i;
+    } else if (text.substr(i, mark.size()) == mark) {
+      return i + mark.size();
+    } else if (text[i] == '\n' && !of_lines) {
+      return i;  // a mistake that the TOML library will name
+    }
+  }
+  return text.size();
+}
+
+// The line where a key has more parts than that; 0: nowhere.
+std::size_t line_with_deep_key(std::string_view text) {
+  std::size_t dots = 0;
+  for (std::size_t i = 0; i < text.size();) {
+    if (const std::size_t end = end_of_text(text, i); end != i) {
+      i = end;
+      continue;
+    }
+    const char c = text[i++];
+    if (c == '.' && ++dots >= most_key_parts) {
+      return static_cast<std::size_t>(std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(i), '\n')) +
+             1;
+    }
+    if (c == '\n' || c == ',' || c == '=' || c == '[' || c == '{') dots = 0;
+  }
+  return 0;
+}
+
 }  // namespace
 
 LineFile parse_line_file(std::string_view text, const std::string& file, std::span<const Product> products) {
+  if (const std::size_t line = line_with_deep_key(text); line != 0) {
+    LineFile failed;
+    failed.diagnostics.push_back({file, static_cast<std::uint32_t>(line), 1, "a key has too many parts",
+                                  fmt::format("write at most {} names with dots between them", most_key_parts)});
+    return failed;
+  }
   try {
     const toml::table root = toml::parse(text, file);
     return LineFileReader(file, products).read(root);

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "line/bench/api.hpp"
+#include "line/bench/upgrade.hpp"
 #include "links/can/link_name.hpp"
 #include "links/can/log.hpp"
 #include "links/ethercat/link_name.hpp"
@@ -21,6 +22,10 @@ constexpr Time longest_stride = 10ms;  // of line time before links and API are 
 constexpr auto log_flush_time = 100ms;
 // While frames come on an Ethernet interface: how late other links, the API and what a CAN bus does by itself can be.
 constexpr Time time_between_turns = 250us;
+constexpr auto attention_period = 20ms;
+constexpr auto pacing_period = 5ms;    // between two passages of virtual time that passes by itself
+constexpr auto longest_pacing = 20ms;  // of real time that one may take
+constexpr Time pacing_stride = 10ms;   // of line time, between two looks at the clock
 
 std::string file_of(const std::string& path) { return path == "-" ? "/dev/stdout" : path; }
 
@@ -36,7 +41,13 @@ Time wall_clock() { return std::chrono::system_clock::now().time_since_epoch(); 
 }  // namespace
 
 LineServer::LineServer(const LineSettings& settings)
-    : epoch_(wall_clock()), timer_(io_), access_{bench::make_token()}, line_(settings) {
+    : epoch_(wall_clock()),
+      timer_(io_),
+      attention_(io_),
+      pacer_(io_),
+      access_{bench::make_token()},
+      line_(settings),
+      page_(settings.api.page) {
   for (const auto& bus : line_.buses()) {
     for (const std::string& link : bus->settings.links) {
       const links::CanLinkName name = links::parse_can_link(link);
@@ -53,8 +64,19 @@ LineServer::LineServer(const LineSettings& settings)
     }
   }
   if (settings.api.enabled) {
-    http_ = std::make_unique<bench::HttpServer>(io_, settings.api.address, settings.api.port, access_,
-                                                [this](const bench::Request& request) { return answer(request); });
+    scope_ = std::make_unique<bench::Scope>(line_);
+    web_sockets_ = std::make_unique<bench::WebSockets>(*scope_);
+    more_routes_.push_back({bench::recording_routes(), scope_.get()});
+    bench::HttpHandlers handlers;
+    handlers.answer = [this](const bench::Request& request) { return answer(request); };
+    handlers.upgrade_address = bench::WebSockets::address;
+    handlers.refuse_upgrade = [this] { return web_sockets_->refuse(); };
+    handlers.upgrade = [this](bench::Upgrade&& upgrade) {
+      web_sockets_->accept(std::move(upgrade));
+      if (!attending_) attend();
+    };
+    http_ =
+        std::make_unique<bench::HttpServer>(io_, settings.api.address, settings.api.port, access_, std::move(handlers));
   }
 }
 
@@ -190,14 +212,59 @@ void LineServer::schedule() {
 }
 
 bench::Response LineServer::answer(const bench::Request& request) {
+  constexpr std::string_view api = "/api";
+  const std::string_view target = request.target;
+  if (!target.starts_with("/api/") && target.substr(0, target.find('?')) != api) return page_.answer(request);
   catch_up();
   bench::Response response = bench::handle(line_, request, more_routes_);
   if (real_) {
     wake();
   } else {
     flush_logs();
+    if (line_.speed() != pace_) pace();
   }
   return response;
+}
+
+// What clients of the stream get by the clock on the wall, as long as there are any.
+void LineServer::attend() {
+  attending_ = web_sockets_->any();
+  if (!attending_) return;
+  attention_.expires_after(attention_period);
+  attention_.async_wait([this](const boost::system::error_code& code) {
+    if (code) return;
+    catch_up();
+    scope_->attend(std::chrono::steady_clock::now());
+    attend();
+  });
+}
+
+// The speed of virtual time has changed.
+void LineServer::pace() {
+  pace_ = line_.speed();
+  paced_at_ = std::chrono::steady_clock::now();
+  if (pace_ > 0) {
+    let_time_pass();
+  } else {
+    pacer_.cancel();
+  }
+}
+
+void LineServer::let_time_pass() {
+  pacer_.expires_after(pacing_period);
+  pacer_.async_wait([this](const boost::system::error_code& code) {
+    if (code) return;
+    const auto began = std::chrono::steady_clock::now();
+    const auto passed = std::min<Time>(began - paced_at_, most_behind);
+    const Time target = line_.now() + std::chrono::duration_cast<Time>(passed * pace_);
+    // What this processor does not manage is given up, so that there is time for requests.
+    while (line_.now() < target && std::chrono::steady_clock::now() - began < longest_pacing) {
+      line_.run_until(std::min(target, line_.now() + pacing_stride));
+    }
+    paced_at_ = began;
+    flush_logs();
+    let_time_pass();
+  });
 }
 
 void LineServer::flush_logs() {

@@ -12,6 +12,9 @@
 #include "line/bench/access.hpp"
 #include "line/bench/http_server.hpp"
 #include "line/bench/routes.hpp"
+#include "line/bench/scope/scope.hpp"
+#include "line/bench/scope/web_sockets.hpp"
+#include "line/bench/static_files.hpp"
 #include "line/line.hpp"
 #include "links/can/link.hpp"
 
@@ -41,6 +44,13 @@ class LineServer final : private links::LineHost {
 
   // Serves more of the API than the line's own; the group's context outlives the server.
   void add_routes(const bench::RouteGroup& group) { more_routes_.push_back(group); }
+
+  // Tells everybody who listens to the stream: {"event": event}.
+  void publish(const bench::Json& event) {
+    if (scope_) scope_->publish(event);
+  }
+  // There is a studio page to be served.
+  bool has_page() const { return http_ && page_.has_page(); }
 
   // Serves until stop(). Real time begins with it.
   void run();
@@ -87,21 +97,32 @@ class LineServer final : private links::LineHost {
   void schedule();
   void give_up_lag(std::chrono::steady_clock::time_point present);
   void flush_logs();
+  void attend();
+  void pace();
+  void let_time_pass();
 
   Time epoch_;  // wall-clock time of the line's time 0
   boost::asio::io_context io_;
   links::DescriptorWatch watch_;
   boost::asio::steady_timer timer_;
+  boost::asio::steady_timer attention_;
+  boost::asio::steady_timer pacer_;
   bench::Access access_;
   std::vector<std::unique_ptr<Units>> units_;  // outlive the links, which are the line's
   Line line_;
   std::vector<Log> logs_;
+  bench::StaticFiles page_;
+  std::unique_ptr<bench::Scope> scope_;
+  std::unique_ptr<bench::WebSockets> web_sockets_;
   std::vector<bench::RouteGroup> more_routes_;
   std::unique_ptr<bench::HttpServer> http_;
   std::chrono::steady_clock::time_point start_{};  // of the line's time 0, moved on by what was given up
   std::chrono::steady_clock::time_point next_flush_{};
   bool real_ = false;   // real time has begun
   bool woken_ = false;  // catching up is on its way
+  bool attending_ = false;
+  double pace_ = 0;                                   // of virtual time that passes by itself
+  std::chrono::steady_clock::time_point paced_at_{};  // when it was let pass last
 };
 
 }  // namespace servodrome::line

@@ -118,7 +118,7 @@ TEST(LineServer, ServesTheBenchApi) {
   EXPECT_EQ(client.ask(http::verb::get, "/nowhere").result_int(), 404U);
   const auto refused = client.ask(http::verb::patch, "/clock");
   EXPECT_EQ(refused.result_int(), 405U);
-  EXPECT_EQ(refused[http::field::allow], "GET");
+  EXPECT_EQ(refused[http::field::allow], "GET, PUT");
 }
 
 TEST(LineServer, KeepsStrangersOut) {

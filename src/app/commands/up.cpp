@@ -3,8 +3,10 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <fcntl.h>
+#include <filesystem>
 #include <fmt/format.h>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -29,6 +31,7 @@ struct Options {
   std::vector<std::string> buses;
   std::string log;
   std::string api;
+  std::string studio;
   std::string ready_file;
   bool virtual_time = false;
   bool json = false;
@@ -102,6 +105,33 @@ void override_links(line::LineSettings& settings, const std::vector<std::string>
   }
 }
 
+bool has_page(const std::filesystem::path& folder) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(folder / "index.html", error);
+}
+
+// Where the studio's page is: what was asked for, or beside this program: in the build folder it was built into, or
+// where it was installed. Empty: nowhere.
+std::string page_folder(const std::string& wanted) {
+  if (!wanted.empty()) {
+    if (has_page(wanted)) return wanted;
+    throw Failure::wrong_use(
+        fmt::format("--studio {}: there is no index.html; give the folder that the studio was built into", wanted));
+  }
+  if (const char* folder = std::getenv("SERVODROME_STUDIO"); folder != nullptr && *folder != '\0') {
+    if (has_page(folder)) return folder;
+    throw Failure::wrong_use(fmt::format(
+        "SERVODROME_STUDIO={}: there is no index.html; name the folder that the studio was built into", folder));
+  }
+  std::error_code error;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  for (std::filesystem::path at = program.parent_path(); at.has_relative_path(); at = at.parent_path()) {
+    if (at.filename() == "build" && has_page(at / "studio")) return at / "studio";
+  }
+  const std::filesystem::path installed = program.parent_path().parent_path() / "share" / "servodrome" / "studio";
+  return has_page(installed) ? installed.string() : std::string();
+}
+
 line::LineSettings settings_of(const Options& options) {
   line::LineSettings settings = load_line(options.file);
   override_links(settings, options.buses);
@@ -113,6 +143,7 @@ line::LineSettings settings_of(const Options& options) {
       throw Failure::wrong_use(fmt::format("--api {}: {}; write --api 127.0.0.1:8402", options.api, problem));
     }
   }
+  settings.api.page = page_folder(options.studio);
   return settings;
 }
 
@@ -126,11 +157,10 @@ std::string log_path(const std::string& path, const line::LineSettings& settings
   return fmt::format("{}.{}{}", path.substr(0, place), bus, path.substr(place));
 }
 
-std::string api_url(const line::LineServer& server, const line::LineSettings& settings) {
-  if (server.api_port() == 0) return {};
+std::string url(const line::LineServer& server, const line::LineSettings& settings, std::string_view path) {
   const bool ipv6 = settings.api.address.find(':') != std::string::npos;
-  return fmt::format("http://{}:{}/api/v1", ipv6 ? "[" + settings.api.address + "]" : settings.api.address,
-                     server.api_port());
+  return fmt::format("http://{}:{}{}", ipv6 ? "[" + settings.api.address + "]" : settings.api.address,
+                     server.api_port(), path);
 }
 
 constexpr int ethercat_bit_rate = 100'000'000;
@@ -138,7 +168,8 @@ constexpr int ethercat_bit_rate = 100'000'000;
 nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettings& settings) {
   nlohmann::ordered_json description{{"event", "ready"},
                                      {"clock", settings.clock == line::ClockMode::real ? "real" : "virtual"},
-                                     {"api", api_url(server, settings)},
+                                     {"api", server.api_port() != 0 ? url(server, settings, "/api/v1") : ""},
+                                     {"studio", server.has_page() ? url(server, settings, "/") : ""},
                                      {"token", server.token()}};
   description["axes"] = nlohmann::ordered_json::array();
   for (const auto& axis : server.line().axes()) {
@@ -201,6 +232,9 @@ void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
   }
   const auto api = ready["api"].get<std::string>();
   if (!api.empty()) fmt::print(out, "\nbench API         {}   token {}\n", api, ready["token"].get<std::string>());
+  if (const auto studio = ready["studio"].get<std::string>(); !studio.empty()) {
+    fmt::print(out, "studio            {}\n", studio);
+  }
   fmt::print(out, "ready, {} time; Ctrl-C ends it\n", ready["clock"].get<std::string>());
 }
 
@@ -281,6 +315,8 @@ void add_up(CLI::App& app) {
       "output");
   command->add_flag("--virtual", options->virtual_time, "Time passes only when the bench API advances it");
   command->add_option("--api", options->api, "ADDRESS:PORT of the bench API; port 0 lets the system choose");
+  command->add_option("--studio", options->studio,
+                      "Folder with the studio's page; if not given $SERVODROME_STUDIO, or the one that was built");
   command->add_option("--ready-file", options->ready_file, "Write this file (JSON) when the line is ready");
   command->add_flag("--json", options->json, "Print one JSON object when the line is ready, instead of a table");
   command->callback([options] { run(*options); });

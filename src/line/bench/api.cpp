@@ -50,7 +50,8 @@ std::optional<std::vector<std::string_view>> match(std::string_view pattern, std
 
 Response answer_of(Call& call, const Route& route) {
   const Json body = route.act(call);
-  if (call.content) return {200, std::move(call.content->bytes), {}, std::move(call.content->type)};
+  if (call.content)
+    return {200, std::move(call.content->bytes), {}, std::move(call.content->type), std::move(call.content->more)};
   return {body.is_null() ? 204U : route.status, body.is_null() ? std::string() : to_text(body), {}};
 }
 

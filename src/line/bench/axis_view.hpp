@@ -15,6 +15,9 @@ Json view_of(const Line& line, Axis& axis);
 // "profile_position"
 const char* mode_name(drive::Mode mode);
 
+// What GET /api/v1/clock says.
+Json clock_view(const Line& line);
+
 // The drive's active faults; none without power.
 std::vector<const drive::FaultRow*> active_faults(Axis& axis);
 // {"code": "0x7380", "name": ...}

@@ -17,12 +17,45 @@ std::string excerpt(const Json& value) {
   return text.size() <= longest ? text : text.substr(0, longest) + "...";
 }
 
+// Brackets within brackets cost stack where values are copied, printed and taken apart.
+constexpr int deepest_body = 32;
+
+bool nests_deeper_than(int most, std::string_view text) {
+  int depth = 0;
+  bool quoted = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (quoted) {
+      if (c == '\\') ++i;
+      if (c == '"') quoted = false;
+    } else if (c == '"') {
+      quoted = true;
+    } else if (c == '[' || c == '{') {
+      if (++depth > most) return true;
+    } else if (c == ']' || c == '}') {
+      --depth;
+    }
+  }
+  return false;
+}
+
 }  // namespace
+
+BodyReader::BodyReader(const Json& part) : json_(part) {
+  if (!json_.is_object()) {
+    throw ApiError{400, fmt::format("{} stands where an object should", excerpt(json_)), "body",
+                   "docs/bench-api.md has examples"};
+  }
+}
 
 BodyReader::BodyReader(const std::string& body, bool empty_is_object) {
   if (body.empty() && empty_is_object) {
     json_ = Json::object();
     return;
+  }
+  if (nests_deeper_than(deepest_body, body)) {
+    throw ApiError{400, fmt::format("the body is nested deeper than {} levels", deepest_body), "body",
+                   "send an object such as {\"value\": 1}"};
   }
   try {
     json_ = Json::parse(body);

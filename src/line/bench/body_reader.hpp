@@ -17,6 +17,8 @@ class BodyReader {
  public:
   // Throws unless the body is an object. `empty_is_object`: no body at all counts as {}.
   explicit BodyReader(const std::string& body, bool empty_is_object = false);
+  // An object within one. Throws unless it is an object.
+  explicit BodyReader(const Json& part);
 
   bool has(std::string_view key);
   std::optional<double> number(std::string_view key, double minimum = -std::numeric_limits<double>::max(),

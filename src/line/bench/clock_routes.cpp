@@ -1,6 +1,7 @@
 #include <array>
 #include <cmath>
 
+#include "line/bench/axis_view.hpp"
 #include "line/bench/body_reader.hpp"
 #include "line/bench/routes.hpp"
 
@@ -9,19 +10,25 @@ namespace {
 
 constexpr double longest_advance_ms = 60'000;  // a request must come to an end
 
-Json show_clock(Call& call) {
-  const Line& line = call.line;
+}  // namespace
+
+Json clock_view(const Line& line) {
   const bool real = line.clock_mode() == ClockMode::real;
   Json clock{{"mode", real ? "real" : "virtual"},
              {"time_ns", line.now().count()},
              {"time_ms", std::chrono::duration<double, std::milli>(line.now()).count()},
              {"ticks", line.now() / tick_length}};
+  clock["speed"] = real ? 1.0 : line.speed();
   if (real) {
     clock["lag_ms"] = std::chrono::duration<double, std::milli>(line.lag().total).count();
     clock["lag_count"] = line.lag().count;
   }
   return clock;
 }
+
+namespace {
+
+Json show_clock(Call& call) { return clock_view(call.line); }
 
 Json advance(Call& call) {
   BodyReader body(call.body);
@@ -35,10 +42,23 @@ Json advance(Call& call) {
   return show_clock(call);
 }
 
+Json set_speed(Call& call) {
+  BodyReader body(call.body);
+  body.required("speed");
+  const double speed = body.number("speed", 0, Line::most_speed).value_or(0);
+  body.finish();
+  if (call.line.clock_mode() == ClockMode::real) {
+    throw ApiError{409, "the line runs in real time", "clock", "start it with `servodrome up --virtual`"};
+  }
+  call.line.set_speed(speed);
+  return clock_view(call.line);
+}
+
 Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", SERVODROME_VERSION}, {"api", 1}}; }
 
 constexpr std::array clock_table{
     Route{Method::get, "/api/v1/clock", show_clock},
+    Route{Method::put, "/api/v1/clock", set_speed},
     Route{Method::post, "/api/v1/clock/advance", advance},
     Route{Method::get, "/api/v1/version", show_version},
 };

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace servodrome::line::bench {
 
@@ -15,15 +18,21 @@ struct Request {
   std::string host{};
   std::string origin{};
   std::string authorization{};
+  std::string if_none_match{};
   bool has_origin = false;
   bool from_loopback = true;
 };
 
+// The next part of a body that is made while it is sent; empty: there is no more.
+using More = std::function<std::string()>;
+
 struct Response {
   unsigned status = 200;
-  std::string body;                              // empty for 204
-  std::string allow{};                           // of a 405: the methods the address has
-  std::string content_type{"application/json"};  // of a body
+  std::string body;                                           // empty for 204
+  std::string allow{};                                        // of a 405: the methods the address has
+  std::string content_type{"application/json"};               // of a body
+  More more{};                                                // of a body that does not end with `body`
+  std::vector<std::pair<std::string, std::string>> fields{};  // more of the header
 };
 
 }  // namespace servodrome::line::bench

@@ -2,8 +2,10 @@
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -12,16 +14,26 @@
 
 namespace servodrome::line::bench {
 
-// HTTP/1.1 on a TCP port, with keep-alive, for a handler that answers at once. Requests of at most 8 KiB of header and
-// 256 KiB of body; at most 64 connections, of which the one that was silent longest makes room for a new one; one that
-// is silent for a minute is closed. All in the thread of `io`.
+class HttpConnection;
+struct Upgrade;
+
+// What a server does with what it reads; all of it at once.
+struct HttpHandlers {
+  std::function<Response(const Request&)> answer;
+  // The one address where a WebSocket may begin. Nobody may who may not write.
+  std::string upgrade_address{};
+  std::function<std::optional<Response>()> refuse_upgrade{};
+  std::function<void(Upgrade&&)> upgrade{};
+};
+
+// HTTP/1.1 on a TCP port, with keep-alive. Requests of at most 8 KiB of header and 256 KiB of body; at most 64
+// connections, of which the one that was silent longest makes room for a new one; one that is silent for a minute is
+// closed. All in the thread of `io`.
 class HttpServer {
  public:
-  using Handler = std::function<Response(const Request&)>;
-
   // Listens at once. Throws links::LinkError when it cannot.
   HttpServer(boost::asio::io_context& io, const std::string& address, std::uint16_t port, Access access,
-             Handler handler);
+             HttpHandlers handlers);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
@@ -30,15 +42,18 @@ class HttpServer {
   std::uint16_t port() const;
 
  private:
-  class Connection;
+  friend class HttpConnection;
   static constexpr std::size_t most_connections = 64;
 
   void accept();
+  void accept_later(const boost::system::error_code& why);
+  void make_room();
 
   boost::asio::ip::tcp::acceptor acceptor_;
+  boost::asio::steady_timer retry_;
   Access access_;
-  Handler handler_;
-  std::set<std::shared_ptr<Connection>> connections_;
+  HttpHandlers handlers_;
+  std::set<std::shared_ptr<HttpConnection>> connections_;
 };
 
 }  // namespace servodrome::line::bench

@@ -17,6 +17,7 @@ namespace servodrome::line::bench {
 struct Content {
   std::string type;  // "text/csv; charset=utf-8"
   std::string bytes;
+  More more{};  // of a long one: what follows
 };
 
 struct Call {

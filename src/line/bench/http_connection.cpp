@@ -1,0 +1,224 @@
+#include "line/bench/http_connection.hpp"
+
+#include <boost/asio/write.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+#include <fmt/format.h>
+
+#include "line/bench/error.hpp"
+#include "line/bench/upgrade.hpp"
+
+namespace servodrome::line::bench {
+namespace {
+
+namespace beast = boost::beast;
+namespace http = boost::beast::http;
+using boost::asio::ip::tcp;
+using boost::system::error_code;
+
+constexpr std::size_t longest_target = 2048;
+constexpr auto idle_time = std::chrono::seconds(60);
+
+Method method_of(http::verb verb) {
+  switch (verb) {
+    case http::verb::get: return Method::get;
+    case http::verb::put: return Method::put;
+    case http::verb::post: return Method::post;
+    case http::verb::delete_: return Method::delete_;
+    default: return Method::other;
+  }
+}
+
+std::string text_of(beast::string_view text) { return {text.data(), text.size()}; }
+
+Request request_of(http::request<http::string_body>&& message, bool from_loopback) {
+  Request request;
+  request.method = method_of(message.method());
+  request.target = text_of(message.target());
+  request.host = text_of(message[http::field::host]);
+  request.origin = text_of(message[http::field::origin]);
+  request.has_origin = message.find(http::field::origin) != message.end();
+  request.authorization = text_of(message[http::field::authorization]);
+  request.if_none_match = text_of(message[http::field::if_none_match]);
+  request.from_loopback = from_loopback;
+  request.body = std::move(message.body());
+  return request;
+}
+
+http::response<http::string_body> message_of(Response&& response, unsigned version, bool keep_alive, bool chunked) {
+  http::response<http::string_body> message(static_cast<http::status>(response.status), version);
+  message.set(http::field::server, "servodrome");
+  message.set(http::field::cache_control, "no-store");
+  message.set("X-Content-Type-Options", "nosniff");
+  for (const auto& [name, value] : response.fields) message.set(name, value);
+  if (!response.allow.empty()) message.set(http::field::allow, response.allow);
+  if (chunked || !response.body.empty()) message.set(http::field::content_type, response.content_type);
+  message.body() = std::move(response.body);
+  message.keep_alive(keep_alive);
+  if (chunked) {
+    message.chunked(true);
+  } else if (response.status != 204 && response.status != 304) {
+    message.prepare_payload();
+  }
+  return message;
+}
+
+Response refusal_of(const error_code& code, std::uint64_t largest_header, std::uint64_t largest_body) {
+  if (code == http::error::body_limit) {
+    return error_response({413, "the body is too long", "body", fmt::format("send at most {} bytes", largest_body)});
+  }
+  if (code == http::error::header_limit) {
+    return error_response(
+        {431, "the header is too long", "header", fmt::format("send at most {} bytes", largest_header)});
+  }
+  return error_response({400, fmt::format("this is not HTTP: {}", code.message()), "header", "send HTTP/1.1"});
+}
+
+}  // namespace
+
+HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket) : server_(&server), stream_(std::move(socket)) {
+  error_code ignored;
+  const auto peer = stream_.socket().remote_endpoint(ignored).address();
+  from_loopback_ =
+      peer.is_loopback() || (peer.is_v6() && peer.to_v6().is_v4_mapped() &&
+                             boost::asio::ip::make_address_v4(boost::asio::ip::v4_mapped, peer.to_v6()).is_loopback());
+  stream_.socket().set_option(tcp::no_delay(true), ignored);
+}
+
+void HttpConnection::read() {
+  reading_since_ = std::chrono::steady_clock::now();
+  parser_.emplace();
+  parser_->header_limit(largest_header);
+  parser_->body_limit(largest_body);
+  stream_.expires_after(idle_time);
+  http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](error_code code, std::size_t) {
+    if (self->server_ == nullptr) return;
+    if (code == http::error::end_of_stream || code == boost::asio::error::eof ||
+        code == boost::asio::error::connection_reset || code == beast::error::timeout ||
+        code == http::error::partial_message) {
+      self->close();
+    } else if (code) {
+      self->answer(refusal_of(code, largest_header, largest_body), 11, false);
+    } else {
+      self->serve();
+    }
+  });
+}
+
+void HttpConnection::disconnect() {
+  server_ = nullptr;
+  error_code ignored;
+  stream_.socket().close(ignored);
+}
+
+// Two Host fields are two answers to the question who is meant (RFC 9112 3.2).
+std::optional<Response> HttpConnection::refusal_of_address(const Message& message) const {
+  if (message.target().size() > longest_target) {
+    return error_response({414, "the address is too long", "address", "docs/bench-api.md lists the addresses"});
+  }
+  for (const http::field field : {http::field::host, http::field::origin, http::field::authorization}) {
+    if (message.count(field) > 1) {
+      const std::string name = text_of(http::to_string(field));
+      return error_response({400, fmt::format("the field {} is there more than once", name), name, "send it once"});
+    }
+  }
+  return std::nullopt;
+}
+
+void HttpConnection::serve() {
+  auto message = parser_->release();
+  const unsigned version = message.version();
+  const bool keep_alive = message.keep_alive();
+  if (auto refusal = refusal_of_address(message)) {
+    answer(std::move(*refusal), version, false);
+    return;
+  }
+  if (beast::websocket::is_upgrade(message)) {
+    upgrade(std::move(message));
+    return;
+  }
+  const Request request = request_of(std::move(message), from_loopback_);
+  auto refusal = refuse(server_->access_, request);
+  answer(refusal ? std::move(*refusal) : server_->handlers_.answer(request), version, keep_alive);
+}
+
+// Browsers let any page open a WebSocket to anywhere, so whoever opens one has to be allowed to write.
+void HttpConnection::upgrade(Message&& message) {
+  const std::string target = text_of(message.target());
+  const HttpHandlers& handlers = server_->handlers_;
+  Request request = request_of(Message(message), from_loopback_);
+  request.method = Method::post;
+  auto refusal = refuse(server_->access_, request);
+  if (!refusal && (!handlers.upgrade || target.substr(0, target.find('?')) != handlers.upgrade_address)) {
+    refusal = error_response({404, "there is no WebSocket at this address", target.substr(0, 200),
+                              "the stream is at " + handlers.upgrade_address});
+  }
+  // Frames before the handshake has been answered (RFC 6455 4.1 forbids them).
+  if (!refusal && buffer_.size() != 0) {
+    refusal = error_response({400, "there is something behind the handshake", "body", "wait for its answer"});
+  }
+  if (!refusal && handlers.refuse_upgrade) refusal = handlers.refuse_upgrade();
+  if (refusal) {
+    answer(std::move(*refusal), message.version(), false);
+    return;
+  }
+  HttpServer& server = *server_;
+  server_ = nullptr;
+  Upgrade upgrade{std::move(stream_), std::move(message)};
+  server.connections_.erase(shared_from_this());
+  server.handlers_.upgrade(std::move(upgrade));
+}
+
+void HttpConnection::answer(Response&& response, unsigned version, bool keep_alive) {
+  constexpr unsigned chunks_since = 11;  // HTTP 1.1
+  if (response.more && version < chunks_since) {
+    for (std::string part = response.more(); !part.empty(); part = response.more()) response.body += part;
+    response.more = {};
+  }
+  more_ = std::move(response.more);
+  part_ = more_ ? std::exchange(response.body, {}) : std::string();
+  message_ = message_of(std::move(response), version, keep_alive, more_ != nullptr);
+  stream_.expires_after(idle_time);
+  const auto written = [self = shared_from_this()](error_code code, std::size_t) { self->written(code); };
+  if (more_) {
+    head_.emplace(message_);
+    http::async_write_header(stream_, *head_, written);
+  } else {
+    http::async_write(stream_, message_, written);
+  }
+}
+
+// Part by part, each made when the one before has left: whatever else there is to do is done in between.
+void HttpConnection::written(const error_code& code) {
+  if (server_ == nullptr) return;
+  if (code) {
+    close();
+  } else if (more_) {
+    if (part_.empty()) part_ = more_();
+    const auto next = [self = shared_from_this()](error_code its_code, std::size_t) {
+      self->part_.clear();
+      self->written(its_code);
+    };
+    stream_.expires_after(idle_time);
+    if (part_.empty()) {
+      more_ = {};
+      boost::asio::async_write(stream_, http::make_chunk_last(), next);
+    } else {
+      boost::asio::async_write(stream_, http::make_chunk(boost::asio::buffer(part_)), next);
+    }
+  } else if (message_.keep_alive()) {
+    read();
+  } else {
+    close();
+  }
+}
+
+void HttpConnection::close() {
+  error_code ignored;
+  stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+  stream_.socket().close(ignored);
+  server_->connections_.erase(shared_from_this());
+}
+
+}  // namespace servodrome::line::bench

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <boost/beast/http/message.hpp>
+#include <boost/beast/http/parser.hpp>
+#include <boost/beast/http/serializer.hpp>
+#include <boost/beast/http/string_body.hpp>
+#include <chrono>
+#include <memory>
+#include <optional>
+
+#include "line/bench/http_server.hpp"
+
+namespace servodrome::line::bench {
+
+// One connection of a client of the server: requests in, responses out, until it becomes a WebSocket or ends.
+class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
+ public:
+  HttpConnection(HttpServer& server, boost::asio::ip::tcp::socket socket);
+
+  void read();
+  // When it began to wait for the request that is not there yet.
+  std::chrono::steady_clock::time_point reading_since() const { return reading_since_; }
+  // No call of the server after this.
+  void disconnect();
+
+ private:
+  static constexpr std::uint32_t largest_header = 8 * 1024;
+  static constexpr std::uint64_t largest_body = 256 * 1024;
+
+  using Message = boost::beast::http::request<boost::beast::http::string_body>;
+
+  void serve();
+  std::optional<Response> refusal_of_address(const Message& message) const;
+  void upgrade(Message&& message);
+  void answer(Response&& response, unsigned version, bool keep_alive);
+  void written(const boost::system::error_code& code);
+  void close();
+
+  HttpServer* server_;
+  std::chrono::steady_clock::time_point reading_since_;
+  boost::beast::tcp_stream stream_;
+  boost::beast::flat_buffer buffer_{largest_header + largest_body};
+  std::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;
+  boost::beast::http::response<boost::beast::http::string_body> message_;
+  std::optional<boost::beast::http::response_serializer<boost::beast::http::string_body>> head_;  // of a long response
+  More more_;                                                                                     // of it, what follows
+  std::string part_;                                                                              // that is being sent
+  bool from_loopback_ = false;
+};
+
+}  // namespace servodrome::line::bench

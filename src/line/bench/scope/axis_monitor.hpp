@@ -1,0 +1,44 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "line/bench/scope/recordings.hpp"
+
+namespace servodrome::line::bench {
+
+// Looks after one axis, a thousand times a second: tells what happens to it and keeps the moment of its faults.
+class AxisMonitor {
+ public:
+  static constexpr std::int64_t stride = 16;  // ticks: 1 kHz
+  static constexpr std::int64_t moment_samples = 600;
+  static constexpr std::int64_t samples_before = 500;
+
+  using Publish = std::function<void(Json event)>;
+
+  AxisMonitor(Axis& axis, TapTable& taps, Publish publish);
+
+  // Everything before tick `end`.
+  void take(std::int64_t end, Recordings& recordings);
+
+ private:
+  void look(std::int64_t tick, Recordings& recordings);
+  void keep_moment(std::int64_t tick, unsigned code, Recordings& recordings);
+  void tell(const char* kind, std::int64_t tick, Json details);
+
+  Axis& axis_;
+  Publish publish_;
+  std::shared_ptr<Tap> state_;
+  std::shared_ptr<Tap> fault_code_;
+  std::vector<NamedChannel> channels_;      // of a moment
+  std::vector<std::shared_ptr<Tap>> taps_;  // of a moment
+  std::int64_t first_;
+  std::int64_t next_;
+  std::optional<int> known_state_;  // none: without power
+  bool known_power_;
+  unsigned known_fault_ = 0;
+};
+
+}  // namespace servodrome::line::bench

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "line/tap.hpp"
+
+namespace servodrome::line::bench {
+
+// Taps that several look at are there once: ten pages that show the same cost a line no more than one.
+class TapTable {
+ public:
+  // Values per tick that all taps together may take: some microseconds of the 62.5.
+  static constexpr double most_values_per_tick = 512;
+
+  // Throws ApiError 409 when the line is looked at as much as it may be.
+  std::shared_ptr<Tap> open(const Channel& channel, std::int64_t stride);
+
+ private:
+  std::vector<std::weak_ptr<Tap>> taps_;
+};
+
+}  // namespace servodrome::line::bench

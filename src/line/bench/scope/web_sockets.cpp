@@ -1,0 +1,166 @@
+#include "line/bench/scope/web_sockets.hpp"
+
+#include <boost/asio/post.hpp>
+#include <boost/beast/core/buffers_to_string.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/websocket.hpp>
+#include <deque>
+#include <fmt/format.h>
+
+#include "line/bench/error.hpp"
+#include "line/bench/scope/scope.hpp"
+#include "line/bench/upgrade.hpp"
+
+namespace servodrome::line::bench {
+namespace {
+
+namespace beast = boost::beast;
+namespace websocket = boost::beast::websocket;
+using boost::system::error_code;
+
+constexpr auto handshake_time = std::chrono::seconds(10);
+constexpr auto idle_time = std::chrono::seconds(30);  // a ping goes out after half of it
+
+}  // namespace
+
+class WebSockets::Connection final : public std::enable_shared_from_this<Connection>, public Outbox {
+ public:
+  Connection(WebSockets& sockets, Upgrade&& upgrade)
+      : sockets_(&sockets), socket_(std::move(upgrade.stream)), request_(std::move(upgrade.request)) {
+    websocket::stream_base::timeout timeout{};
+    timeout.handshake_timeout = handshake_time;
+    timeout.idle_timeout = idle_time;
+    timeout.keep_alive_pings = true;
+    beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has its own
+    socket_.set_option(timeout);
+    socket_.set_option(websocket::stream_base::decorator(
+        [](websocket::response_type& response) { response.set(beast::http::field::server, "servodrome"); }));
+    socket_.read_message_max(StreamSession::largest_message);
+    socket_.auto_fragment(false);
+  }
+
+  void accept() {
+    socket_.async_accept(request_, [self = shared_from_this()](error_code code) {
+      if (self->sockets_ == nullptr) return;
+      if (code) {
+        self->end();
+        return;
+      }
+      self->session_ = std::make_unique<StreamSession>(self->sockets_->scope_, *self);
+      self->read();
+    });
+  }
+
+  // No call of the owner after this.
+  void disconnect() {
+    sockets_ = nullptr;
+    session_.reset();
+    error_code ignored;
+    beast::get_lowest_layer(socket_).socket().close(ignored);
+  }
+
+ private:
+  void read() {
+    socket_.async_read(buffer_, [self = shared_from_this()](error_code code, std::size_t) {
+      if (self->sockets_ == nullptr) return;
+      if (code) {
+        self->end();
+        return;
+      }
+      if (self->socket_.got_text()) {
+        self->session_->receive(beast::buffers_to_string(self->buffer_.data()), std::chrono::steady_clock::now());
+      } else {
+        self->close("messages are text");
+      }
+      self->buffer_.consume(self->buffer_.size());
+      self->read();
+    });
+  }
+
+  // --- Outbox
+  void text(std::string message) override { send({std::move(message), true}); }
+  void binary(std::string message) override { send({std::move(message), false}); }
+  std::size_t queued() const override { return queued_; }
+  void close(const std::string& reason) override {
+    if (closing_) return;
+    closing_ = true;
+    reason_ = reason;
+    // What waits for a client that does not read would wait for ever; the message on its way must come to its end.
+    if (messages_.size() > 1) messages_.erase(messages_.begin() + 1, messages_.end());
+    if (messages_.empty()) write_close();
+  }
+
+  struct Message {
+    std::string bytes;
+    bool is_text;
+  };
+
+  void send(Message message) {
+    if (closing_) return;
+    queued_ += message.bytes.size();
+    messages_.push_back(std::move(message));
+    if (messages_.size() == 1) write();
+  }
+
+  void write() {
+    socket_.text(messages_.front().is_text);
+    socket_.async_write(boost::asio::buffer(messages_.front().bytes),
+                        [self = shared_from_this()](error_code code, std::size_t) {
+                          if (self->sockets_ == nullptr) return;
+                          if (code) {
+                            self->end();
+                            return;
+                          }
+                          self->queued_ -= self->messages_.front().bytes.size();
+                          self->messages_.pop_front();
+                          if (!self->messages_.empty()) {
+                            self->write();
+                          } else if (self->closing_) {
+                            self->write_close();
+                          }
+                        });
+  }
+
+  void write_close() {
+    const websocket::close_reason reason(websocket::close_code::policy_error, reason_);
+    socket_.async_close(reason, [self = shared_from_this()](error_code) {
+      if (self->sockets_ != nullptr) self->end();
+    });
+  }
+
+  void end() {
+    WebSockets& sockets = *sockets_;
+    disconnect();
+    sockets.connections_.erase(shared_from_this());
+  }
+
+  WebSockets* sockets_;
+  websocket::stream<beast::tcp_stream> socket_;
+  beast::http::request<beast::http::string_body> request_;
+  beast::flat_buffer buffer_;
+  std::unique_ptr<StreamSession> session_;
+  std::deque<Message> messages_;  // the first is being written
+  std::size_t queued_ = 0;        // bytes of them
+  bool closing_ = false;
+  std::string reason_;
+};
+
+WebSockets::WebSockets(Scope& scope) : scope_(scope) {}
+
+WebSockets::~WebSockets() {
+  for (const auto& connection : connections_) connection->disconnect();
+}
+
+std::optional<Response> WebSockets::refuse() const {
+  if (connections_.size() < most_clients) return std::nullopt;
+  return error_response(
+      {503, fmt::format("{} clients are connected to the stream", connections_.size()), address, "close one of them"});
+}
+
+void WebSockets::accept(Upgrade&& upgrade) {
+  const auto connection = std::make_shared<Connection>(*this, std::move(upgrade));
+  connections_.insert(connection);
+  connection->accept();
+}
+
+}  // namespace servodrome::line::bench

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <set>
+
+#include "line/bench/http.hpp"
+
+namespace servodrome::line::bench {
+
+class Scope;
+struct Upgrade;
+
+// The clients of /api/v1/stream, each a WebSocket (RFC 6455) with a StreamSession behind it. At most 32; one that does
+// not answer pings is closed.
+class WebSockets {
+ public:
+  static constexpr std::size_t most_clients = 32;
+  static constexpr const char* address = "/api/v1/stream";
+
+  // The scope outlives it.
+  explicit WebSockets(Scope& scope);
+  ~WebSockets();
+  WebSockets(const WebSockets&) = delete;
+  WebSockets& operator=(const WebSockets&) = delete;
+
+  bool any() const { return !connections_.empty(); }
+  // Why there is no room for another client, or nothing.
+  std::optional<Response> refuse() const;
+  void accept(Upgrade&& upgrade);
+
+ private:
+  class Connection;
+
+  Scope& scope_;
+  std::set<std::shared_ptr<Connection>> connections_;
+};
+
+}  // namespace servodrome::line::bench

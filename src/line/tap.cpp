@@ -1,0 +1,105 @@
+#include "line/tap.hpp"
+
+#include <array>
+#include <bit>
+#include <charconv>
+#include <limits>
+
+#include "drive/drive.hpp"
+#include "line/axis.hpp"
+
+namespace servodrome::line {
+namespace {
+
+constexpr double none = std::numeric_limits<double>::quiet_NaN();
+
+template <typename Read>
+double of_drive(Axis& axis, Read read) {
+  return axis.powered() ? static_cast<double>(read(axis.device().drive())) : none;
+}
+
+constexpr std::array signal_table{
+    Signal{"position_counts", "counts",
+           [](Axis& axis, const Channel&) { return static_cast<double>(axis.plant().position_counts()); }},
+    Signal{"velocity_rpm", "rpm", [](Axis& axis, const Channel&) { return axis.plant().velocity_rpm(); }},
+    Signal{"torque_nm", "Nm", [](Axis& axis, const Channel&) { return axis.plant().torque_nm(); }},
+    Signal{"current_a", "A", [](Axis& axis, const Channel&) { return axis.plant().current_a(); }},
+    Signal{"temperature_c", "degC", [](Axis& axis, const Channel&) { return axis.plant().winding_temperature_c(); }},
+    Signal{"stage_temperature_c", "degC",
+           [](Axis& axis, const Channel&) { return axis.plant().power_stage_temperature_c(); }},
+    Signal{"supply_v", "V", [](Axis& axis, const Channel&) { return axis.plant().dc_link_v(); }},
+    Signal{"following_error", "counts",
+           [](Axis& axis, const Channel&) {
+             return of_drive(axis, [](const drive::Drive& drive) { return drive.loops().following_error_counts; });
+           }},
+    Signal{"statusword", "",
+           [](Axis& axis, const Channel&) {
+             return of_drive(axis, [](const drive::Drive& drive) { return drive.statusword(); });
+           }},
+    Signal{"state", "",
+           [](Axis& axis, const Channel&) {
+             return of_drive(axis, [](const drive::Drive& drive) { return static_cast<int>(drive.state()); });
+           }},
+    Signal{"fault_code", "",
+           [](Axis& axis, const Channel&) {
+             return of_drive(axis, [](const drive::Drive& drive) {
+               return drive.any_fault() && drive.newest_fault() != nullptr ? drive.newest_fault()->code : 0;
+             });
+           }},
+};
+
+double read_input(Axis& axis, const Channel& channel) {
+  return static_cast<double>(axis.feedback().inputs >> channel.wire & 1u);
+}
+
+// As an SDO upload would read it.
+double read_object(Axis& axis, const Channel& channel) {
+  if (!axis.powered()) return none;
+  dictionary::ReadValue value;
+  const dictionary::Entry& object = *channel.object;
+  if (axis.device().dictionary().read(object, value) != dictionary::AbortCode::none) return none;
+  const std::int64_t raw = dictionary::decode_number(object.type, value.bytes);
+  switch (object.type) {
+    case dictionary::Type::real32: return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(raw)));
+    case dictionary::Type::unsigned64: return static_cast<double>(static_cast<std::uint64_t>(raw));
+    default: return static_cast<double>(raw);
+  }
+}
+
+}  // namespace
+
+std::span<const Signal> signals() { return signal_table; }
+
+Channel signal_channel(Axis& axis, std::string_view name) {
+  for (const Signal& signal : signal_table) {
+    if (signal.name == name) return {&axis, signal.read};
+  }
+  unsigned wire = 0;
+  if (name.starts_with("DI") && name.size() <= 4) {
+    const auto [end, error] = std::from_chars(name.data() + 2, name.data() + name.size(), wire);
+    if (error == std::errc() && end == name.data() + name.size() &&
+        wire < static_cast<unsigned>(axis.settings().product->input_wires)) {
+      return {&axis, read_input, nullptr, wire};
+    }
+  }
+  return {};
+}
+
+Channel object_channel(Axis& axis, const dictionary::Entry& object) {
+  if (!object.readable() || !object.fixed_size()) return {};
+  return {&axis, read_object, &object};
+}
+
+Tap::Tap(const Channel& channel, std::int64_t stride)
+    : channel_(channel),
+      stride_(stride),
+      first_((channel.axis->ticks() / stride + 1) * stride),
+      due_(first_),
+      slot_(static_cast<std::size_t>(first_ / stride) % kept),
+      ring_(kept) {
+  channel_.axis->attach(*this);
+}
+
+Tap::~Tap() { channel_.axis->detach(*this); }
+
+}  // namespace servodrome::line

@@ -1,0 +1,528 @@
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/read.hpp>
+#include <boost/asio/write.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <filesystem>
+#include <fstream>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <sys/resource.h>
+#include <thread>
+#include <unistd.h>
+
+#include "line/bench/scope/frame.hpp"
+#include "line/bench/scope/stream_session.hpp"
+#include "line/line_server.hpp"
+#include "support.hpp"
+
+// The door of the bench API as strangers find it: files, WebSockets, and what is no request at all.
+namespace servodrome::line {
+namespace {
+
+using namespace test;
+using boost::asio::ip::tcp;
+using boost::system::error_code;
+using nlohmann::json;
+using testing::HasSubstr;
+namespace beast = boost::beast;
+namespace http = boost::beast::http;
+namespace websocket = boost::beast::websocket;
+
+using Fields = std::map<std::string, std::string>;
+
+constexpr std::string_view one_axis = R"(
+clock = "virtual"
+[api]
+address = "127.0.0.1:0"
+[[bus]]
+name = "can0"
+[[axis]]
+name = "x"
+product = "ismc"
+)";
+
+// A page as it is built, with things around it that are nobody's business.
+class Page {
+ public:
+  Page() : root_(testing::TempDir() + "servodrome_bench_http_test_" + std::to_string(::getpid())) {
+    std::filesystem::create_directories(folder() + "/assets");
+    write("page/index.html", "<!DOCTYPE html><title>studio</title>");
+    write("page/assets/index-1.js", "let a;");
+    write("page/favicon.svg", "<svg/>");
+    write("page/.secret", "secret");
+    write("secret.txt", "secret");
+    std::filesystem::create_directories(root_ + "/page-2");
+    write("page-2/secret.txt", "secret");
+    std::filesystem::create_symlink("../secret.txt", folder() + "/link.txt");
+    std::filesystem::create_symlink("../page-2", folder() + "/other");
+    std::filesystem::create_symlink("favicon.svg", folder() + "/inside.svg");
+  }
+  ~Page() { std::filesystem::remove_all(root_); }
+  Page(const Page&) = delete;
+  Page& operator=(const Page&) = delete;
+  std::string folder() const { return root_ + "/page"; }
+
+ private:
+  void write(const std::string& name, const std::string& text) { std::ofstream(root_ + "/" + name) << text; }
+  std::string root_;
+};
+
+class Running {
+ public:
+  explicit Running(const std::string& page = {}) : server_(settings(page)), thread_([this] { server_.run(); }) {}
+  ~Running() {
+    boost::asio::post(server_.io(), [this] { server_.stop(); });
+    thread_.join();
+  }
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+  std::uint16_t port() { return server_.api_port(); }
+  std::string host() { return "127.0.0.1:" + std::to_string(port()); }
+  LineServer& server() { return server_; }
+
+ private:
+  static LineSettings settings(const std::string& page) {
+    LineSettings settings = settings_of(one_axis);
+    settings.api.page = page;
+    return settings;
+  }
+  LineServer server_;
+  std::thread thread_;
+};
+
+// Bytes out and an answer in, on a connection of its own.
+class Client {
+ public:
+  explicit Client(std::uint16_t port) : stream_(io_) {
+    stream_.connect(tcp::endpoint(boost::asio::ip::make_address("127.0.0.1"), port));
+    stream_.expires_after(30s);
+  }
+  http::response<http::string_body> raw(const std::string& bytes) {
+    boost::asio::write(stream_, boost::asio::buffer(bytes));
+    http::response_parser<http::string_body> parser;
+    parser.body_limit(64 * 1024 * 1024);
+    http::read(stream_, buffer_, parser);
+    return parser.release();
+  }
+  http::response<http::string_body> ask(const std::string& method, const std::string& target, Fields fields = {},
+                                        const std::string& body = {}) {
+    fields.emplace("Host", "127.0.0.1");
+    if (!body.empty()) fields.emplace("Content-Length", std::to_string(body.size()));
+    std::string text = method + " " + target + " HTTP/1.1\r\n";
+    for (const auto& [name, value] : fields) text += name + ": " + value + "\r\n";
+    return raw(text + "\r\n" + body);
+  }
+  bool closed_by_peer() {
+    char byte = 0;
+    error_code code;
+    boost::asio::read(stream_.socket(), boost::asio::buffer(&byte, 1), code);
+    return code == boost::asio::error::eof || code == boost::asio::error::connection_reset;
+  }
+  beast::tcp_stream& stream() { return stream_; }
+
+ private:
+  boost::asio::io_context io_;
+  beast::tcp_stream stream_;
+  beast::flat_buffer buffer_;
+};
+
+std::string field(const http::response<http::string_body>& response, const std::string& name) {
+  const auto value = response[name];
+  return {value.data(), value.size()};
+}
+
+TEST(BenchFiles, ServesThePageAndItsPlaces) {
+  const Page page;
+  Running running(page.folder());
+  Client client(running.port());
+  const auto index = client.ask("GET", "/");
+  EXPECT_EQ(index.result_int(), 200U);
+  EXPECT_THAT(index.body(), HasSubstr("studio"));
+  EXPECT_EQ(field(index, "Content-Type"), "text/html; charset=utf-8");
+  EXPECT_EQ(field(index, "Content-Security-Policy"),
+            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
+            "font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+  EXPECT_EQ(field(index, "X-Content-Type-Options"), "nosniff");
+  EXPECT_EQ(field(index, "Cache-Control"), "no-cache");
+  EXPECT_EQ(client.ask("GET", "/axis/x/scope?zoom=2").body(), index.body()) << "a place within the page";
+  const auto script = client.ask("GET", "/assets/index-1.js");
+  EXPECT_EQ(script.body(), "let a;");
+  EXPECT_EQ(field(script, "Content-Type"), "text/javascript; charset=utf-8");
+  EXPECT_THAT(field(script, "Cache-Control"), HasSubstr("immutable"));
+  EXPECT_EQ(client.ask("GET", "/favicon.svg").body(), "<svg/>");
+  EXPECT_EQ(client.ask("GET", "/inside.svg").body(), "<svg/>");
+  const auto again = client.ask("GET", "/", {{"If-None-Match", field(index, "ETag")}});
+  EXPECT_EQ(again.result_int(), 304U);
+  EXPECT_EQ(again.body(), "");
+  EXPECT_EQ(client.ask("POST", "/").result_int(), 405U);
+  EXPECT_EQ(client.ask("GET", "/api").result_int(), 404U);
+  EXPECT_EQ(client.ask("GET", "/api/v1/version").result_int(), 200U);
+}
+
+TEST(BenchFiles, NothingBesideThePageIsServed) {
+  const Page page;
+  Running running(page.folder());
+  for (const char* target : {"/../secret.txt",
+                             "/assets/../../secret.txt",
+                             "/%2e%2e/secret.txt",
+                             "/%252e%252e/secret.txt",
+                             "/..%2fsecret.txt",
+                             "/..\\secret.txt",
+                             "//etc/passwd.txt",
+                             "/./favicon.svg",
+                             "/.secret",
+                             "/assets/.secret",
+                             "/link.txt",
+                             "/other/secret.txt",
+                             "/../page-2/secret.txt",
+                             "/favicon.svg%00.js",
+                             "/missing.js",
+                             "/assets/index-1.js/x.js",
+                             "/assets.x",
+                             "secret.txt",
+                             "*",
+                             "http://127.0.0.1/secret.txt",
+                             "/~root/x.txt"}) {
+    Client client(running.port());
+    const auto response = client.ask("GET", target);
+    EXPECT_GE(response.result_int(), 400U) << target;
+    EXPECT_LT(response.result_int(), 500U) << target;
+    EXPECT_THAT(response.body(), testing::Not(HasSubstr("secret\n"))) << target;
+    EXPECT_TRUE(json::accept(response.body())) << target;
+  }
+}
+
+TEST(BenchFiles, WithoutAPageThereIsANote) {
+  Running running("/nonexistent");
+  Client client(running.port());
+  EXPECT_FALSE(running.server().has_page());
+  EXPECT_THAT(client.ask("GET", "/").body(), HasSubstr("not built"));
+  EXPECT_EQ(client.ask("GET", "/assets/x.js").result_int(), 404U);
+}
+
+TEST(BenchHttp, AbuseIsAnsweredAndEndsNothing) {
+  Running running;
+  const auto status = [&](const std::string& bytes) { return Client(running.port()).raw(bytes).result_int(); };
+  const std::string get = "GET /api/v1/version HTTP/1.1\r\n";
+  EXPECT_EQ(status(get + "Host: 127.0.0.1\r\nHost: x.org\r\n\r\n"), 400U);
+  EXPECT_EQ(status(get + "Host: 127.0.0.1\r\nAuthorization: Bearer a\r\nAuthorization: Bearer b\r\n\r\n"), 400U);
+  EXPECT_EQ(status(get + "Host: x.org\r\n\r\n"), 403U);
+  EXPECT_EQ(status(get + "\r\n"), 403U) << "no Host at all";
+  EXPECT_EQ(status(get + "Host: 127.0.0.1\r\nX: a\n b\0c\r\n\r\n"), 400U);
+  EXPECT_EQ(status(get + "Host: 127.0.0.1\r\nContent-Length: -1\r\n\r\n"), 400U);
+  EXPECT_EQ(status(get + "Host: 127.0.0.1\r\nContent-Length: 1\r\nContent-Length: 2\r\n\r\n"), 400U);
+  EXPECT_EQ(status("POST /api/v1/clock/advance HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n"
+                   "Content-Length: 4\r\n\r\n0\r\n\r\n"),
+            400U)
+      << "two lengths are a way to smuggle";
+  EXPECT_EQ(status(get + "Host: 127.0.0.1\r\nX: " + std::string(9000, 'x') + "\r\n\r\n"), 431U);
+  EXPECT_EQ(status("GET /" + std::string(3000, 'x') + " HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"), 414U);
+  EXPECT_EQ(status("\x16\x03\x01\x02 this is TLS\r\n\r\n"), 400U);
+  EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/version").result_int(), 200U);
+}
+
+TEST(BenchHttp, BracketsWithinBracketsAreRefused) {
+  Running running;
+  for (const char* bracket : {"[", "{\"a\":", "[{\"a\":"}) {
+    std::string body;
+    while (body.size() < 250 * 1024) body += bracket;
+    const auto response = Client(running.port()).ask("PUT", "/api/v1/axes/x/objects/6081/0", {}, body);
+    EXPECT_EQ(response.result_int(), 400U);
+    EXPECT_THAT(response.body(), HasSubstr("nested deeper"));
+  }
+  const std::string in_text = R"({"value":")" + std::string(1000, '[') + R"(\"[[[["})";
+  EXPECT_THAT(Client(running.port()).ask("PUT", "/api/v1/axes/x/objects/6081/0", {}, in_text).body(),
+              HasSubstr("wrong kind"));
+  // What a line file nests.
+  for (const std::string& nested :
+       {std::string(500'000, '['), "a = " + std::string(500'000, '['), "a" + std::string(3, '\n') + [] {
+          std::string key = "a";
+          for (int i = 0; i < 400'000; ++i) key += ".a";
+          return key + " = 1";
+        }()}) {
+    EXPECT_FALSE(parse_line_file(nested, "deep.toml", all_products()).diagnostics.empty());
+  }
+  const LineFile dots = parse_line_file("# ...................... \nx = \"..................\"", "f", all_products());
+  for (const auto& diagnostic : dots.diagnostics) EXPECT_THAT(diagnostic.what, testing::Not(HasSubstr("many parts")));
+}
+
+TEST(BenchHttp, ALongCsvComesInChunks) {
+  Running running;
+  Client client(running.port());
+  EXPECT_EQ(client
+                .ask("POST", "/api/v1/recordings", {},
+                     R"({"channels":[{"axis":"x","signal":"velocity_rpm"}],"rate_hz":16000,"duration_ms":1000})")
+                .result_int(),
+            201U);
+  EXPECT_EQ(client.ask("POST", "/api/v1/clock/advance", {}, R"({"ms":1100})").result_int(), 200U);
+  const auto csv = client.ask("GET", "/api/v1/recordings/1/data.csv");
+  EXPECT_EQ(csv.result_int(), 200U);
+  EXPECT_EQ(field(csv, "Transfer-Encoding"), "chunked");
+  EXPECT_EQ(field(csv, "Content-Type"), "text/csv; charset=utf-8");
+  EXPECT_EQ(std::count(csv.body().begin(), csv.body().end(), '\n'), 16001);
+  EXPECT_EQ(client.ask("GET", "/api/v1/recordings/1/data").body().size(), 24U + 16000 * 8);
+  // HTTP 1.0 knows no chunks.
+  const auto whole = client.raw("GET /api/v1/recordings/1/data.csv HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n");
+  EXPECT_EQ(whole.body(), csv.body());
+}
+
+TEST(BenchHttp, ClientsAreServedAgainAfterFileDescriptorsRanOut) {
+  Running running;
+  EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/version").result_int(), 200U);
+  std::vector<int> taken;
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
+  {
+    boost::asio::io_context io;
+    tcp::socket waiting(io);
+    waiting.open(tcp::v4());
+    rlimit few = before;
+    const int next = ::dup(0);  // the lowest that is free
+    ::close(next);
+    few.rlim_cur = static_cast<rlim_t>(next);
+    ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &few), 0);
+    waiting.connect(tcp::endpoint(boost::asio::ip::make_address("127.0.0.1"), running.port()));
+    // The server cannot take it, and asks again and again without doing nothing else.
+    const std::string get = "GET /api/v1/version HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n";
+    boost::asio::write(waiting, boost::asio::buffer(get));
+    std::this_thread::sleep_for(150ms);
+    ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &before), 0);
+    beast::flat_buffer buffer;
+    http::response<http::string_body> response;
+    http::read(waiting, buffer, response);
+    EXPECT_EQ(response.result_int(), 200U);
+  }
+  EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/version").result_int(), 200U);
+}
+
+// --- WebSockets
+
+class Socket {
+ public:
+  explicit Socket(std::uint16_t port) : socket_(io_) {
+    beast::get_lowest_layer(socket_).connect(tcp::endpoint(boost::asio::ip::make_address("127.0.0.1"), port));
+    beast::get_lowest_layer(socket_).expires_after(30s);
+    host_ = "127.0.0.1:" + std::to_string(port);
+  }
+  // The status of the handshake; 101 is success.
+  unsigned open(const Fields& fields = {}, const std::string& target = "/api/v1/stream") {
+    socket_.set_option(websocket::stream_base::decorator([&fields](websocket::request_type& request) {
+      for (const auto& [name, value] : fields) request.set(name, value);
+    }));
+    websocket::response_type response;
+    error_code refused;
+    socket_.handshake(response, host_, target, refused);
+    return response.result_int();
+  }
+  json text() {
+    while (true) {
+      const std::string message = read();
+      if (message.empty() || socket_.got_text()) return message.empty() ? json() : json::parse(message);
+    }
+  }
+  std::string read() {
+    beast::flat_buffer buffer;
+    code = {};
+    socket_.read(buffer, code);
+    return beast::buffers_to_string(buffer.data());
+  }
+  bool is_text() const { return socket_.got_text(); }
+  void write(const std::string& message) { socket_.write(boost::asio::buffer(message)); }
+  void write_raw(const std::string& bytes) {
+    boost::asio::write(beast::get_lowest_layer(socket_), boost::asio::buffer(bytes));
+  }
+  websocket::stream<beast::tcp_stream>& socket() { return socket_; }
+
+  error_code code;
+
+ private:
+  boost::asio::io_context io_;
+  websocket::stream<beast::tcp_stream> socket_;
+  std::string host_;
+};
+
+TEST(BenchSocket, StreamsToItsClient) {
+  Running running;
+  Socket socket(running.port());
+  ASSERT_EQ(socket.open({{"Origin", "http://" + running.host()}}), 101U);
+  EXPECT_TRUE(socket.text().contains("hello"));
+  socket.write(R"({"subscribe":{"id":5,"channels":[{"axis":"x","signal":"supply_v"}],"rate_hz":16000}})");
+  EXPECT_EQ(socket.text()["subscribed"]["id"], 5);
+  Client(running.port()).ask("POST", "/api/v1/clock/advance", {}, R"({"ms":100})");
+  std::uint64_t expected = 1;
+  while (expected < 1601) {
+    const std::string frame = socket.read();
+    ASSERT_FALSE(socket.code) << socket.code.message();
+    if (socket.is_text()) continue;
+    bench::FrameHeader header;
+    std::memcpy(&header, frame.data(), sizeof header);
+    EXPECT_EQ(header.id, 5U);
+    EXPECT_EQ(header.first_tick, expected);
+    expected += header.samples;
+  }
+  EXPECT_EQ(expected, 1601U);
+  // A client that says nothing hears of what happens by itself.
+  socket.write(R"({"watch":{"axes":50}})");
+  EXPECT_EQ(socket.text()["axes"][0]["name"], "x");
+  Client(running.port()).ask("POST", "/api/v1/axes/x/power", {}, R"({"action":"off"})");
+  while (true) {
+    const json message = socket.text();
+    ASSERT_FALSE(message.is_null());
+    if (message.contains("axes") && !message["axes"].empty() && message["axes"][0]["powered"] == false) break;
+  }
+}
+
+// The status of a handshake as a stranger makes it.
+unsigned handshake_status(Running& running, Fields fields, const std::string& target = "/api/v1/stream") {
+  fields.emplace("Host", running.host());
+  fields.emplace("Upgrade", "websocket");
+  fields.emplace("Connection", "Upgrade");
+  fields.emplace("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ==");
+  fields.emplace("Sec-WebSocket-Version", "13");
+  return Client(running.port()).ask("GET", target, fields).result_int();
+}
+
+TEST(BenchSocket, OnlyThoseMayOpenItWhoMayWrite) {
+  Running running;
+  const std::string token = "Bearer " + running.server().token();
+  const auto status = [&](const Fields& fields, const std::string& target = "/api/v1/stream") {
+    return handshake_status(running, fields, target);
+  };
+  EXPECT_EQ(status({}), 101U);
+  EXPECT_EQ(status({{"Origin", "http://x.org"}}), 403U);
+  EXPECT_EQ(status({{"Origin", "null"}}), 403U);
+  EXPECT_EQ(status({{"Origin", "http://127.0.0.1:1"}}), 403U);
+  EXPECT_EQ(status({{"Origin", "https://" + running.host()}}), 403U);
+  EXPECT_EQ(status({{"Host", "x.org"}, {"Origin", "http://x.org"}}), 403U) << "a name that was pointed here";
+  EXPECT_EQ(status({{"Authorization", "Bearer no"}}), 401U);
+  EXPECT_EQ(status({{"Origin", "http://x.org"}, {"Authorization", token}}), 101U);
+  EXPECT_EQ(status({}, "/api/v1/axes"), 404U);
+  EXPECT_EQ(status({}, "/"), 404U);
+  EXPECT_EQ(status({{"Sec-WebSocket-Version", "12"}}), 426U);
+  EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/stream").result_int(), 404U) << "no WebSocket";
+}
+
+TEST(BenchSocket, WhatIsNoFrameEndsTheConnectionAlone) {
+  Running running;
+  const auto ends = [&](const std::string& bytes) {
+    Socket socket(running.port());
+    EXPECT_EQ(socket.open(), 101U);
+    socket.text();
+    socket.write_raw(bytes);
+    socket.text();
+    return socket.code.failed();
+  };
+  EXPECT_TRUE(ends(std::string("\x81\x02{}", 4))) << "not masked (RFC 6455 5.1)";
+  EXPECT_TRUE(ends(std::string(64, '\xff'))) << "garbage";
+  EXPECT_TRUE(ends(std::string("\xc1\x80\0\0\0\0", 6))) << "reserved bits";
+  EXPECT_TRUE(ends(std::string("\x81\xff\x7f\xff\xff\xff\xff\xff\xff\xff\0\0\0\0", 14))) << "of 2^63 bytes";
+  EXPECT_TRUE(ends(std::string("\x89\xfe\x01\0\0\0\0\0", 8))) << "a ping of 256 bytes";
+  EXPECT_TRUE(ends(std::string("\x82\x81\0\0\0\0x", 7))) << "binary";
+  EXPECT_TRUE(ends(std::string("\x81\x82\0\0\0\0\xc3\x28", 8))) << "no UTF-8";
+  {
+    Socket socket(running.port());
+    ASSERT_EQ(socket.open(), 101U);
+    socket.text();
+    error_code ignored;
+    socket.socket().write(boost::asio::buffer(std::string(100'000, ' ')), ignored);
+    socket.text();
+    EXPECT_TRUE(socket.code.failed()) << "a message too long";
+  }
+  // Half a frame, and gone.
+  {
+    Socket socket(running.port());
+    ASSERT_EQ(socket.open(), 101U);
+    socket.write_raw(std::string("\x81\xfe\x10", 3));
+  }
+  {
+    Socket socket(running.port());
+    ASSERT_EQ(socket.open(), 101U);
+    socket.text();
+    socket.write(std::string(15'000, '['));
+    EXPECT_THAT(socket.text()["error"]["what"].get<std::string>(), HasSubstr("nested deeper"));
+    for (int n = 0; n < 300; ++n) {
+      error_code ignored;
+      socket.socket().write(boost::asio::buffer(std::string("{}")), ignored);
+    }
+    while (!socket.text().is_null()) {
+    }
+    EXPECT_EQ(socket.code, websocket::error::closed);
+    EXPECT_THAT(std::string(socket.socket().reason().reason.c_str()), HasSubstr("messages in a second"));
+  }
+  EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/version").result_int(), 200U);
+}
+
+TEST(BenchSocket, ThirtyTwoClientsAtMost) {
+  Running running;
+  std::vector<std::unique_ptr<Socket>> sockets;
+  for (int n = 0; n < 32; ++n) {
+    sockets.push_back(std::make_unique<Socket>(running.port()));
+    ASSERT_EQ(sockets.back()->open(), 101U);
+    sockets.back()->text();
+  }
+  EXPECT_EQ(handshake_status(running, {}), 503U);
+  EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/version").result_int(), 200U);
+  sockets.erase(sockets.begin(), sockets.begin() + 4);
+  unsigned status = 0;
+  for (int n = 0; n < 500 && status != 101; ++n) {
+    status = handshake_status(running, {});
+    if (status != 101) std::this_thread::sleep_for(10ms);
+  }
+  EXPECT_EQ(status, 101U);
+}
+
+TEST(BenchSocket, AClientThatReadsNothingDelaysNobody) {
+  Running running;
+  Socket stuck(running.port());
+  ASSERT_EQ(stuck.open(), 101U);
+  stuck.text();
+  std::string channels;
+  for (int n = 0; n < 16; ++n) channels += std::string(n == 0 ? "" : ",") + R"({"axis":"x","signal":"velocity_rpm"})";
+  stuck.write(R"({"subscribe":{"id":1,"channels":[)" + channels + R"(],"rate_hz":16000}})");
+  EXPECT_TRUE(stuck.text().contains("subscribed"));
+  Client client(running.port());
+  for (int n = 0; n < 20; ++n) {
+    ASSERT_EQ(client.ask("POST", "/api/v1/clock/advance", {}, R"({"ms":1000})").result_int(), 200U);
+  }
+  // It wakes up: what it was not given is left out, what it was given is in order.
+  std::uint64_t next = 0;
+  std::uint32_t coarsest = 1;
+  while (next < 300'000) {
+    const std::string frame = stuck.read();
+    ASSERT_FALSE(stuck.code) << stuck.code.message();
+    if (stuck.is_text()) continue;
+    bench::FrameHeader header;
+    std::memcpy(&header, frame.data(), sizeof header);
+    ASSERT_GE(header.first_tick, next);
+    next = header.first_tick + std::uint64_t{header.samples - 1} * header.stride + 1;
+    coarsest = std::max(coarsest, header.stride);
+  }
+  EXPECT_GT(coarsest, 1U);
+}
+
+TEST(BenchClock, VirtualTimePassesAtTheSpeedThatWasSet) {
+  Running running;
+  Client client(running.port());
+  const auto ticks = [&] { return json::parse(client.ask("GET", "/api/v1/clock").body())["ticks"].get<int>(); };
+  EXPECT_EQ(json::parse(client.ask("GET", "/api/v1/clock").body())["speed"], 0);
+  EXPECT_EQ(client.ask("PUT", "/api/v1/clock", {}, R"({"speed":1001})").result_int(), 422U);
+  EXPECT_EQ(client.ask("PUT", "/api/v1/clock", {}, R"({"speed":-1})").result_int(), 422U);
+  EXPECT_EQ(json::parse(client.ask("PUT", "/api/v1/clock", {}, R"({"speed":0.5})").body())["speed"], 0.5);
+  const auto began = std::chrono::steady_clock::now();
+  while (ticks() < 1600) std::this_thread::sleep_for(1ms);
+  EXPECT_GE(std::chrono::steady_clock::now() - began, 190ms) << "100 ms at half the speed";
+  client.ask("PUT", "/api/v1/clock", {}, R"({"speed":1000})");
+  while (ticks() < 16000) {
+  }
+  client.ask("PUT", "/api/v1/clock", {}, R"({"speed":0})");
+  const int stands = ticks();
+  std::this_thread::sleep_for(20ms);
+  EXPECT_EQ(ticks(), stands);
+}
+
+}  // namespace
+}  // namespace servodrome::line
