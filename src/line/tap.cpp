@@ -11,11 +11,11 @@
 namespace servodrome::line {
 namespace {
 
-constexpr double none = std::numeric_limits<double>::quiet_NaN();
+constexpr double no_value = std::numeric_limits<double>::quiet_NaN();
 
 template <typename Read>
 double of_drive(Axis& axis, Read read) {
-  return axis.powered() ? static_cast<double>(read(axis.device().drive())) : none;
+  return axis.powered() ? static_cast<double>(read(axis.device().drive())) : no_value;
 }
 
 constexpr std::array signal_table{
@@ -54,10 +54,10 @@ double read_input(Axis& axis, const Channel& channel) {
 
 // As an SDO upload would read it.
 double read_object(Axis& axis, const Channel& channel) {
-  if (!axis.powered()) return none;
+  if (!axis.powered()) return no_value;
   dictionary::ReadValue value;
   const dictionary::Entry& object = *channel.object;
-  if (axis.device().dictionary().read(object, value) != dictionary::AbortCode::none) return none;
+  if (axis.device().dictionary().read(object, value) != dictionary::AbortCode::none) return no_value;
   const std::int64_t raw = dictionary::decode_number(object.type, value.bytes);
   switch (object.type) {
     case dictionary::Type::real32: return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(raw)));

@@ -19,7 +19,7 @@ constexpr const char* content_security_policy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-constexpr const char* note = R"(<!DOCTYPE html>
+constexpr const char* page_note = R"(<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Servodrome</title></head><body>
 <h1>Servodrome</h1>
 <p>The line is running. The studio's page is not built: <code>./run</code> builds it, or
@@ -105,7 +105,7 @@ Response StaticFiles::answer(const Request& request) const {
   }
   if (!is_plain(path)) return nothing_there(path);
   const bool is_place = path.find('.') == std::string_view::npos;
-  if (folder_.empty()) return is_place ? page_response(note, "text/html; charset=utf-8") : nothing_there(path);
+  if (folder_.empty()) return is_place ? page_response(page_note, "text/html; charset=utf-8") : nothing_there(path);
   const auto file = file_within(folder_, is_place ? "/index.html" : path);
   if (!file) return nothing_there(path);
   std::ifstream stream(*file, std::ios::binary);

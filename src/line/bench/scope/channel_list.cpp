@@ -12,15 +12,14 @@ namespace {
 
 // "6064:00" or "6064": index and sub-index in hexadecimal.
 bool parse_object(std::string_view text, std::uint16_t& index, std::uint8_t& sub) {
-  const auto hexadecimal = [](std::string_view digits, auto& value) {
+  const auto parse = [](std::string_view digits, auto& value) {
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
     return error == std::errc() && end == digits.data() + digits.size();
   };
   if (text.starts_with("0x")) text.remove_prefix(2);
   const std::size_t colon = std::min(text.find(':'), text.size());
   sub = 0;
-  return hexadecimal(text.substr(0, colon), index) &&
-         (colon == text.size() || hexadecimal(text.substr(colon + 1), sub));
+  return parse(text.substr(0, colon), index) && (colon == text.size() || parse(text.substr(colon + 1), sub));
 }
 
 NamedChannel read_channel(Line& line, const Json& json) {

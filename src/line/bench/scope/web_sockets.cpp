@@ -19,7 +19,7 @@ namespace websocket = boost::beast::websocket;
 using boost::system::error_code;
 
 constexpr auto handshake_time = std::chrono::seconds(10);
-constexpr auto idle_time = std::chrono::seconds(30);  // a ping goes out after half of it
+constexpr auto silence_time = std::chrono::seconds(30);  // a ping goes out after half of it
 
 }  // namespace
 
@@ -29,7 +29,7 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
       : sockets_(&sockets), socket_(std::move(upgrade.stream)), request_(std::move(upgrade.request)) {
     websocket::stream_base::timeout timeout{};
     timeout.handshake_timeout = handshake_time;
-    timeout.idle_timeout = idle_time;
+    timeout.idle_timeout = silence_time;
     timeout.keep_alive_pings = true;
     beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has its own
     socket_.set_option(timeout);
