@@ -17,7 +17,6 @@ namespace {
 
 using drive::Mode;
 using drive::Policy;
-using drive::Signal;
 using drive::StatusSource;
 
 struct Named {
@@ -163,23 +162,23 @@ Json status_bits(const Policy& policy) {
   return list;
 }
 
-const char* word(Signal signal) {
+const char* word(drive::Signal signal) {
   switch (signal) {
-    case Signal::negative_limit: return "negative limit switch";
-    case Signal::positive_limit: return "positive limit switch";
-    case Signal::home: return "home switch";
-    case Signal::index: return "index of the encoder";
-    case Signal::probe_1: return "touch probe 1";
-    case Signal::probe_2: return "touch probe 2";
-    case Signal::external_fault: return "external fault";
-    case Signal::motor_temperature: return "motor temperature contact";
-    case Signal::quick_stop: return "quick stop";
-    case Signal::interlock: return "interlock";
-    case Signal::enable_refused: return "enabling refused";
-    case Signal::invert_direction: return "direction inverted";
-    case Signal::integral_off: return "integral of the velocity loop off";
-    case Signal::none:
-    case Signal::count_of_signals: break;
+    case drive::Signal::negative_limit: return "negative limit switch";
+    case drive::Signal::positive_limit: return "positive limit switch";
+    case drive::Signal::home: return "home switch";
+    case drive::Signal::index: return "index of the encoder";
+    case drive::Signal::probe_1: return "touch probe 1";
+    case drive::Signal::probe_2: return "touch probe 2";
+    case drive::Signal::external_fault: return "external fault";
+    case drive::Signal::motor_temperature: return "motor temperature contact";
+    case drive::Signal::quick_stop: return "quick stop";
+    case drive::Signal::interlock: return "interlock";
+    case drive::Signal::enable_refused: return "enabling refused";
+    case drive::Signal::invert_direction: return "direction inverted";
+    case drive::Signal::integral_off: return "integral of the velocity loop off";
+    case drive::Signal::none:
+    case drive::Signal::count_of_signals: break;
   }
   return "";
 }
@@ -188,8 +187,8 @@ Json input_bits(const Policy& policy) {
   Json list = Json::array();
   for (const drive::DigitalInputBit& row : policy.digital_inputs) {
     const bool wire = row.source == drive::DigitalInputBit::Source::wire;
-    list.push_back(
-        {{"bit", row.bit}, {"name", wire ? fmt::format("DI{}", row.number) : word(static_cast<Signal>(row.number))}});
+    list.push_back({{"bit", row.bit},
+                    {"name", wire ? fmt::format("DI{}", row.number) : word(static_cast<drive::Signal>(row.number))}});
   }
   return list;
 }
