@@ -30,7 +30,7 @@ export function significant(value: number | null | undefined): string {
   const size = Math.abs(value);
   if (size >= 1e5 || Number.isInteger(value)) return fixed(value, 0);
   if (size === 0) return '0';
-  return fixed(value, Math.max(0, Math.min(6, 4 - Math.floor(Math.log10(size)))));
+  return fixed(value, Math.max(0, Math.min(6, 4 - Math.floor(Math.log10(size))))).replace(/(\.\d*?)0+$/, '$1').replace(/\.$/, '');
 }
 
 export function duration(ns: number): string {

@@ -1,6 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
+import { significant } from '../model/units';
 import { color } from '../theme';
 
 // Curves over one time axis, a lane for each unit, so that each is read on a scale of its own.
@@ -55,15 +56,19 @@ export function useLooks(): Looks {
 }
 
 export function Lanes(props: LanesProps) {
-  const units = [...new Set(props.curves.map(({ unit }) => unit))];
+  const keys = [...new Set(props.curves.map(laneOf))];
   return (
     <div className="lanes" role="img" aria-label={`${props.label}: ${props.curves.map(({ name }) => name).join(', ')}`}>
-      {units.map((unit, i) => (
-        <Lane key={unit} {...props} curves={props.curves.filter((curve) => curve.unit === unit)} last={i === units.length - 1} title={unit} />
-      ))}
+      {keys.map((key, i) => {
+        const curves = props.curves.filter((curve) => laneOf(curve) === key);
+        return <Lane key={key} {...props} curves={curves} last={i === keys.length - 1} title={curves[0].unit} />;
+      })}
     </div>
   );
 }
+
+// A following error has the position's unit, and not its size.
+const laneOf = ({ unit, name }: Curve) => (/error|deviation/.test(name) ? `${unit}, error` : unit);
 
 const font = '11px system-ui, sans-serif';
 
@@ -105,6 +110,21 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       u.ctx.fillText(text, place + 3 * ratio, u.bbox.top + 11 * ratio);
       u.ctx.restore();
     };
+    const legend = (u: uPlot) => {
+      const ratio = devicePixelRatio;
+      u.ctx.save();
+      u.ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      u.ctx.textAlign = 'right';
+      let right = u.bbox.left + u.bbox.width - 4 * ratio;
+      for (const { label, stroke, alpha } of [...series].reverse()) {
+        if (alpha < 1) continue;
+        u.ctx.fillStyle = stroke;
+        u.ctx.fillText(label, right, u.bbox.top + 11 * ratio);
+        right -= u.ctx.measureText(label).width + 12 * ratio;
+        if (right < u.bbox.left + u.bbox.width / 3) break;
+      }
+      u.ctx.restore();
+    };
     const extent = (): [number, number] => {
       const { range: asked, x: all } = now.current;
       return asked ?? (all.length > 1 ? [all[0], all[all.length - 1]] : [0, 1]);
@@ -113,18 +133,19 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       {
         width: Math.max(100, element.clientWidth),
         height: laneHeight + (last ? 26 : 0),
-        padding: [6, 10, last ? 0 : 4, 0],
+        padding: [6, 18, last ? 0 : 4, 0],
         legend: { show: false },
         scales: { x: { time: false, range: extent } },
         axes: [
-          { ...axis, size: last ? 30 : 0, ...(last ? { values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${tick} ${unit}` : `${tick}`)) } : { values: () => [] }) },
-          { ...axis, size: 62, label: title, labelSize: 14, labelFont: font, labelGap: 0 },
+          { ...axis, size: last ? 30 : 0, ...(last ? { values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${significant(tick)} ${unit}` : significant(tick))) } : { values: () => [] }) },
+          { ...axis, size: 62, values: (_, ticks) => ticks.map(significant), label: title, labelSize: 14, labelFont: font, labelGap: 0 },
         ],
         series: [{}, ...series],
         cursor: { sync: { key: 'lanes' }, drag: { x: true, y: false, setScale: false }, y: false, points: { show: false }, bind: { dblclick: () => () => { now.current.onRange?.(null); return null; } } },
         hooks: {
           draw: [
             (u) => {
+              legend(u);
               mark(u, 0, '', look.grid, []);
               mark(u, now.current.cursors?.[0], 'A', look.cursor, []);
               mark(u, now.current.cursors?.[1], 'B', look.cursor, [4, 3]);
