@@ -1,6 +1,5 @@
 import { useSyncExternalStore } from 'react';
 import { get } from './api/client';
-import { poll } from './api/poll';
 import { Stream, type ServerEvent } from './api/stream';
 import type { AxisView, Clock, Job } from './api/types';
 
@@ -50,57 +49,47 @@ export function noteJob(job: Job) {
 }
 
 let serial = 0;
+let fresh = true; // the next views are of another run of the server: they replace those of the last
 
 function takeAxes(views: AxisView[], clock?: Clock) {
-  const axes = { ...state.axes };
+  const axes = fresh ? {} : { ...state.axes };
   for (const view of views) axes[view.name] = view;
-  const order = views.some((view) => !state.order.includes(view.name)) ? Object.keys(axes) : state.order;
-  update({ axes, order, ...(clock ? { clock } : {}) });
+  const same = !fresh && views.every((view) => view.name in state.axes);
+  fresh = false;
+  update({ link: 'up', axes, order: same ? state.order : Object.keys(axes), ...(clock ? { clock } : {}) });
 }
 
-// A new run of the server: everything is asked for again.
-async function begin(start: string) {
-  const restarted = state.start !== '' && state.start !== start;
-  const [{ axes }, clock, version, jobs] = await Promise.all([
-    get<{ axes: AxisView[] }>('/axes'),
-    get<Clock>('/clock'),
-    get<{ version: string }>('/version'),
-    get<{ jobs: Job[] }>('/jobs').catch(() => ({ jobs: [] as Job[] })),
-  ]);
+// The latest of each axis. Jobs of other pages and of scripts are seen as well, so they are asked for now and then.
+async function takeJobs() {
+  const { jobs } = await get<{ jobs: Job[] }>('/jobs');
+  const latest: Record<string, Job> = {};
+  for (const job of jobs) if (!(latest[job.axis]?.id > job.id)) latest[job.axis] = job;
+  if (JSON.stringify(latest) !== JSON.stringify(state.jobs)) update({ jobs: latest });
+}
+const jobs_ms = 1000;
+
+function begin({ start, version = '' }: { start: string; version?: string }) {
+  const other = state.start !== '' && state.start !== start;
+  fresh ||= other;
   update({
     link: 'up',
     start,
-    version: version.version,
-    clock,
-    order: axes.map(({ name }) => name),
-    axes: Object.fromEntries(axes.map((axis) => [axis.name, axis])),
-    jobs: Object.fromEntries(jobs.jobs.map((job) => [job.axis, job])),
-    restarted: restarted || state.restarted,
-    epoch: state.epoch + (restarted ? 1 : 0),
+    version,
+    ...(other ? { restarted: true, epoch: state.epoch + 1, jobs: {}, lastEvent: null } : {}),
   });
 }
 
 export let stream: Stream;
-let polling = false;
 
 export function connect() {
   const address = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/api/v1/stream`;
   stream = new Stream(address, 20, {
-    connected: ({ start }) => void begin(start).catch(() => update({ link: 'lost' })),
-    lost: () => {
-      if (state.start === '' && !polling) {
-        polling = true;
-        poll((axes, clock) => (state.version === '' ? void begin('').catch(() => undefined) : takeAxes(axes, clock)), () => update({ link: 'lost' }));
-      }
-    },
+    connected: begin,
+    lost: () => update({ link: 'lost' }),
     axes: takeAxes,
-    event: (event) => {
-      update({ lastEvent: { ...event, serial: ++serial } });
-      if (event.kind === 'job' && event.axis) {
-        void get<{ jobs: Job[] }>('/jobs').then(({ jobs }) => {
-          update({ jobs: Object.fromEntries(jobs.map((job) => [job.axis, job])) });
-        }, () => undefined);
-      }
-    },
+    event: (event) => update({ lastEvent: { ...event, serial: ++serial } }),
   });
+  setInterval(() => {
+    if (state.link === 'up' && !document.hidden) takeJobs().catch(() => undefined); // the banner says it
+  }, jobs_ms);
 }

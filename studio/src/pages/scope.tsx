@@ -49,7 +49,7 @@ export function ScopePage() {
 
 function useRecordings() {
   const event = useLine((line) => (line.lastEvent?.kind === 'recording' ? line.lastEvent.serial : 0));
-  const { value, again } = useResource<{ recordings: Recording[]; bytes?: number; limit_bytes?: number }>(`/recordings?seen=${event}`, 2000);
+  const { value, again } = useResource<{ recordings: Recording[]; bytes?: number }>(`/recordings?seen=${event}`, 2000);
   const latest = useRef<Recording[]>([]);
   if (value) latest.current = value.recordings;
   return { recordings: latest.current, memory: value, again };
@@ -229,7 +229,7 @@ function Recordings({ recordings, shown, overlays, memory }: {
   recordings: Recording[];
   shown: Recording | undefined;
   overlays: string[];
-  memory: { bytes?: number; limit_bytes?: number } | undefined;
+  memory: { bytes?: number } | undefined;
 }) {
   const lay = (id: string, on: boolean) => keep({ with: (on ? [...overlays, id] : overlays.filter((each) => each !== id)).join(',') });
   return (
