@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import { get, problemOf } from '../api/client';
 import type { BusView, Problem } from '../api/types';
-import { Button, Choice, Panel, Search, Trouble } from '../parts/controls';
+import { Button, Choice, Panel, Scroll, Search, Trouble } from '../parts/controls';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
@@ -20,7 +20,7 @@ export function BusPage() {
       </div>
       <div className="panels">
         <Panel title="Links">
-          <div className="scroll">
+          <Scroll label="Table of links">
             <table className="table">
               <thead>
                 <tr><th scope="col" className="wide">link</th><th scope="col">clients</th><th scope="col">to the bus</th><th scope="col">from it</th><th scope="col">dropped</th><th scope="col">malformed</th></tr>
@@ -34,10 +34,10 @@ export function BusPage() {
                 ))}
               </tbody>
             </table>
-          </div>
+          </Scroll>
         </Panel>
         <Panel title="Axes">
-          <div className="scroll"><AxesOfBus bus={bus} /></div>
+          <Scroll label="Table of axes"><AxesOfBus bus={bus} /></Scroll>
         </Panel>
       </div>
       <Traffic key={bus.name} bus={bus.name} />
@@ -136,7 +136,7 @@ function Traffic({ bus }: { bus: string }) {
       <Trouble problem={problem} />
       {shown.length === 0 && !problem && <p className="empty">{frames.length === 0 ? 'Nobody has spoken yet.' : 'Nothing fits the filter.'}</p>}
       {shown.length > 0 && (
-        <div className="scroll traffic">
+        <Scroll label="Frames" className="traffic">
           <table className="table">
             <thead>
               <tr><th scope="col">time, s</th><th scope="col">id</th><th scope="col">data</th><th scope="col" className="wide">meaning</th></tr>
@@ -152,7 +152,7 @@ function Traffic({ bus }: { bus: string }) {
               ))}
             </tbody>
           </table>
-        </div>
+        </Scroll>
       )}
     </Panel>
   );

@@ -1,7 +1,7 @@
 import { memo } from 'react';
 import type { AxisView, BusView } from '../api/types';
 import { power, runJob } from '../commands';
-import { Button, Link, Panel, Readout } from '../parts/controls';
+import { Button, Link, Panel, Readout, Scroll } from '../parts/controls';
 import { StateChip } from '../parts/state';
 import { useTarget } from '../parts/target';
 import { Travel, useGeometry } from '../parts/travel';
@@ -108,7 +108,7 @@ function Buses() {
   const count = (bus: BusView, keys: string[]) => fixed(keys.reduce((sum, key) => sum + (Number(bus[key]) || 0), 0), 0);
   return (
     <Panel title="Buses" aside={<Link to="/bus">traffic and links</Link>}>
-      <div className="scroll">
+      <Scroll label="Table of buses">
         <table className="table">
           <thead>
             <tr>
@@ -131,7 +131,7 @@ function Buses() {
             ))}
           </tbody>
         </table>
-      </div>
+      </Scroll>
     </Panel>
   );
 }

@@ -1,4 +1,4 @@
-import { useEffect, useMemo, useRef, useState, type KeyboardEvent } from 'react';
+import { useCallback, useEffect, useMemo, useRef, useState, type KeyboardEvent } from 'react';
 import type { ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, readObject, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
@@ -22,6 +22,11 @@ export function ObjectsPage() {
     () => all.filter((entry) => inGroup(entry, group, (each) => differs(each, values.of(each))) && matches(entry, search)),
     [all, group, search, values],
   );
+  // What has changed is known when everything has been read once.
+  const { readAll } = values;
+  useEffect(() => {
+    if (group === 'Changed') void readAll(all.filter(hasDefault));
+  }, [group, all, readAll]);
   const selected = shown.find((entry) => addressOf(entry) === query.get('object')) ?? shown[0];
 
   return (
@@ -41,10 +46,7 @@ export function ObjectsPage() {
               hideLabel
               value={group}
               options={groups.map((each) => [each, each] as const)}
-              onChange={(to) => {
-                keep({ group: to === 'All' ? null : to });
-                if (to === 'Changed') void values.readAll(all.filter(hasDefault));
-              }}
+              onChange={(to) => keep({ group: to === 'All' ? null : to })}
             />
           </div>
           <ObjectList entries={shown} values={values} selected={selected} onSelect={(entry) => keep({ object: addressOf(entry) })} />
@@ -56,59 +58,54 @@ export function ObjectsPage() {
 }
 
 interface Values {
-  of(entry: ObjectEntry): ObjectValue | undefined;
-  note(entry: ObjectEntry, value: ObjectValue): void;
-  want(entries: ObjectEntry[]): void;
-  readAll(entries: ObjectEntry[]): Promise<void>;
+  of: (entry: ObjectEntry) => ObjectValue | undefined;
+  note: (entry: ObjectEntry, value: ObjectValue) => void;
+  want: (entries: ObjectEntry[]) => Promise<void>;
+  readAll: (entries: ObjectEntry[]) => Promise<void>;
   reading: boolean;
 }
 
-// Values are read as they come into view, a few at a time.
+const refresh_ms = 1000;
+const atATime = 8;
+
+// Values are read as they come into view, some at a time, and again as long as they are in view.
 function useValues(axis: string): Values {
   const [known, setKnown] = useState<ReadonlyMap<string, ObjectValue>>(new Map());
   const [reading, setReading] = useState(false);
-  const queue = useRef<ObjectEntry[]>([]);
-  const asked = useRef(new Set<string>());
-  const busy = useRef(false);
+  const queue = useRef(new Map<string, ObjectEntry>());
+  const busy = useRef<Promise<void> | null>(null);
 
-  const drain = async () => {
-    if (busy.current) return;
-    busy.current = true;
-    while (queue.current.length > 0) {
-      const some = queue.current.splice(0, 8);
-      const answers = await Promise.all(some.map((entry) => readObject(axis, Number(entry.index), entry.sub).catch(() => undefined)));
-      setKnown((before) => {
-        const after = new Map(before);
-        answers.forEach((answer, i) => {
-          if (answer !== undefined) after.set(addressOf(some[i]), answer);
-        });
-        return after;
-      });
-    }
-    busy.current = false;
-  };
-  const want = (entries: ObjectEntry[]) => {
-    const fresh = entries.filter((entry) => isReadable(entry) && !asked.current.has(addressOf(entry)));
-    if (fresh.length === 0) return Promise.resolve();
-    fresh.forEach((entry) => asked.current.add(addressOf(entry)));
-    queue.current.push(...fresh);
-    return drain();
-  };
+  const want = useCallback(
+    (entries: ObjectEntry[]): Promise<void> => {
+      for (const entry of entries) if (isReadable(entry)) queue.current.set(addressOf(entry), entry);
+      const drain = async () => {
+        while (queue.current.size > 0) {
+          const some = [...queue.current].slice(0, atATime);
+          some.forEach(([address]) => queue.current.delete(address));
+          const answers = await Promise.all(some.map(([, entry]) => readObject(axis, Number(entry.index), entry.sub).catch(() => undefined)));
+          setKnown((before) => {
+            const fresh = some.map(([address], i) => [address, answers[i]] as const).filter(([address, answer]) => answer !== undefined && before.get(address) !== answer);
+            return fresh.length === 0 ? before : new Map([...before, ...(fresh as [string, ObjectValue][])]);
+          });
+        }
+        busy.current = null;
+      };
+      return (busy.current ??= drain());
+    },
+    [axis],
+  );
+  const readAll = useCallback(
+    async (entries: ObjectEntry[]) => {
+      setReading(true);
+      await want(entries);
+      setReading(false);
+    },
+    [want],
+  );
+  const note = useCallback((entry: ObjectEntry, value: ObjectValue) => setKnown((before) => new Map(before).set(addressOf(entry), value)), []);
   return useMemo(
-    () => ({
-      of: (entry) => known.get(addressOf(entry)),
-      note: (entry, value) => setKnown((before) => new Map(before).set(addressOf(entry), value)),
-      want: (entries) => void want(entries),
-      readAll: async (entries) => {
-        setReading(true);
-        await want(entries);
-        setReading(false);
-      },
-      reading,
-    }),
-    // `want` closes over references only
-    // eslint-disable-next-line react-hooks/exhaustive-deps
-    [known, reading],
+    () => ({ of: (entry) => known.get(addressOf(entry)), note, want, readAll, reading }),
+    [known, note, want, readAll, reading],
   );
 }
 
@@ -134,11 +131,17 @@ function ObjectList({ entries, values, selected, onSelect }: {
     return () => observer.disconnect();
   }, []);
   const wanted = rows.map(addressOf).join();
+  const { want } = values;
+  const inView = useRef(rows);
+  inView.current = rows;
   useEffect(() => {
-    const timer = setTimeout(() => values.want(rows), 80);
-    return () => clearTimeout(timer);
-    // eslint-disable-next-line react-hooks/exhaustive-deps
-  }, [wanted]);
+    const first = setTimeout(() => void want(inView.current), 80);
+    const timer = setInterval(() => void (!document.hidden && want(inView.current)), refresh_ms);
+    return () => {
+      clearTimeout(first);
+      clearInterval(timer);
+    };
+  }, [wanted, want]);
 
   const onKeyDown = (event: KeyboardEvent) => {
     const steps: Record<string, number> = { ArrowDown: 1, ArrowUp: -1, PageDown: 15, PageUp: -15, Home: -entries.length, End: entries.length };

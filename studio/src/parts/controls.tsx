@@ -152,3 +152,14 @@ export function Trouble({ problem }: { problem: { what: string; where?: string; 
     </p>
   );
 }
+
+// What may be wider than the page, moved by the pointer or with the arrow keys.
+export function Scroll({ label, className = '', children }: { label: string; className?: string; children: ReactNode }) {
+  return (
+    // Without a place in the order of tabs the keyboard could not move it.
+    // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex
+    <div className={`scroll ${className}`} role="group" aria-label={label} tabIndex={0}>
+      {children}
+    </div>
+  );
+}

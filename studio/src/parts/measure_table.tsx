@@ -1,6 +1,7 @@
 import { stepResponse, statistics, valueAt } from '../model/measure';
 import { labelOf, span, type Samples } from '../model/scope';
 import { significant } from '../model/units';
+import { Scroll } from './controls';
 import { tones } from './lanes';
 
 // What is read off each channel: between the cursors if both are set, else over what is shown.
@@ -10,7 +11,7 @@ export function MeasureTable({ samples, a, b, range }: { samples: Samples; a: nu
   const between = a !== null && b !== null && a !== b;
   const [from, to] = between ? span(x, a, b) : range ? span(x, range[0], range[1]) : [0, x.length];
   return (
-    <div className="scroll">
+    <Scroll label="Measured values">
       <table className="table measures" aria-label="Measurements">
         <caption>{between ? 'between the cursors' : range ? 'of what is shown' : 'of the whole recording'}</caption>
         <thead>
@@ -47,6 +48,6 @@ export function MeasureTable({ samples, a, b, range }: { samples: Samples; a: nu
           })}
         </tbody>
       </table>
-    </div>
+    </Scroll>
   );
 }
