@@ -22,10 +22,16 @@ export function ObjectsPage() {
     () => all.filter((entry) => inGroup(entry, group, (each) => differs(each, values.of(each))) && matches(entry, search)),
     [all, group, search, values],
   );
-  // What has changed is known when everything has been read once.
+  // What has changed is known when everything has been read once: a drive that is just starting is asked again.
   const { readAll } = values;
+  const unread = useRef<ObjectEntry[]>([]);
+  unread.current = all.filter((entry) => hasDefault(entry) && values.of(entry) === undefined);
   useEffect(() => {
-    if (group === 'Changed') void readAll(all.filter(hasDefault));
+    if (group !== 'Changed') return;
+    const read = () => void (unread.current.length > 0 && readAll(unread.current));
+    read();
+    const timer = setInterval(read, refresh_ms);
+    return () => clearInterval(timer);
   }, [group, all, readAll]);
   const selected = shown.find((entry) => addressOf(entry) === query.get('object')) ?? shown[0];
 
