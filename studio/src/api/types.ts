@@ -146,6 +146,7 @@ export interface Job {
   id: number;
   axis: string;
   do: string;
+  units?: 'drive' | 'revolutions'; // of the request, and so of result.position
   state: 'running' | 'done' | 'failed' | 'cancelled';
   began_tick?: number;
   error?: Problem;

@@ -135,7 +135,8 @@ function Motion({ axis }: { axis: AxisView }) {
 
 function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units | undefined }) {
   if (!job) return null;
-  const at = job.result?.position === undefined ? null : fromDrivePosition(units, job.result.position);
+  const position = job.result?.position;
+  const at = position === undefined ? null : job.units === 'revolutions' ? position : fromDrivePosition(units, position);
   return (
     <p className={`job ${job.state}`} role="status">
       {job.do}: {job.state}
