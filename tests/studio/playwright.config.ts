@@ -11,6 +11,7 @@ export default defineConfig({
   timeout: 120_000,
   expect: { timeout: 30_000 },
   retries: 2,
+  fullyParallel: true,
   workers: Number(process.env.STUDIO_WORKERS ?? 2),
   reporter: report ? [['line'], ['junit', { outputFile: report }]] : 'line',
   use: {
