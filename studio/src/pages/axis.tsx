@@ -255,6 +255,7 @@ function HomeMove({ axis, units, geometry }: { axis: AxisView; units: Units | un
   const [chosen, setChosen] = useState<number | null>(null);
   const [fast, setFast] = useState(120);
   const [slow, setSlow] = useState(30);
+  const [acceleration, setAcceleration] = useState(20);
   const [start, setStart] = useState<number | null>(null);
   const names = namesOf(units);
   const method = methods.find((each) => each.method === (chosen ?? 7)) ?? methods.find(({ legs }) => legs.length > 0) ?? methods[0];
@@ -267,13 +268,14 @@ function HomeMove({ axis, units, geometry }: { axis: AxisView; units: Units | un
         <Choice label="Method" isLong value={method.method} options={methods.map(({ method: number, legs }) => [number, `${number}: ${textOf(legs)}`] as const)} onChange={setChosen} />
         <NumberInput label="Speed to the switch" unit={names.velocity} value={fast} onChange={setFast} minimum={0} />
         <NumberInput label="Speed to the zero" unit={names.velocity} value={slow} onChange={setSlow} minimum={0} />
+        <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
         <div className="buttons">
           <Button
             kind="main"
             isDisabled={homing}
             onPress={() => {
               setStart(axis.position_counts);
-              attempt(() => enableAnd(name, { do: 'home', units: names.units, method: method.method, speed: names.speed(fast), zero_speed: names.speed(slow) }));
+              attempt(() => enableAnd(name, { do: 'home', units: names.units, method: method.method, speed: names.speed(fast), zero_speed: names.speed(slow), acceleration }));
             }}
           >
             Home
