@@ -42,7 +42,7 @@ test('a fault is provoked, explained, looked at in its moment, and cleared', asy
 
   await moment.click();
   await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
-  await expect(page.getByText('Fault of reference')).toBeVisible();
+  await expect(page.getByRole('heading', { name: /fault 0x[0-9A-F]+ of reference/i })).toBeVisible();
 });
 
 test('a parameter is changed, marked, stored, and there after a power cycle', async ({ page, open, line, picture }) => {
