@@ -49,6 +49,16 @@ inline std::string text_of(const Report& report, std::initializer_list<Verdict> 
   return text;
 }
 
+// What departs as listed, and what does not although it is listed.
+inline void expect_departures_only(const Report& report) {
+  EXPECT_EQ(text_of(report, {Verdict::fail}), "");
+  for (const Outcome& outcome : report.outcomes) {
+    if (outcome.verdict != Verdict::pass) continue;
+    EXPECT_EQ(outcome.reason, "") << outcome.check->id << ": the departure is not there";
+  }
+  if (std::getenv("CONFORM_SHOW") != nullptr) fmt::print("{}", text_of(report, {Verdict::departure, Verdict::skipped}));
+}
+
 inline std::vector<std::string_view> failed(const Report& report) {
   std::vector<std::string_view> ids;
   for (const Outcome& outcome : report.outcomes) {

@@ -14,6 +14,7 @@ struct Departure {
   std::string_view reason;  // with the manual's line
   // What is not met must contain this, sent, expected or seen; empty: whatever is not met in this check.
   std::string_view about{};
+  std::string_view bus_variant{};  // another product of which the same holds
 };
 
 std::span<const Departure> all_departures();

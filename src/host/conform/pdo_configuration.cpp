@@ -1,5 +1,7 @@
 #include "host/conform/pdo_configuration.hpp"
 
+#include "host/canopen/sdo_client.hpp"
+
 namespace servodrome::host::conform {
 
 unsigned PdoConfiguration::bits() const {
@@ -8,19 +10,31 @@ unsigned PdoConfiguration::bits() const {
   return sum;
 }
 
+namespace {
+
+// Nothing: refused, with whatever code. A drive that answers no more is no drive without the object.
+template <typename Access>
+auto if_not_refused(const Access& access) -> std::optional<decltype(access())> {
+  try {
+    return access();
+  } catch (const SdoError& error) {
+    if (!error.from_node()) throw;
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
 std::optional<PdoConfiguration> read_pdo(ObjectClient& objects, std::uint16_t index) {
   PdoConfiguration pdo{.index = index};
-  const auto cob_id = objects.read_if_present<std::uint32_t>(index, 1);
+  const auto cob_id = if_not_refused([&] { return objects.read<std::uint32_t>(index, 1); });
   if (!cob_id) return std::nullopt;
   pdo.cob_id = *cob_id;
   for (std::uint8_t sub = 2; sub <= 6; ++sub) {
-    try {
-      pdo.parameters[sub] = objects.upload({index, sub});
-    } catch (const ObjectError& error) {
-      if (!error.object_is_absent()) throw;
-    }
+    if (auto value = if_not_refused([&] { return objects.upload({index, sub}); }))
+      pdo.parameters[sub] = std::move(*value);
   }
-  const auto count = objects.read_if_present<std::uint8_t>(pdo.mapping_index(), 0).value_or(0);
+  const auto count = if_not_refused([&] { return objects.read<std::uint8_t>(pdo.mapping_index(), 0); }).value_or(0);
   for (unsigned sub = 1; sub <= count; ++sub) {
     pdo.mapping.push_back(objects.read<std::uint32_t>(pdo.mapping_index(), static_cast<std::uint8_t>(sub)));
   }

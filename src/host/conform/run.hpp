@@ -35,7 +35,7 @@ struct Report {
 };
 
 // Runs the checks that the options ask for, puts the drive at rest and its objects back after each, and its bus state
-// after all of them. Throws HostError only if the drive answers no more when nothing is asked of it.
+// after all of them. Throws HostError if the axis is enabled, or if the drive cannot be asked for that.
 Report run_checks(Subject& subject, const RunOptions& options);
 
 }  // namespace servodrome::host::conform

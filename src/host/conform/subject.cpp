@@ -88,7 +88,7 @@ std::string Subject::where() const { return kept_.where(); }
 ObjectClient& Subject::services() { return can_ ? can_->sdo : *by_service_; }
 
 KeptObjects& Subject::objects() {
-  if (ethercat_ && operation_ && !operation_->exchange().runs()) leave_operation();
+  if (lost_operation()) leave_operation();
   if (ethercat_ && !operation_) {
     EthercatSlave* const slaves[] = {&ethercat_->slave};
     operation_.emplace(ethercat_->master, ethercat_->line, slaves, ethercat_->options);
@@ -96,6 +96,12 @@ KeptObjects& Subject::objects() {
     kept_.set_target(by_process_data_.get());
   }
   return kept_;
+}
+
+bool Subject::lost_operation() const {
+  if (!operation_) return false;
+  const AlStatus status = operation_->exchange().status(0);
+  return !operation_->exchange().runs() || status.error() || status.state() != AlState::operational;
 }
 
 void Subject::leave_operation() {
@@ -138,9 +144,17 @@ void Subject::remember() {
   if (*period == 0) sdo.write<std::uint16_t>(0x1017, 0, 0);
 }
 
+void Subject::refuse_if_enabled() {
+  const auto word = services().read_if_present<std::uint16_t>(statusword);
+  if (!word || (*word & 0x6F) != 0x27) return;
+  throw HostError("the axis is enabled, by another master or from before", where(),
+                  "stop and disable it first; the checks begin with an axis at rest");
+}
+
 // Halted, then without power, then without fault.
 void Subject::to_rest() {
   ObjectClient& objects = kept_;
+  if (lost_operation()) leave_operation();
   if (ethercat_ && !operation_) return;  // without process data its power stage is off
   const auto state = [&] { return state_of(objects.read<std::uint16_t>(statusword)); };
   const auto wait_until = [&](const auto& done) {
@@ -160,9 +174,14 @@ void Subject::to_rest() {
     });
   }
   if (state() == PowerState::fault) {
-    objects.write<std::uint16_t>(controlword, 0, 0x0000);
-    objects.write<std::uint16_t>(controlword, 0, 0x0080);
-    wait_until([&] { return state() != PowerState::fault; });
+    // Its cause may last until the axis stands.
+    wait_until([&] {
+      objects.write<std::uint16_t>(controlword, 0, 0x0000);
+      objects.wait(20ms);
+      objects.write<std::uint16_t>(controlword, 0, 0x0080);
+      objects.wait(50ms);
+      return state() != PowerState::fault;
+    });
   }
   objects.write<std::uint16_t>(controlword, 0, 0x0000);
   wait_until([&] {

@@ -92,7 +92,8 @@ class Subject {
   // By SDO or register, whatever state the bus is in.
   ObjectClient& services();
   void leave_operation();
-  bool operates() const { return operation_.has_value(); }
+  // It was in OP and is not any more: this computer sent too late, or the slave fell out.
+  bool lost_operation() const;
 
   CanAccess& can() { return *can_; }
   Master& master() { return *master_; }  // of the CAN bus
@@ -102,6 +103,9 @@ class Subject {
 
   // A motor revolution and so on in the drive's units; nothing: neither it nor the settings say.
   std::optional<AxisUnits> units();
+
+  // Throws HostError if somebody has enabled the axis: it may be in motion, and checks would take it from them.
+  void refuse_if_enabled();
 
   // After a check: at rest, without power, without fault, its objects as before. Problems are returned, one per line.
   std::string settle();

@@ -137,9 +137,14 @@ void Trial::step(PowerState from, std::uint16_t word, PowerState to) {
 void Trial::bring_to(PowerState wanted) {
   if (state() == PowerState::fault_reaction_active) wait_for(PowerState::fault);
   if (state() == PowerState::fault) {
-    control(0x0000);
-    control(0x0080);
-    if (!wait_for(PowerState::switch_on_disabled)) {
+    // Its cause may last until the axis stands.
+    const Time deadline = now() + settings().patience;
+    do {
+      control(0x0000);
+      wait(20ms);
+      control(0x0080);
+    } while (!wait_for(PowerState::switch_on_disabled, 200ms) && now() < deadline);
+    if (state() == PowerState::fault) {
       skip(fmt::format("the drive is in fault, 603Fh = {:04X}h, and cannot be reset: put away its cause first",
                        objects().read_if_present<std::uint16_t>(0x603F).value_or(0)));
     }
@@ -194,6 +199,11 @@ AxisUnits Trial::units() {
   return *units;
 }
 
+std::int32_t Trial::position() {
+  const auto position = objects().read_if_present<std::int32_t>(0x6064);
+  return position ? *position : objects().read<std::int32_t>(0x6063);
+}
+
 void Trial::gentle_profile(double speed_factor) {
   const AxisUnits unit = units();
   auto speed = static_cast<std::uint32_t>(whole(unit.velocity * speed_factor));
@@ -221,7 +231,7 @@ bool Trial::wait_for_rest() {
   return true;
 }
 
-bool Trial::cause_fault() {
+bool Trial::cause_following_error() {
   if (!objects().read_if_present<std::uint32_t>(0x6065)) return false;
   enable(OperationMode::profile_position);
   gentle_profile(2.0);
@@ -232,7 +242,22 @@ bool Trial::cause_fault() {
   }
   objects().write<std::int32_t>(0x607A, 0, target);
   control(0x003F);
-  return wait_for(PowerState::fault);
+  return wait_for(PowerState::fault, 1s);
 }
+
+bool Trial::lose_heartbeat() {
+  if (subject_.bus_kind() != buses::can) return false;
+  constexpr std::uint32_t producer = 126;
+  if (!objects().read_if_present<std::uint32_t>(0x1016, 1)) return false;
+  bring_to(PowerState::operation_enabled);
+  if (objects().read_if_present<std::int16_t>(0x6007)) {
+    if (refusal_of([&] { objects().write<std::int16_t>(0x6007, 0, 1); })) return false;
+  }
+  if (refusal_of([&] { objects().write<std::uint32_t>(0x1016, 1, producer << 16 | 100); })) return false;
+  subject_.can().bus.send(0x700 + producer, {0x05});
+  return wait_for(PowerState::fault, 1s);
+}
+
+bool Trial::cause_fault() { return cause_following_error() || lose_heartbeat(); }
 
 }  // namespace servodrome::host::conform

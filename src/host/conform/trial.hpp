@@ -79,13 +79,14 @@ class Trial {
   AxisUnits units();
   // Of the motion that the user allows, in position units.
   std::int32_t distance() { return whole(units().position * settings().revolutions); }
-  std::int32_t position() { return objects().read<std::int32_t>(0x6064); }
+  std::int32_t position();  // 6064h, or 6063h of a drive that does not have it on this bus
   std::int32_t velocity() { return objects().read<std::int32_t>(0x606C); }
   // 6081h, 6083h, 6084h: `speed_factor` revolutions per second, ten (revolutions per second) per second.
   void gentle_profile(double speed_factor = 1.0);
   // Until 6064h does not change any more.
   bool wait_for_rest();
-  // A fault that its master can cause: a following error. False: it could not be caused.
+  // A fault that its master can cause: a following error, or the loss of a heartbeat on CAN. False: it could not be
+  // caused.
   bool cause_fault();
   template <typename T>
   void write_if_present(std::uint16_t index, std::uint8_t sub, std::type_identity_t<T> value) {
@@ -96,6 +97,8 @@ class Trial {
  private:
   static Refusal refusal_in(const ObjectError& error);
   void step(PowerState from, std::uint16_t word, PowerState to);
+  bool cause_following_error();
+  bool lose_heartbeat();
 
   Subject& subject_;
   Outcome& outcome_;

@@ -165,6 +165,25 @@ std::optional<Bytes> ModbusClient::exchange_tcp(std::uint8_t unit, const Bytes& 
   }
 }
 
+Bytes ModbusClient::exchange_bytes(std::span<const std::uint8_t> bytes, Time timeout, Time silence) {
+  return over_link(name_, [&] {
+    client_->wait(modbus::standard_timing(options_.format).silence);
+    discard_received();
+    client_->send(bytes);
+    const Time sending = options_.format.character_time() * static_cast<std::int64_t>(bytes.size());
+    const Time deadline = client_->now() + timeout + (framing_ == Framing::rtu ? sending : Time{0});
+    Bytes answer;
+    Time last = deadline;
+    while (client_->now() < last) {
+      const std::size_t before = answer.size();
+      client_->receive(answer, std::min(last - client_->now(), receive_step));
+      if (answer.size() != before)
+        last = std::min(deadline + silence, client_->now() + std::min(silence, Time{50'000'000}));
+    }
+    return answer;
+  });
+}
+
 std::vector<std::uint16_t> ModbusClient::registers_of(std::uint8_t unit, const Bytes& response,
                                                       std::uint16_t count) const {
   if (response.size() != 2U + 2U * count || response[1] != 2U * count) {

@@ -59,6 +59,11 @@ class ModbusClient {
     write_number(unit, address, static_cast<std::uint64_t>(static_cast<std::int64_t>(value)), words<T>);
   }
 
+  // Bytes as they are, and what comes back within `timeout` until nothing has come for `silence`: for tests of a
+  // device.
+  std::vector<std::uint8_t> exchange_bytes(std::span<const std::uint8_t> bytes, Time timeout, Time silence);
+  Framing framing() const { return framing_; }
+
   const std::string& name() const { return name_; }
   // The clock of the link.
   Time now() const { return client_->now(); }

@@ -1,0 +1,204 @@
+// The checks against drives on EtherCAT, in virtual time.
+#include <gmock/gmock.h>
+
+#include "conform/conform_rig.hpp"
+#include "links/ethercat/memory_client.hpp"
+
+namespace servodrome::host::conform::test {
+namespace {
+
+// Falsifies what comes back: called with the content of each frame.
+class FalseClient final : public links::EthercatClient {
+ public:
+  using Change = std::function<void(std::span<std::uint8_t>)>;
+
+  FalseClient(links::EthercatBus& bus, links::VirtualClock& clock, const Change& to_drive, const Change& from_drive)
+      : client_(bus, clock), to_drive_(to_drive), from_drive_(from_drive) {}
+
+  void send(std::span<const std::uint8_t> content) override {
+    std::vector<std::uint8_t> changed(content.begin(), content.end());
+    if (to_drive_) to_drive_(changed);
+    client_.send(changed);
+  }
+  std::size_t receive(std::span<std::uint8_t> into, Time timeout) override {
+    const std::size_t size = client_.receive(into, timeout);
+    if (size != 0 && from_drive_) from_drive_(into.first(size));
+    return size;
+  }
+  Time now() const override { return client_.now(); }
+  void wait(Time span) override { client_.wait(span); }
+  std::string name() const override { return "mem:"; }
+
+ private:
+  links::MemoryEthercatClient client_;
+  const Change& to_drive_;
+  const Change& from_drive_;
+};
+
+struct EthercatRig {
+  explicit EthercatRig(std::string_view its_product)
+      : product(its_product), line(settings_of(line_of(its_product, "ethercat", ""))) {}
+
+  Report run(RunOptions options = {}) {
+    options.product = product;
+    const std::vector<FoundSlave> found = scan_slaves(master);
+    EthercatSlave slave(master, found.at(0));
+    Subject subject(EthercatAccess{master, found, slave, {.cyclic = {.period = 2ms}}},
+                    {.dialect = dialect_of(product)});
+    return run_checks(subject, options);
+  }
+
+  std::string_view product;
+  FalseClient::Change to_drive;
+  FalseClient::Change from_drive;
+  line::Line line;
+  EthercatMaster master{std::make_unique<FalseClient>(line.ethercat_buses()[0]->bus, line, to_drive, from_drive)};
+};
+
+class Drives : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Products, Drives, testing::Values("generic402-ec", "ismk-ea", "jmc_ec"));
+
+TEST_P(Drives, DepartWhereTheirManualsSay) {
+  EthercatRig rig(GetParam());
+  const Report report = rig.run();
+  expect_departures_only(report);
+}
+
+// ---- Planted defects ----
+
+// Datagrams of a frame's content (ETG.1000.4 clause 5.4).
+struct Seen {
+  std::uint8_t command;
+  std::uint16_t offset;  // ADO
+  std::span<std::uint8_t> data;
+  std::span<std::uint8_t> counter;
+};
+void each_datagram(std::span<std::uint8_t> content, const std::function<void(const Seen&)>& action) {
+  constexpr std::size_t head = 10;
+  for (std::size_t at = 2; at + head + 2 <= content.size();) {
+    const unsigned length = ethercat::load_u16(&content[at + 6]);
+    const std::size_t size = length & 0x7FF;
+    if (at + head + size + 2 > content.size()) return;
+    action({content[at], ethercat::load_u16(&content[at + 4]), content.subspan(at + head, size),
+            content.subspan(at + head + size, 2)});
+    at += head + size + 2;
+    if ((length & 0x8000) == 0) return;
+  }
+}
+
+using Change = std::function<void(const Seen&)>;
+
+constexpr std::uint8_t fprd = 4;
+constexpr std::uint8_t fpwr = 5;
+constexpr std::uint8_t lrw = 12;
+
+// An AL status code becomes another.
+Change status_code(unsigned from, unsigned to) {
+  return [=](const Seen& seen) {
+    if (seen.command != fprd || seen.offset != 0x0130 || seen.data.size() < 6) return;
+    if (ethercat::load_u16(&seen.data[4]) == from) ethercat::store_u16(&seen.data[4], to);
+  };
+}
+// A 32-bit number in a mail becomes another.
+Change in_mail(std::uint32_t from, std::uint32_t to) {
+  return [=](const Seen& seen) {
+    if (seen.command != fprd || seen.offset < 0x1000) return;
+    for (std::size_t at = 0; at + 4 <= seen.data.size(); ++at) {
+      if (ethercat::load_u32(&seen.data[at]) == from) ethercat::store_u32(&seen.data[at], to);
+    }
+  };
+}
+// The inputs of the reference drive begin behind 14 bytes of outputs, with the statusword.
+constexpr std::size_t statusword_at = 14;
+Change statusword(std::function<unsigned(unsigned)> change) {
+  return [change = std::move(change)](const Seen& seen) {
+    if (seen.command != lrw || seen.data.size() < statusword_at + 2) return;
+    ethercat::store_u16(&seen.data[statusword_at], change(ethercat::load_u16(&seen.data[statusword_at])));
+  };
+}
+Change controlword(std::function<unsigned(unsigned)> change) {
+  return [change = std::move(change)](const Seen& seen) {
+    if (seen.command == lrw) ethercat::store_u16(seen.data.data(), change(ethercat::load_u16(seen.data.data())));
+  };
+}
+
+struct Defect {
+  const char* name;
+  const char* check;
+  Change to_drive;
+  Change from_drive;
+};
+
+const std::vector<Defect> defects{
+    {"a forbidden change has another status code", "al.illegal-init-safeop", {}, status_code(0x0011, 0x0001)},
+    {"an unknown state has another status code", "al.unknown-state", {}, status_code(0x0012, 0x0011)},
+    {"a wrong mailbox has another status code", "al.mailbox-configuration", {}, status_code(0x0016, 0x0017)},
+    {"wrong outputs have another status code", "al.output-configuration", {}, status_code(0x001D, 0x001E)},
+    {"the watchdog has another status code", "al.watchdog", {}, status_code(0x001B, 0x001A)},
+    {"errors are not indicated",
+     "al.illegal-preop-op",
+     {},
+     [](const Seen& seen) {
+       if (seen.command == fprd && seen.offset == 0x0130) seen.data[0] &= 0xEF;
+     }},
+    {"a read-only register counts a write",
+     "al.working-counter",
+     {},
+     [](const Seen& seen) {
+       if (seen.command == fpwr && seen.offset == 0x0130) seen.counter[0] = 1;
+     }},
+    {"process data count too little",
+     "al.process-data-counter",
+     {},
+     [count = 0](const Seen& seen) mutable {
+       if (seen.command == lrw && ++count % 7 == 0) seen.counter[0] = 2;
+     }},
+    {"an unknown protocol has another error", "mailbox.unsupported-protocol", {}, in_mail(0x00020001, 0x00010001)},
+    {"the abort code of an absent object is another", "abort.no-object", {}, in_mail(0x06020000, 0x08000000)},
+    {"the abort code of a constant is another", "coe.read-only", {}, in_mail(0x06010002, 0x06010000)},
+    {"the abort code of an unknown command is another",
+     "mailbox.unknown-sdo-command",
+     {},
+     in_mail(0x05040001, 0x08000000)},
+    {"set-points are never acknowledged", "pp.acknowledge", {}, statusword([](unsigned word) {
+       return word & ~0x1000U;
+     })},
+    {"target reached comes too early", "pp.not-reached-under-way", {}, statusword([](unsigned word) {
+       return word | 0x0400U;
+     })},
+    {"the voltage bit is missing", "power.voltage-enabled", {}, statusword([](unsigned word) {
+       return word & ~0x10U;
+     })},
+    {"halt is ignored", "pp.halt", controlword([](unsigned word) { return word & ~0x100U; }), {}},
+    {"a fault cannot be reset", "fault.reset", controlword([](unsigned word) { return word & ~0x80U; }), {}},
+};
+
+class Defects : public testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(Planted, Defects, testing::Range(std::size_t{0}, defects.size()));
+
+TEST_P(Defects, IsFound) {
+  const Defect& defect = defects[GetParam()];
+  EthercatRig rig("generic402-ec");
+  const RunOptions options{.only = {defect.check}};
+  const Report sound = rig.run(options);
+  ASSERT_EQ(sound.count(Verdict::pass), 1U) << text_of(sound, {Verdict::fail, Verdict::skipped});
+  if (defect.to_drive) rig.to_drive = [&](std::span<std::uint8_t> content) { each_datagram(content, defect.to_drive); };
+  if (defect.from_drive) {
+    rig.from_drive = [&](std::span<std::uint8_t> content) { each_datagram(content, defect.from_drive); };
+  }
+  const Report report = rig.run(options);
+  EXPECT_THAT(failed(report), testing::ElementsAre(defect.check)) << defect.name << "\n"
+                                                                  << text_of(report, {Verdict::pass, Verdict::skipped});
+}
+
+TEST(ConformEthercat, SafeNeverMoves) {
+  EthercatRig rig("generic402-ec");
+  const auto start = rig.line.axes()[0]->plant().position_counts();
+  const Report report = rig.run({.safe = true});
+  EXPECT_EQ(report.count(Verdict::fail), 0U);
+  EXPECT_GT(report.count(Verdict::pass), 40U);
+  EXPECT_EQ(rig.line.axes()[0]->plant().position_counts(), start);
+}
+
+}  // namespace
+}  // namespace servodrome::host::conform::test
