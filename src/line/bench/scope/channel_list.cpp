@@ -56,13 +56,13 @@ NamedChannel named_signal(Axis& axis, std::string_view name) {
   const Channel channel = signal_channel(axis, name);
   if (channel.read == nullptr) {
     std::vector<std::string_view> names;
-    for (const Signal& signal : signals()) names.push_back(signal.name);
+    for (const line::Signal& signal : line::signals()) names.push_back(signal.name);
     throw ApiError{
         422, fmt::format("there is no signal \"{}\"", name.substr(0, 40)), axis.settings().name,
         suggestion(name, names) + fmt::format("; inputs are DI0 .. DI{}", axis.settings().product->input_wires - 1)};
   }
   std::string_view unit;
-  for (const Signal& signal : signals()) {
+  for (const line::Signal& signal : line::signals()) {
     if (signal.name == name) unit = signal.unit;
   }
   return {channel, {{"axis", axis.settings().name}, {"signal", name}, {"name", name}, {"unit", unit}}};
