@@ -82,7 +82,7 @@ test('the big stop stops every axis', async ({ page, open, line }) => {
     await page.getByRole('button', { name: 'Run' }).click();
     await expect.poll(async () => (await line.call<View>('GET', `/axes/${name}`)).velocity_rpm).toBeGreaterThan(50);
   }
-  await page.getByRole('button', { name: 'STOP' }).click();
+  await page.getByRole('button', { name: 'STOP', exact: true }).click();
   for (const name of ['reference', 'ismc']) {
     await expect.poll(async () => Math.abs((await line.call<View>('GET', `/axes/${name}`)).velocity_rpm)).toBeLessThan(1);
   }

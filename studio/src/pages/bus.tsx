@@ -1,7 +1,5 @@
-import { useEffect, useRef, useState } from 'react';
-import { get, problemOf } from '../api/client';
-import type { BusView, Problem } from '../api/types';
-import { Button, Choice, Panel, Scroll, Search, Trouble } from '../parts/controls';
+import type { BusView } from '../api/types';
+import { Choice, Panel, Scroll } from '../parts/controls';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
@@ -40,7 +38,6 @@ export function BusPage() {
           <Scroll label="Table of axes"><AxesOfBus bus={bus} /></Scroll>
         </Panel>
       </div>
-      <Traffic key={bus.name} bus={bus.name} />
     </>
   );
 }
@@ -68,94 +65,3 @@ function AxesOfBus({ bus }: { bus: BusView }) {
     </table>
   );
 }
-
-interface TrafficFrame {
-  n: number;
-  time_ns: number;
-  id?: number | string;
-  address?: number | string;
-  data: string;
-  text: string;
-}
-
-const most = 2000;
-
-function Traffic({ bus }: { bus: string }) {
-  const [frames, setFrames] = useState<TrafficFrame[]>([]);
-  const [running, setRunning] = useState(true);
-  const [filter, setFilter] = useState('');
-  const [problem, setProblem] = useState<Problem>();
-  const after = useRef(-1);
-  useEffect(() => {
-    if (!running) return;
-    let over = false;
-    let timer: ReturnType<typeof setTimeout>;
-    const ask = async () => {
-      try {
-        const query = after.current < 0 ? '' : `?after=${after.current}`;
-        const { frames: fresh } = await get<{ frames: TrafficFrame[] }>(`/buses/${encodeURIComponent(bus)}/traffic${query}`);
-        if (over) return;
-        if (fresh.length > 0) {
-          after.current = fresh[fresh.length - 1].n;
-          setFrames((before) => [...before, ...fresh].slice(-most));
-        }
-        setProblem(undefined);
-      } catch (error) {
-        if (!over) setProblem(problemOf(error));
-      }
-      if (!over) timer = setTimeout(() => void ask(), 300);
-    };
-    void ask();
-    return () => {
-      over = true;
-      clearTimeout(timer);
-    };
-  }, [bus, running]);
-
-  const words = filter.toLowerCase();
-  const shown = frames.filter(({ id, address, data, text }) => `${idText(id ?? address)} ${data} ${text}`.toLowerCase().includes(words)).slice(-300).reverse();
-  const save = () => {
-    const text = frames.map(({ time_ns, id, address, data, text: meaning }) => `(${(time_ns / 1e9).toFixed(6)}) ${bus} ${idText(id ?? address)}#${data} ; ${meaning}`).join('\n');
-    const link = document.createElement('a');
-    link.href = URL.createObjectURL(new Blob([text + '\n'], { type: 'text/plain' }));
-    link.download = `${bus}.log`;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  };
-  return (
-    <Panel
-      title="Traffic"
-      aside={
-        <>
-          <Search label="Filter" value={filter} onChange={setFilter} />
-          <Button kind="bare" onPress={() => setRunning(!running)}>{running ? 'Pause' : 'Go on'}</Button>
-          <Button kind="bare" onPress={save} isDisabled={frames.length === 0}>Save</Button>
-        </>
-      }
-    >
-      <Trouble problem={problem} />
-      {shown.length === 0 && !problem && <p className="empty">{frames.length === 0 ? 'Nobody has spoken yet.' : 'Nothing fits the filter.'}</p>}
-      {shown.length > 0 && (
-        <Scroll label="Frames" className="traffic">
-          <table className="table">
-            <thead>
-              <tr><th scope="col">time, s</th><th scope="col">id</th><th scope="col">data</th><th scope="col" className="wide">meaning</th></tr>
-            </thead>
-            <tbody>
-              {shown.map((frame) => (
-                <tr key={frame.n}>
-                  <td>{(frame.time_ns / 1e9).toFixed(6)}</td>
-                  <td className="mono">{idText(frame.id ?? frame.address)}</td>
-                  <td className="mono text">{frame.data}</td>
-                  <td className="text">{frame.text}</td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
-        </Scroll>
-      )}
-    </Panel>
-  );
-}
-
-const idText = (id: number | string | undefined) => (typeof id === 'number' ? id.toString(16).toUpperCase().padStart(3, '0') : (id ?? ''));

@@ -107,7 +107,7 @@ function Buses() {
   const buses = useResource<{ buses: BusView[] }>('/buses', 1000).value?.buses ?? [];
   const count = (bus: BusView, keys: string[]) => fixed(keys.reduce((sum, key) => sum + (Number(bus[key]) || 0), 0), 0);
   return (
-    <Panel title="Buses" aside={<Link to="/bus">traffic and links</Link>}>
+    <Panel title="Buses" aside={<Link to="/bus">links and axes</Link>}>
       <Scroll label="Table of buses">
         <table className="table">
           <thead>
