@@ -65,10 +65,15 @@ void list_checks(bool json) {
 void refuse_unknown(const std::vector<std::string>& words) {
   for (const std::string& word : words) {
     if (conform::is_check_or_group(word)) continue;
+    // A check that is meant is of this group; else the groups are short enough to be listed.
+    const std::string_view group = std::string_view(word).substr(0, word.find('.'));
+    const bool has_group = conform::is_check_or_group(group);
     std::vector<std::string_view> known;
     for (const Check& check : conform::all_checks()) {
-      known.push_back(check.id);
-      if (std::find(known.begin(), known.end(), check.group()) == known.end()) known.push_back(check.group());
+      if (has_group && check.group() == group) known.push_back(check.id);
+      if (!has_group && std::find(known.begin(), known.end(), check.group()) == known.end()) {
+        known.push_back(check.group());
+      }
     }
     throw Failure::wrong_use(fmt::format("--only {}: there is no such check or group; {}; --list shows all", word,
                                          line::suggestion(word, known)));
