@@ -69,7 +69,7 @@ export async function choose(page: Page, label: string, option: string | RegExp,
 
 // Into a number field, as a person types it.
 export async function type(page: Page, label: string, value: number, within = page.locator('body')) {
-  const field = within.getByLabel(label, { exact: true });
+  const field = within.getByRole('textbox', { name: label, exact: true });
   await field.fill(String(value));
   await field.press('Tab');
 }
