@@ -118,6 +118,16 @@ bool is_known(std::uint32_t number) {
                      [number](const TypeWord& word) { return static_cast<std::uint32_t>(word.type) == number; });
 }
 
+// CiA 306-1: rwr and rww are rw, and say in which PDOs besides.
+std::optional<dictionary::Access> parse_access(std::string_view word) {
+  using dictionary::Access;
+  if (word == "ro") return Access::ro;
+  if (word == "wo") return Access::wo;
+  if (word == "rw" || word == "rwr" || word == "rww") return Access::rw;
+  if (word == "const") return Access::constant;
+  return std::nullopt;
+}
+
 [[noreturn]] void refuse_value(std::string_view text, const std::string& what) {
   throw HostError(what, fmt::format("value \"{}\"", text), "give a value of the object's type, or another --type");
 }
@@ -156,6 +166,14 @@ ObjectCatalogue ObjectCatalogue::read_eds(std::istream& in, const std::string& f
     std::string name;
     std::optional<Type> type;
     bool has_type = false;
+    std::optional<dictionary::Access> access{};
+    std::string default_value{};
+    std::string low_limit{};
+    std::string high_limit{};
+
+    NamedObject as(ObjectAddress address, const std::string& object_name) const {
+      return {address, object_name, name, type, access, default_value, low_limit, high_limit};
+    }
   };
   std::map<std::uint16_t, Section> objects;   // [6099]
   std::map<ObjectAddress, Section> elements;  // [6099sub1]
@@ -181,15 +199,23 @@ ObjectCatalogue ObjectCatalogue::read_eds(std::istream& in, const std::string& f
       present->has_type = true;
       const auto number = starts_with_0x(value) ? parse_hex(value) : parse_decimal(value);
       if (number && is_known(*number)) present->type = static_cast<Type>(*number);
+    } else if (key == "accesstype") {
+      present->access = parse_access(plain(value));
+    } else if (key == "defaultvalue") {
+      present->default_value = value;
+    } else if (key == "lowlimit") {
+      present->low_limit = value;
+    } else if (key == "highlimit") {
+      present->high_limit = value;
     }
   }
   ObjectCatalogue catalogue;
   // An ARRAY or RECORD has no type; its sub-index 0 is a section of its own.
   for (const auto& [index, object] : objects) {
-    if (object.has_type) catalogue.objects_.push_back({{index, 0}, object.name, object.name, object.type});
+    if (object.has_type) catalogue.objects_.push_back(object.as({index, 0}, object.name));
   }
   for (const auto& [address, element] : elements) {
-    catalogue.objects_.push_back({address, objects[address.index].name, element.name, element.type});
+    catalogue.objects_.push_back(element.as(address, objects[address.index].name));
   }
   catalogue.sort();
   if (catalogue.objects_.empty()) {
@@ -243,6 +269,15 @@ std::optional<Type> parse_type(std::string_view word) {
     if (one.word == wanted) return one.type;
   }
   return std::nullopt;
+}
+
+std::string_view short_word(Type type) {
+  if (type == Type::domain) type = Type::octet_string;
+  std::string_view shortest = "bytes";
+  for (const TypeWord& one : type_words) {
+    if (one.type == type) shortest = one.word;  // the long one comes first
+  }
+  return shortest;
 }
 
 std::string text_of_value(std::span<const std::byte> bytes, std::optional<Type> type) {

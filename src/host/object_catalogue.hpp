@@ -17,6 +17,11 @@ struct NamedObject {
   std::string object_name;  // of the whole object
   std::string name;         // of the sub-index; the same for a simple object
   std::optional<dictionary::Type> type;
+  // As an EDS says; nothing where it is not known.
+  std::optional<dictionary::Access> access{};
+  std::string default_value{};  // as it is written there, $NODEID+ and all
+  std::string low_limit{};
+  std::string high_limit{};
 };
 
 // What a person calls objects, and their types.
@@ -45,6 +50,8 @@ class ObjectCatalogue {
 
 // Type by CiA 301's word ("INTEGER16"), or short: i8 .. i64, u8 .. u64, bool, f32, string, bytes. Nothing if unknown.
 std::optional<dictionary::Type> parse_type(std::string_view word);
+// The short word for it; "bytes" for a DOMAIN as well.
+std::string_view short_word(dictionary::Type type);
 
 // A value as people write it: numbers in decimal, UNSIGNED as "55 (0037h)", text in quotes, other bytes in hexadecimal.
 // Without type: as an UNSIGNED of that size, or text if it is printable, or bytes.

@@ -19,14 +19,19 @@ using links::Time;
 // An access to an object failed: refused by the drive, or no answer.
 class ObjectError : public HostError {
  public:
-  ObjectError(std::string happened, std::string where, std::string remedy, bool object_is_absent)
-      : HostError(std::move(happened), std::move(where), std::move(remedy)), object_is_absent_(object_is_absent) {}
+  ObjectError(std::string happened, std::string where, std::string remedy, bool object_is_absent, bool answered = true)
+      : HostError(std::move(happened), std::move(where), std::move(remedy)),
+        object_is_absent_(object_is_absent),
+        answered_(answered) {}
 
   // The drive does not have the object, or not on this bus.
   bool object_is_absent() const { return object_is_absent_; }
+  // False: the drive kept silent; a write may have acted or not.
+  bool answered() const { return answered_; }
 
  private:
   bool object_is_absent_;
+  bool answered_;
 };
 
 // The objects of one drive, whatever bus leads to it. One access at a time. All calls throw ObjectError, or HostError

@@ -24,7 +24,7 @@ SdoError::SdoError(const std::string& bus, std::uint8_t node_id, ObjectAddress o
                    bool from_node)
     : ObjectError(text_of_failed_access(upload, code, from_node),
                   fmt::format("{}, node {}, {}", bus, node_id, text_of(object)), what_to_do(code, from_node),
-                  is_absent(code)),
+                  is_absent(code), from_node),
       node_id_(node_id),
       object_(object),
       code_(code),

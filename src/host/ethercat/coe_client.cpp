@@ -62,7 +62,7 @@ CoeError::CoeError(const std::string& where, ObjectAddress object, bool upload, 
     : ObjectError(text_of_failed_access(upload, code, from_slave), fmt::format("{}, {}", where, text_of(object)),
                   remedy_of_failed_access(code, from_slave) != nullptr ? remedy_of_failed_access(code, from_slave)
                                                                        : mailbox_remedy,
-                  is_absent(code)),
+                  is_absent(code), from_slave),
       code_(code),
       from_slave_(from_slave) {}
 

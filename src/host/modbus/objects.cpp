@@ -14,7 +14,8 @@ auto on_object(ObjectAddress object, const Access& access) {
   } catch (const ModbusError& error) {
     const bool absent =
         error.kind() == ModbusError::Kind::refused && error.exception() == modbus::Exception::illegal_data_address;
-    throw ObjectError(error.happened(), fmt::format("{}, {}", error.where(), text_of(object)), error.remedy(), absent);
+    throw ObjectError(error.happened(), fmt::format("{}, {}", error.where(), text_of(object)), error.remedy(), absent,
+                      error.kind() == ModbusError::Kind::refused);
   }
 }
 

@@ -35,7 +35,8 @@ Serial10Error::Serial10Error(const std::string& link, std::uint8_t id, std::uint
                   from_drive ? "check object, value and the state of the drive"
                              : "check id and bit rate, and that the drive speaks this protocol on this port",
                   code == dictionary::AbortCode::object_does_not_exist ||
-                      code == dictionary::AbortCode::sub_index_does_not_exist),
+                      code == dictionary::AbortCode::sub_index_does_not_exist,
+                  from_drive),
       code_(code),
       from_drive_(from_drive) {}
 

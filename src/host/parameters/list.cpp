@@ -1,0 +1,134 @@
+#include "host/parameters/list.hpp"
+
+#include <algorithm>
+
+#include "dictionary/dictionary.hpp"
+
+namespace servodrome::host {
+namespace {
+
+using dictionary::Access;
+using dictionary::Type;
+
+constexpr std::string_view node_id_prefix = "$NODEID+";
+
+std::string full_name(const std::string& object_name, const std::string& name) {
+  return object_name == name || object_name.empty() ? name : object_name + "." + name;
+}
+
+// A number of an EDS; nothing if it is none of the type.
+std::optional<std::int64_t> number_of(std::string_view text, Type type) {
+  if (text.empty() || dictionary::size_of(type) == 0) return std::nullopt;
+  try {
+    return dictionary::decode_number(type, parse_value(text, type));
+  } catch (const HostError&) {
+    return std::nullopt;
+  }
+}
+
+std::optional<std::int64_t> number_of(std::span<const std::uint8_t> bytes, Type type) {
+  if (bytes.size() != dictionary::size_of(type) || bytes.empty()) return std::nullopt;
+  return dictionary::decode_number(type, std::as_bytes(bytes));
+}
+
+// Sub-index 0 of an ARRAY or RECORD is how many there are; of PDO mappings and assignments it is a parameter.
+bool is_pdo_count(std::uint16_t index) {
+  return (index >= 0x1600 && index < 0x1800) || (index >= 0x1A00 && index < 0x1C00) || index == 0x1C12 ||
+         index == 0x1C13;
+}
+
+bool has_limits(Type type) { return dictionary::size_of(type) != 0 && type != Type::real32; }
+
+}  // namespace
+
+void ParameterList::add(Parameter parameter, bool with_connection) {
+  if (!with_connection && rules_->is_connection(parameter.address)) return;
+  if (!has_limits(parameter.type)) parameter.minimum = parameter.maximum = std::nullopt;
+  parameters_.push_back(std::move(parameter));
+}
+
+ParameterList ParameterList::of_dictionary(std::span<const dictionary::Entry> table, const ParameterRules& rules,
+                                           bool with_connection) {
+  ParameterList list(rules);
+  std::string object_name;
+  for (const dictionary::Entry& entry : table) {
+    if (entry.sub == 0) object_name = entry.name;
+    const ObjectAddress address{entry.index, entry.sub};
+    if (entry.access != Access::rw || rules.is_command(address)) continue;
+    const bool has_factory = entry.fixed_size();
+    list.add({.address = address,
+              .type = entry.type,
+              .name = full_name(object_name, entry.name),
+              .unit = entry.unit,
+              .minimum = entry.has_range ? std::optional(entry.minimum) : std::nullopt,
+              .maximum = entry.has_range ? std::optional(entry.maximum) : std::nullopt,
+              .factory = has_factory ? std::optional(entry.default_value) : std::nullopt,
+              .adds_node_id = entry.default_adds_node_id,
+              .retained = entry.saved},
+             with_connection);
+  }
+  return list;
+}
+
+ParameterList ParameterList::of_data_sheet(const ObjectCatalogue& sheet, const ParameterRules& rules,
+                                           bool with_connection) {
+  ParameterList list(rules);
+  for (const NamedObject& object : sheet.objects()) {
+    const bool writable = object.access == Access::rw;
+    if (!writable || !object.type || rules.is_command(object.address)) continue;
+    std::string_view factory = object.default_value;
+    const bool adds_node_id = factory.starts_with(node_id_prefix);
+    if (adds_node_id) factory.remove_prefix(node_id_prefix.size());
+    list.add({.address = object.address,
+              .type = *object.type,
+              .name = full_name(object.object_name, object.name),
+              .minimum = number_of(object.low_limit, *object.type),
+              .maximum = number_of(object.high_limit, *object.type),
+              .factory = number_of(factory, *object.type),
+              .adds_node_id = adds_node_id},
+             with_connection);
+  }
+  return list;
+}
+
+ParameterList ParameterList::of_slave(CoeClient& coe, const ParameterRules& rules, bool with_connection) {
+  constexpr std::uint8_t variable = 7;
+  ParameterList list(rules);
+  for (const std::uint16_t index : coe.list(ObjectList::all)) {
+    const ObjectDescription object = coe.describe(index);
+    for (unsigned sub = 0; sub <= object.highest_sub; ++sub) {
+      const ObjectAddress address{index, static_cast<std::uint8_t>(sub)};
+      if (rules.is_command(address) || (sub == 0 && object.code != variable && !is_pdo_count(index))) continue;
+      EntryDescription entry;
+      try {
+        entry = coe.describe(address);
+      } catch (const CoeError& error) {
+        if (!error.answered()) throw;
+        continue;  // a gap between sub-indices
+      }
+      const bool writable =
+          (entry.access & entry_access::read) != 0 && (entry.access & entry_access::write) != 0 && entry.bits != 0;
+      const auto type = static_cast<Type>(entry.type);
+      const bool is_known = parse_type(short_word(type)) == type || type == Type::domain;
+      if (!writable || !is_known) continue;
+      list.add({.address = address,
+                .type = type,
+                .name = full_name(object.name, object.code == variable ? object.name : entry.name),
+                .minimum = number_of(entry.minimum, type),
+                .maximum = number_of(entry.maximum, type),
+                .factory = number_of(entry.default_value, type),
+                .retained = (entry.access & entry_access::stored) != 0},
+               with_connection);
+    }
+  }
+  return list;
+}
+
+const Parameter* ParameterList::find(ObjectAddress address) const {
+  const auto found =
+      std::lower_bound(parameters_.begin(), parameters_.end(), address,
+                       [](const Parameter& parameter, ObjectAddress wanted) { return parameter.address < wanted; });
+  return found != parameters_.end() && found->address == address ? &*found : nullptr;
+}
+
+}  // namespace servodrome::host
