@@ -39,5 +39,6 @@ void add_jog(CLI::App& app);
 void add_torque(CLI::App& app);
 void add_probe(CLI::App& app);
 void add_run(CLI::App& app);
+void add_params(CLI::App& app);
 
 }  // namespace servodrome::app

@@ -11,7 +11,7 @@ using namespace servodrome::app;
 
 constexpr std::array commands{
     add_up,  add_check, add_products, add_export,  add_scan,   add_get, add_set,    add_home,  add_move, add_monitor,
-    add_nmt, add_prove, add_state,    add_conform, add_faults, add_jog, add_torque, add_probe, add_run,
+    add_nmt, add_prove, add_state,    add_conform, add_faults, add_jog, add_torque, add_probe, add_run,  add_params,
 };
 
 int report(int exit_status, std::string_view message) {

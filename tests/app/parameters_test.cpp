@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 #include <sstream>
 
+#include "describe/description.hpp"
 #include "dictionary/dictionary.hpp"
+#include "host/axis402.hpp"
 #include "host/canopen/pre_operational.hpp"
 #include "host/canopen/sdo_client.hpp"
 #include "host/ethercat/coe_objects.hpp"
@@ -85,7 +87,9 @@ struct Bench {
   std::size_t change_all() {
     std::size_t changed = 0;
     for (const Parameter& parameter : list->all()) {
-      if (parameter.address.index < 0x2000 || dictionary::size_of(parameter.type) == 0) continue;
+      // An input of the iSMK with another function or level could enable the motor.
+      const bool is_input = parameter.address.index == 0x2010 && product.name.starts_with("ismk");
+      if (parameter.address.index < 0x2000 || is_input || dictionary::size_of(parameter.type) == 0) continue;
       const auto now = read_parameter(*objects, parameter.address, parameter.type);
       if (!now || parameter.type == dictionary::Type::real32) continue;
       const std::int64_t number = dictionary::decode_number(parameter.type, *now);
@@ -153,7 +157,8 @@ TEST_P(EveryProduct, AFactoryDriveHasItsFactoryValues) {
   const auto now = read_parameters(*bench.objects, *bench.list, bench.node_id);
   EXPECT_TRUE(now.absent.empty()) << text_of(now.absent);
   std::string text;
-  for (const auto& one : compare(factory_parameters(*bench.list), now.values, bench.node_id, true)) {
+  const auto factory = factory_parameters(*bench.list);
+  for (const auto& one : compare(factory, now.values, bench.node_id, true)) {
     text += fmt::format("{} {} {}\n", text_of(one.address), text_of(*one.left), text_of(*one.right));
   }
   EXPECT_EQ(text, "");
@@ -180,8 +185,13 @@ TEST_P(EveryProduct, SavesAndLoadsIntoAFactoryDrive) {
   EXPECT_EQ(target.load(file).written.size(), 0U) << "a second load has nothing to do";
   std::printf("%s: %zu parameters, %zu changed, %zu written\n", GetParam().c_str(), file.values.size(), changed,
               report.written.size());
-  target.load(factory);
-  EXPECT_EQ(target.differences(factory), "") << "and back";
+  ParameterFile back = factory;
+  // 605Dh of a ProNet is 0 from the factory, which cannot be written (its README, C21).
+  std::erase_if(back.values, [&](const ParameterValue& value) {
+    return GetParam() == "pronet" && value.address == ObjectAddress{0x605D, 0};
+  });
+  target.load(back);
+  EXPECT_TRUE(compare(back.values, target.save().values, target.node_id, true).empty()) << target.differences(back);
 }
 
 // The supply goes away in the middle of the writing.
@@ -258,6 +268,175 @@ TEST_P(EveryProduct, ARefusedValueTakesTheOthersBack) {
     EXPECT_THAT(error.what(), HasSubstr("nothing was written")) << "the table has the limit";
   }
   EXPECT_EQ(target.differences(before), "");
+}
+
+// Over Modbus: those that have a register.
+class OverModbus : public testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Products, OverModbus, testing::Values("generic402", "ismk"));
+
+TEST_P(OverModbus, SavesAndLoads) {
+  Bench source(GetParam(), true);
+  source.change_all();
+  const ParameterFile file = read(source.save().text());
+  EXPECT_GT(file.values.size(), 50U);
+  Bench target(GetParam(), true);
+  EXPECT_GT(target.load(file).written.size(), 10U);
+  EXPECT_EQ(target.differences(file), "");
+  std::printf("%s over Modbus: %zu parameters\n", GetParam().c_str(), file.values.size());
+}
+
+TEST(Parameters, OfAProductAreNotLoadedIntoAnother) {
+  const ParameterFile file = Bench("ismc").save();
+  Bench target("generic402");
+  EXPECT_THAT(problem_of([&] { target.load(file); }),
+              HasSubstr("drive.par: the parameters are of another product, ismc"));
+  EXPECT_THAT(problem_of([&] { target.load(file, {.force = true}); }), HasSubstr("nothing was written"));
+  ParameterFile few = file;
+  std::erase_if(few.values, [](const ParameterValue& value) { return value.address.index != 0x6083; });
+  few.values[0].bytes = parse_value("777", dictionary::Type::unsigned32);
+  EXPECT_EQ(target.load(few, {.force = true}).written.size(), 1U);
+  EXPECT_EQ(target.objects->read<std::uint32_t>(0x6083), 777U);
+}
+
+TEST(Parameters, AnEnabledDriveTakesNone) {
+  Bench bench("generic402");
+  const ParameterFile file = bench.save();
+  Axis402(*bench.objects).enable();
+  EXPECT_THAT(problem_of([&] { bench.load(file); }), HasSubstr("state operation enabled; disable it"));
+}
+
+TEST(Parameters, AreCheckedBeforeTheFirstWrite) {
+  Bench bench("generic402");
+  const ParameterFile factory = bench.save();
+  const auto with = [&](const std::string& lines) {
+    return read("# servodrome parameters 1\nproduct: generic402\n" + lines + "end\n");
+  };
+  const std::string problem = problem_of([&] {
+    bench.load(with("6083:00 u32 4711\n2011:01 u16 49\n2011:02 u16 501\n6098:00 u8 3\n6041:00 u16 1\n2F00:00 u8 3\n"));
+  });
+  EXPECT_THAT(problem, HasSubstr("5 of 6 values cannot be loaded"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:4:13: 2011:01: 49 is below the least value, 50"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:5:13: 2011:02: 501 is above the greatest value, 500"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:6:12: 6098:00: its type is i8, not u8"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:7:13: 6041:00: it is no parameter of this drive"));
+  EXPECT_THAT(problem, HasSubstr("2F00:00: it is about how the drive is reached"));
+  EXPECT_EQ(bench.differences(factory), "");
+  EXPECT_EQ(bench.load(with("6083:00 u32 4711\n")).written.size(), 1U) << "a part of a file is a file";
+}
+
+// What is stored outlives the power; the file of one node fits another.
+TEST(Parameters, AreStoredAndRelativeToTheNode) {
+  for (const char* product : {"generic402", "ismc", "ismk"}) {
+    Bench bench(product);
+    bench.load(read(fmt::format("# servodrome parameters 1\nproduct: {}\n6083:00 u32 4711\nend\n", product)));
+    EXPECT_TRUE(store_parameters(*bench.objects, bench.list->rules()));
+    bench.line.axes()[0]->power_off(bench.line.now());
+    bench.line.run_until(bench.line.now() + 100ms);
+    bench.line.axes()[0]->power_on(bench.line.now());
+    bench.line.run_until(bench.line.now() + 1s);
+    EXPECT_EQ(bench.objects->read<std::uint32_t>(0x6083), 4711U) << product;
+    EXPECT_THAT(bench.save().text(), HasSubstr("1800:01  u32     $NODEID+180h"));
+  }
+  EXPECT_FALSE(store_parameters(*Bench("pronet").objects, parameter_rules_of("pronet")));
+}
+
+// A node that says by its heartbeat that it is operational is so again afterwards.
+TEST(Parameters, PdosAreChangedInPreOperationalAndTheNodeIsStartedAgain) {
+  Bench bench("generic402");
+  Master master(*bench.bus);
+  bench.objects->write<std::uint16_t>(0x1017, 0, 20);
+  master.command_and_wait(NmtCommand::start, node, 1s);
+  bool was_pre_operational = false;
+  const auto on_state = [&](std::uint8_t, NmtState state) {
+    was_pre_operational = was_pre_operational || state == NmtState::pre_operational;
+  };
+  master.on_state(on_state);
+  PreOperational state(*bench.bus, node, *bench.objects);
+  EXPECT_FALSE(state.was_unknown());
+  EXPECT_EQ(master.health(node).state, NmtState::pre_operational);
+  state.leave();
+  bench.bus->run_for(100ms);
+  EXPECT_EQ(master.health(node).state, NmtState::operational);
+  EXPECT_TRUE(was_pre_operational);
+}
+
+// By the drive's own description, without our dictionary.
+TEST(Parameters, AreFoundByAnEdsAndBySdoInformation) {
+  Bench can("generic402");
+  std::istringstream in(describe::eds(can.product.describe()));
+  const ObjectCatalogue sheet = ObjectCatalogue::read_eds(in, "generic402.eds");
+  const auto& rules = parameter_rules_of("generic402");
+  const ParameterList by_sheet = ParameterList::of_data_sheet(sheet, rules);
+  Bench ring("generic402-ec");
+  const ParameterList by_slave = ParameterList::of_slave(ring.slave->coe(), rules);
+  for (const auto& [list, known] : {std::pair{&by_sheet, &*can.list}, std::pair{&by_slave, &*ring.list}}) {
+    std::vector<std::string> addresses;
+    std::vector<std::string> expected;
+    for (const Parameter& one : list->all()) addresses.push_back(text_of(one.address));
+    for (const Parameter& one : known->all()) expected.push_back(text_of(one.address));
+    EXPECT_THAT(addresses, testing::ContainerEq(expected));
+    ASSERT_NE(list->find({0x2011, 2}), nullptr);
+    EXPECT_EQ(list->find({0x2011, 2})->maximum, 500);
+    EXPECT_EQ(list->find({0x2011, 2})->factory, 100);
+  }
+  EXPECT_TRUE(by_sheet.find({0x1800, 1})->adds_node_id);
+}
+
+struct DamagedFile {
+  std::string text;
+  const char* problem;
+};
+class Damaged : public testing::TestWithParam<DamagedFile> {};
+const std::string head = "# servodrome parameters 1\n";
+INSTANTIATE_TEST_SUITE_P(
+    Files, Damaged,
+    testing::Values(DamagedFile{"", "drive.par:1:1: the file is empty"},
+                    DamagedFile{"6083:00 u32 1\nend\n", "drive.par:1:1: this is no parameter file"},
+                    DamagedFile{head + "6083:00 u32 1\n", "drive.par:2:1: the file ends without its line \"end\""},
+                    DamagedFile{head + "6083 u32 1\nend\n", "drive.par:2:1: \"6083\" is no object"},
+                    DamagedFile{head + "6083:0G u32 1\nend\n", "drive.par:2:1: \"6083:0G\" is no object"},
+                    DamagedFile{head + "\n6083:00 u33 1\nend\n", "drive.par:3:9: \"u33\" is no type"},
+                    DamagedFile{head + "6083:00 u32\nend\n", "drive.par:2:12: there is no value"},
+                    DamagedFile{head + "6083:00 u8 256\nend\n", "drive.par:2:12: \"256\" is no value of type u8"},
+                    DamagedFile{head + "6083:00 i8 -129\nend\n", "drive.par:2:12: \"-129\" is no value of type i8"},
+                    DamagedFile{head + "6083:00 u32 1.5\nend\n", "drive.par:2:13: \"1.5\" is no value of type u32"},
+                    DamagedFile{head + "2000:00 f32 nan\nend\n", "drive.par:2:13: \"nan\" is no finite number"},
+                    DamagedFile{head + "2000:00 f32 -inf\nend\n", "drive.par:2:13: \"-inf\" is no finite number"},
+                    DamagedFile{head + "2000:00 f32 1e99\nend\n", "drive.par:2:13: \"1e99\" is no value of type f32"},
+                    DamagedFile{head + "2000:00 string \"a\nend\n", "drive.par:2:16: the text has no closing quote"},
+                    DamagedFile{head + "2000:00 string \"\\q\"\nend\n", "drive.par:2:16: after \\ comes"},
+                    DamagedFile{head + "2000:00 string \"\\x4\"\nend\n", "drive.par:2:16: after \\ comes"},
+                    DamagedFile{head + "2000:00 bytes 123\nend\n", "drive.par:2:15: \"123\" is no value of type bytes"},
+                    DamagedFile{head + "2000:00 f32 $NODEID+1\nend\n", "drive.par:2:13: only a whole number"},
+                    DamagedFile{head + "6083:00 u32 1\n 6083:00 u32 2\nend\n",
+                                "drive.par:3:2: 6083:00 is there already, in line 2"},
+                    DamagedFile{head + "vendor: many\nend\n", "drive.par:2:9: \"many\" is no value of type u32"},
+                    DamagedFile{head + "end\n6083:00 u32 1\n",
+                                "drive.par:3:1: something comes behind the line \"end\""},
+                    DamagedFile{head + std::string("60\0", 3) + "83:00 u32 1\nend\n", "holds a zero byte"}));
+
+TEST_P(Damaged, FileSaysLineAndColumn) {
+  EXPECT_THAT(problem_of([&] { read(GetParam().text); }), HasSubstr(GetParam().problem));
+}
+
+TEST(ParameterFiles, KeepEveryTypeAndComeBackWithWindowsLineEnds) {
+  const std::string text =
+      head +
+      "product: generic402\r\nvendor: 53455256h\r\ndevice: \"a \\\"b\\\" \\\\ \\x01\"\r\n"
+      "1800:01 u32 $NODEID+180h\r\n# a comment\r\n2000:01 i64 -9223372036854775808\r\n"
+      "2000:02 u64 18446744073709551615\r\n2000:03 f32 0.1 [V/A] a [b] c\r\n2000:04 bool 1\r\n"
+      "2000:05 string \"\"\r\n2000:06 bytes -\r\n2000:07 bytes 00FF\r\n2000:08 i16 8000h\r\nend\r\n";
+  const ParameterFile file = read(text);
+  EXPECT_EQ(file.identity.device_name, "a \"b\" \\ \x01");
+  EXPECT_EQ(file.find({0x2000, 3})->unit, "V/A");
+  EXPECT_EQ(file.find({0x2000, 3})->name, "a [b] c");
+  EXPECT_EQ(text_of(*file.find({0x2000, 1})), "-9223372036854775808");
+  EXPECT_EQ(text_of(*file.find({0x2000, 2})), "18446744073709551615");
+  EXPECT_EQ(text_of(*file.find({0x2000, 3})), "0.1");
+  EXPECT_EQ(text_of(*file.find({0x2000, 8})), "-32768");
+  EXPECT_EQ(bytes_for(*file.find({0x1800, 1}), std::uint8_t{5}), parse_value("389", dictionary::Type::unsigned32));
+  EXPECT_THAT(problem_of([&] { bytes_for(*file.find({0x1800, 1}), std::nullopt); }), HasSubstr("node-ID"));
+  EXPECT_EQ(read(file.text()).text(), file.text());
 }
 
 }  // namespace

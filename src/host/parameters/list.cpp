@@ -55,7 +55,7 @@ ParameterList ParameterList::of_dictionary(std::span<const dictionary::Entry> ta
     if (entry.sub == 0) object_name = entry.name;
     const ObjectAddress address{entry.index, entry.sub};
     if (entry.access != Access::rw || rules.is_command(address)) continue;
-    const bool has_factory = entry.fixed_size();
+    const bool has_factory = entry.fixed_size() && !rules.differs_by_model(address);
     list.add({.address = address,
               .type = entry.type,
               .name = full_name(object_name, entry.name),
@@ -92,13 +92,15 @@ ParameterList ParameterList::of_data_sheet(const ObjectCatalogue& sheet, const P
 }
 
 ParameterList ParameterList::of_slave(CoeClient& coe, const ParameterRules& rules, bool with_connection) {
-  constexpr std::uint8_t variable = 7;
+  constexpr std::uint8_t array = 8;
+  constexpr std::uint8_t record = 9;
   ParameterList list(rules);
   for (const std::uint16_t index : coe.list(ObjectList::all)) {
     const ObjectDescription object = coe.describe(index);
+    const bool has_parts = object.code == array || object.code == record;
     for (unsigned sub = 0; sub <= object.highest_sub; ++sub) {
       const ObjectAddress address{index, static_cast<std::uint8_t>(sub)};
-      if (rules.is_command(address) || (sub == 0 && object.code != variable && !is_pdo_count(index))) continue;
+      if (rules.is_command(address) || (sub == 0 && has_parts && !is_pdo_count(index))) continue;
       EntryDescription entry;
       try {
         entry = coe.describe(address);
@@ -106,14 +108,14 @@ ParameterList ParameterList::of_slave(CoeClient& coe, const ParameterRules& rule
         if (!error.answered()) throw;
         continue;  // a gap between sub-indices
       }
-      const bool writable =
-          (entry.access & entry_access::read) != 0 && (entry.access & entry_access::write) != 0 && entry.bits != 0;
+      const bool writable = (entry.access & entry_access::read) != 0 && (entry.access & entry_access::write) != 0 &&
+                            (entry.bits != 0 || entry.type == static_cast<std::uint16_t>(Type::domain));
       const auto type = static_cast<Type>(entry.type);
       const bool is_known = parse_type(short_word(type)) == type || type == Type::domain;
       if (!writable || !is_known) continue;
       list.add({.address = address,
                 .type = type,
-                .name = full_name(object.name, object.code == variable ? object.name : entry.name),
+                .name = full_name(object.name, has_parts ? entry.name : object.name),
                 .minimum = number_of(entry.minimum, type),
                 .maximum = number_of(entry.maximum, type),
                 .factory = number_of(entry.default_value, type),

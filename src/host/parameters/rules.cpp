@@ -49,6 +49,9 @@ constexpr auto jmc_commands = std::to_array<ObjectRange>({{0x200D}, {0x200E}});
 constexpr auto jmc_connection = std::to_array<ObjectRange>({{0x2000, 0x16, 0x1C}});
 constexpr auto jmc_restart = std::to_array<ObjectRange>({{0x2000}, {0x2003, 0x0A, 0x0C}, {0x2006}});
 
+// Rated current and torque of the motor.
+constexpr auto jmc_by_model = std::to_array<ObjectRange>({{0x6075}, {0x6076}});
+
 constexpr ParameterRules ismk(std::string_view product) {
   return {.product = product, .commands = ismk_commands, .connection = ismk_connection, .store = ismk_store};
 }
@@ -62,7 +65,11 @@ constexpr std::array rules{
     ParameterRules{.product = "pronet", .connection = pronet_connection, .restart = pronet_restart},
     ismk("ismk"),
     ismk("ismk-ea"),
-    ParameterRules{.product = "jmc_ec", .commands = jmc_commands, .connection = jmc_connection, .restart = jmc_restart},
+    ParameterRules{.product = "jmc_ec",
+                   .commands = jmc_commands,
+                   .connection = jmc_connection,
+                   .restart = jmc_restart,
+                   .by_model = jmc_by_model},
 };
 
 bool any_contains(std::span<const ObjectRange> ranges, ObjectAddress object) {
@@ -81,6 +88,8 @@ bool ParameterRules::is_command(ObjectAddress object) const {
 bool ParameterRules::acts_after_restart(ObjectAddress object) const {
   return is_connection(object) || any_contains(restart, object);
 }
+
+bool ParameterRules::differs_by_model(ObjectAddress object) const { return any_contains(by_model, object); }
 
 const ParameterRules& parameter_rules_of(std::string_view product) {
   const auto* const found =

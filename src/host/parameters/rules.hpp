@@ -30,11 +30,13 @@ struct ParameterRules {
   std::span<const ObjectRange> connection{};  // node-ID, bit rate and the like: how the drive is reached
   std::span<const ObjectRange> restart{};     // besides `connection`: act after the next power-on
   std::span<const StoreCommand> store{};      // empty: what is kept at all is kept as soon as it is written
+  std::span<const ObjectRange> by_model{};    // the factory value is that of the size the drive is sold in
 
   bool is_connection(ObjectAddress object) const;
   // A command, a target, a measured value, or what a master sets anew at every start.
   bool is_command(ObjectAddress object) const;
   bool acts_after_restart(ObjectAddress object) const;
+  bool differs_by_model(ObjectAddress object) const;
 };
 
 // Those of the product; 1010h sub 1 stores, and nothing else is known, for a name that is not in the table.

@@ -1,0 +1,348 @@
+// `params`: a drive's parameters as a text file: saved, loaded, compared.
+#include <ctime>
+#include <filesystem>
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "app/drive_link.hpp"
+#include "host/canopen/pre_operational.hpp"
+#include "host/parameters/loader.hpp"
+#include "line/nearest_name.hpp"
+
+namespace servodrome::app {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Options {
+  BusOptions bus;
+  std::string eds;
+  std::vector<std::string> files;
+  bool connection = false;
+  bool date = false;         // save
+  bool force = false;        // load
+  bool store = false;        // load
+  bool skip_absent = false;  // load
+  bool factory = false;      // diff
+};
+
+host::ObjectCatalogue read_sheet(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", path));
+  return host::ObjectCatalogue::read_eds(file, path);
+}
+
+host::ParameterFile read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw Failure::wrong_use(fmt::format("{}: cannot be read; check the path", path));
+  return host::ParameterFile::read(file, path);
+}
+
+// The drive behind --bus and what its parameters are: by --eds, by its product's dictionary, or by itself (EtherCAT).
+struct Drive {
+  explicit Drive(const Options& options)
+      : link(options.bus, false), kind(bus_kind(options.bus).kind), list(list_of(options)) {
+    if (link.sdo() != nullptr) node_id = link.sdo()->node_id();
+  }
+  std::string_view product() { return link.product() != nullptr ? link.product()->name : std::string_view{}; }
+
+  DriveLink link;
+  BusKind kind;
+  host::NodeId node_id{};
+  host::ParameterList list;
+
+ private:
+  host::ParameterList list_of(const Options& options) {
+    const host::ParameterRules& rules = host::parameter_rules_of(product());
+    if (!options.eds.empty()) {
+      return host::ParameterList::of_data_sheet(read_sheet(options.eds), rules, options.connection);
+    }
+    if (link.product() != nullptr) {
+      const describe::Description description = link.product()->describe();
+      const bool serial = kind == BusKind::modbus || kind == BusKind::serial10;
+      return host::ParameterList::of_dictionary(serial ? description.service_table : description.table, rules,
+                                                options.connection);
+    }
+    if (auto* coe = dynamic_cast<host::CoeObjects*>(&link.objects())) {
+      return host::ParameterList::of_slave(coe->slave().coe(), rules, options.connection);
+    }
+    throw Failure::wrong_use(fmt::format(
+        "{}: what this drive's parameters are is not known; give its data sheet with --eds", link.objects().where()));
+  }
+};
+
+// The parameters of a product without a drive.
+host::ParameterList list_of_product(const std::string& name, const Options& options) {
+  const line::Product* product = line::find_product(line::all_products(), name);
+  if (product == nullptr) {
+    throw Failure::wrong_use(
+        fmt::format("--factory: what leaves the factory is known of our products only, and \"{}\" "
+                    "is none",
+                    name));
+  }
+  return host::ParameterList::of_dictionary(product->describe().table, host::parameter_rules_of(name),
+                                            options.connection);
+}
+
+host::ParameterProgress progress_of(const Options& options) {
+  const bool shown = on_terminal() && !options.bus.json;
+  return [shown](const char* doing, std::size_t done, std::size_t of) {
+    if (InterruptGuard::interrupted()) {
+      throw host::HostError("interrupted", fmt::format("{} {} of {}", doing, done, of), "start again when you like");
+    }
+    if (!shown) return;
+    fmt::print(stderr, "\r  {} {} of {}\x1B[K", doing, done + 1, of);
+  };
+}
+
+void end_line(const Options& options) {
+  if (on_terminal() && !options.bus.json) fmt::print(stderr, "\r\x1B[K");
+}
+
+ordered_json json_of(std::span<const host::ObjectAddress> objects) {
+  ordered_json list = ordered_json::array();
+  for (const host::ObjectAddress object : objects) list.push_back(text_of(object));
+  return list;
+}
+
+// As a whole or not at all: what was there before outlives a full disk.
+void write_file(const std::string& path, const std::string& text) {
+  const std::string part = path + ".part";
+  {
+    std::ofstream file(part, std::ios::binary);
+    file << text;
+    file.flush();
+    if (!file) throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
+  }
+  std::error_code error;
+  std::filesystem::rename(part, path, error);
+  if (error) throw Failure::did_not_work(fmt::format("{}: {}", path, error.message()));
+}
+
+void save(const Options& options) {
+  const InterruptGuard guard;
+  Drive drive(options);
+  host::ParameterFile file{.identity = host::DriveIdentity::read(drive.link.objects(), drive.product())};
+  host::ReadParameters read =
+      host::read_parameters(drive.link.objects(), drive.list, drive.node_id, progress_of(options));
+  end_line(options);
+  file.values = std::move(read.values);
+  if (options.date) file.date = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+  const std::string& path = options.files.front();
+  if (path == "-") {
+    fmt::print("{}", file.text());
+    return;
+  }
+  write_file(path, file.text());
+  if (options.bus.json) {
+    fmt::print(
+        "{}\n",
+        ordered_json{{"file", path}, {"parameters", file.values.size()}, {"absent", json_of(read.absent)}}.dump(2));
+    return;
+  }
+  fmt::print("{}: {} parameters of {}\n", path, file.values.size(), file.identity.text());
+  if (!read.absent.empty()) {
+    fmt::print("not there, or not on this bus: {}\n", host::text_of(read.absent));
+  }
+}
+
+void load(const Options& options) {
+  const std::string& path = options.files.front();
+  const host::ParameterFile file = read_file(path);
+  const InterruptGuard guard;
+  Drive drive(options);
+  host::ObjectClient& objects = drive.link.objects();
+  std::optional<host::PreOperational> state;
+  host::LoadOptions load_options{.node_id = drive.node_id,
+                                 .force = options.force,
+                                 .skip_absent = options.skip_absent,
+                                 .progress = progress_of(options)};
+  if (host::SdoClient* sdo = drive.link.sdo()) {
+    load_options.before_communication = [&state, sdo] { state.emplace(sdo->bus(), sdo->node_id(), *sdo); };
+  }
+  host::LoadReport report;
+  try {
+    report = host::load_parameters(objects, file, path, drive.list, host::DriveIdentity::read(objects, drive.product()),
+                                   load_options);
+  } catch (const host::LoadError& error) {
+    end_line(options);
+    if (state && error.outcome() != host::LoadError::Outcome::bus_lost) state->leave();
+    throw;
+  } catch (...) {
+    end_line(options);
+    throw;
+  }
+  end_line(options);
+  if (state) state->leave();
+  const bool stored = options.store && host::store_parameters(objects, drive.list.rules());
+  const bool stores_at_once = drive.list.rules().store.empty();
+  const bool left_there = state && state->was_unknown();
+  if (options.bus.json) {
+    ordered_json json{{"file", path}, {"compared", report.compared}, {"written", json_of(report.written)}};
+    json["skipped"] = json_of(report.skipped);
+    json["stored"] = stored;
+    json["after_restart"] = json_of(report.after_restart);
+    json["lost_with_power"] = json_of(report.volatile_ones);
+    json["left_pre_operational"] = left_there;
+    fmt::print("{}\n", json.dump(2));
+    return;
+  }
+  fmt::print("{} {}: {} parameters as in {}, {} of them written\n", drive.link.noun(), objects.address(),
+             report.compared, path, report.written.size());
+  if (!report.skipped.empty()) fmt::print("left out: {}\n", host::text_of(report.skipped));
+  if (stored) {
+    fmt::print("stored\n");
+  } else if (options.store) {
+    fmt::print("this drive has no command to store: what it keeps, it keeps as soon as it is written\n");
+  } else if (!report.written.empty() && !stores_at_once) {
+    fmt::print("not stored: lost with the power (--store stores)\n");
+  }
+  if (!report.volatile_ones.empty()) {
+    fmt::print("lost with the power in any case, the drive does not keep them: {}\n",
+               host::text_of(report.volatile_ones));
+  }
+  if (!report.after_restart.empty()) {
+    fmt::print("restart the drive: these act from the next power-on: {}\n", host::text_of(report.after_restart));
+  }
+  if (left_there) {
+    fmt::print(
+        "the node is left pre-operational, since it does not say in which state it was: `servodrome nmt start`\n");
+  }
+}
+
+// The side that has name and unit, if one has: a person may have written the other.
+const host::ParameterValue& named(const host::ParameterDifference& one) {
+  if (one.left == nullptr) return *one.right;
+  return one.right != nullptr && one.left->name.empty() ? *one.right : *one.left;
+}
+
+void print_differences(const Options& options, const std::string& left, const std::string& right,
+                       const std::vector<host::ParameterDifference>& differences, std::size_t compared) {
+  const auto text = [](const host::ParameterValue* value) { return value != nullptr ? host::text_of(*value) : "-"; };
+  if (options.bus.json) {
+    ordered_json list = ordered_json::array();
+    for (const host::ParameterDifference& one : differences) {
+      const host::ParameterValue& known = named(one);
+      ordered_json json{{"object", text_of(one.address)}, {"name", known.name}, {"unit", known.unit}};
+      json["left"] = one.left != nullptr ? ordered_json(text(one.left)) : ordered_json(nullptr);
+      json["right"] = one.right != nullptr ? ordered_json(text(one.right)) : ordered_json(nullptr);
+      list.push_back(json);
+    }
+    fmt::print("{}\n",
+               ordered_json{{"left", left}, {"right", right}, {"compared", compared}, {"differences", list}}.dump(2));
+    return;
+  }
+  if (differences.empty()) {
+    fmt::print("{} and {} are equal: {} parameters\n", left, right, compared);
+    return;
+  }
+  fmt::print("{:<8} {:>14}    {:<14} {}\n", "object", "left", "right", "name");
+  for (const host::ParameterDifference& one : differences) {
+    const host::ParameterValue& known = named(one);
+    const std::string unit = known.unit.empty() ? "" : fmt::format(" [{}]", known.unit);
+    fmt::print("{:<8} {:>14} -> {:<14} {}{}\n", text_of(one.address), text(one.left), text(one.right), known.name,
+               unit);
+  }
+  fmt::print("left: {}; right: {}\n", left, right);
+}
+
+// Only what the file names is asked of the drive: a file may hold a few parameters.
+host::ReadParameters read_those_of(Drive& drive, const host::ParameterFile& file, const Options& options) {
+  host::ReadParameters all =
+      host::read_parameters(drive.link.objects(), drive.list, drive.node_id, progress_of(options));
+  end_line(options);
+  std::erase_if(all.values, [&file](const host::ParameterValue& value) { return file.find(value.address) == nullptr; });
+  return all;
+}
+
+void diff(const Options& options) {
+  if (options.files.size() + (options.factory ? 1U : 0U) > 2 || (options.files.empty() && !options.factory)) {
+    throw Failure::wrong_use("params diff: give FILE (against the drive), FILE FILE, FILE --factory, or --factory");
+  }
+  const InterruptGuard guard;
+  std::vector<host::ParameterFile> files;
+  for (const std::string& path : options.files) files.push_back(read_file(path));
+  std::vector<host::ParameterValue> left;
+  std::vector<host::ParameterValue> right;
+  std::string left_name;
+  std::string right_name;
+  host::NodeId node_id;
+  const bool needs_drive = files.size() + (options.factory ? 1U : 0U) < 2;
+  bool only_common = options.factory;
+  if (!needs_drive) {
+    left = files[0].values;
+    left_name = options.files[0];
+    right_name = options.factory ? "factory" : options.files[1];
+    right = options.factory ? host::factory_parameters(list_of_product(files[0].identity.product, options))
+                            : files[1].values;
+  } else {
+    Drive drive(options);
+    node_id = drive.node_id;
+    right_name = drive.link.objects().where();
+    if (files.empty()) {
+      left = host::factory_parameters(drive.list);
+      left_name = "factory";
+      right = host::read_parameters(drive.link.objects(), drive.list, node_id, progress_of(options)).values;
+      end_line(options);
+    } else {
+      left = files[0].values;
+      left_name = options.files[0];
+      right = read_those_of(drive, files[0], options).values;
+    }
+  }
+  const auto differences = host::compare(left, right, node_id, only_common);
+  const std::size_t compared = only_common ? std::min(left.size(), right.size()) : std::max(left.size(), right.size());
+  print_differences(options, left_name, right_name, differences, compared);
+  if (!differences.empty()) {
+    throw Failure::did_not_work(fmt::format("{} of {} parameters differ", differences.size(), compared));
+  }
+}
+
+void add_common(CLI::App& command, Options& options) {
+  add_bus_options(command, options.bus, "Seconds to wait for each answer");
+  add_node_option(command, options.bus);
+  add_serial_options(command, options.bus);
+  command.add_option("--eds", options.eds, "Electronic data sheet of a drive that is none of our products");
+  command.add_flag("--connection", options.connection,
+                   "With node-ID, bit rate and what else says how the drive is reached");
+}
+
+}  // namespace
+
+void add_params(CLI::App& app) {
+  CLI::App* params = app.add_subcommand("params", "Save, load and compare the parameters of a drive");
+  params->require_subcommand(1);
+
+  const auto saved = std::make_shared<Options>();
+  CLI::App* command = params->add_subcommand("save", "Write the parameters of a drive into a text file");
+  command->add_option("FILE", saved->files, "Where to; - for standard output")->required()->expected(1);
+  command->add_flag("--date", saved->date, "Write the date into the file; without it equal drives give equal files");
+  add_common(*command, *saved);
+  command->callback([saved] { save(*saved); });
+
+  const auto loaded = std::make_shared<Options>();
+  command = params->add_subcommand(
+      "load", "Write the parameters of a file into a drive, read them back, and undo everything if one is not taken");
+  command->add_option("FILE", loaded->files, "As `params save` writes it, or a part of that")->required()->expected(1);
+  command->add_flag("--store", loaded->store, "Have the drive keep them over power-off");
+  command->add_flag("--force", loaded->force, "Load the file of another product as well");
+  command->add_flag("--skip-absent", loaded->skip_absent, "Leave out what the drive does not have on this bus");
+  add_common(*command, *loaded);
+  command->callback([loaded] { load(*loaded); });
+
+  const auto compared = std::make_shared<Options>();
+  command = params->add_subcommand(
+      "diff",
+      "Compare a file with a drive, with another file, or either with the factory's values; exit status 1: "
+      "they differ");
+  command->add_option("FILE", compared->files, "One or two files")->expected(0, 2);
+  command->add_flag("--factory", compared->factory, "Compare with what the product has from the factory");
+  add_common(*command, *compared);
+  command->callback([compared] { diff(*compared); });
+}
+
+}  // namespace servodrome::app
