@@ -4,9 +4,9 @@
 #include <array>
 #include <charconv>
 #include <fmt/format.h>
-#include <map>
 
 #include "canopen/301/communication_section.hpp"
+#include "describe/device_file.hpp"
 #include "drive/cia402_section.hpp"
 #include "host/canopen/sdo_client.hpp"
 #include "host/error.hpp"
@@ -30,13 +30,6 @@ std::string plain(std::string_view text) {
   return result;
 }
 
-std::string_view trim(std::string_view text) {
-  constexpr std::string_view blank = " \t\r\n";
-  const std::size_t first = text.find_first_not_of(blank);
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(blank) - first + 1);
-}
-
 bool starts_with_0x(std::string_view text) { return text.size() > 2 && text[0] == '0' && lower(text[1]) == 'x'; }
 
 std::optional<std::uint32_t> parse_hex(std::string_view text) {
@@ -48,39 +41,12 @@ std::optional<std::uint32_t> parse_hex(std::string_view text) {
   return value;
 }
 
-std::optional<std::uint32_t> parse_decimal(std::string_view text) {
-  std::uint32_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
 std::optional<ObjectAddress> parse_address(std::string_view text) {
   const std::size_t colon = text.find(':');
   const auto index = parse_hex(text.substr(0, colon));
   const auto sub = colon == std::string_view::npos ? std::uint32_t{0} : parse_hex(text.substr(colon + 1));
   if (!index || *index > 0xFFFF || !sub || *sub > 0xFF) return std::nullopt;
   return ObjectAddress{static_cast<std::uint16_t>(*index), static_cast<std::uint8_t>(*sub)};
-}
-
-bool is_hex_digit(char c) { return (c >= '0' && c <= '9') || (lower(c) >= 'a' && lower(c) <= 'f'); }
-
-struct EdsSection {
-  ObjectAddress address;
-  bool is_whole_object = false;
-};
-
-// "6041" or "6099sub1"; nothing for the other sections of an EDS.
-std::optional<EdsSection> parse_section(std::string_view section) {
-  const bool is_object = section.size() >= 4 && std::all_of(section.begin(), section.begin() + 4, is_hex_digit);
-  if (!is_object) return std::nullopt;
-  const auto index = static_cast<std::uint16_t>(*parse_hex(section.substr(0, 4)));
-  const std::string_view rest = section.substr(4);
-  if (rest.empty()) return EdsSection{{index, 0}, true};
-  if (rest.size() < 4 || plain(rest.substr(0, 3)) != "sub") return std::nullopt;
-  const auto sub = parse_hex(rest.substr(3));
-  if (!sub || *sub > 0xFF) return std::nullopt;
-  return EdsSection{{index, static_cast<std::uint8_t>(*sub)}, false};
 }
 
 struct TypeWord {
@@ -113,21 +79,6 @@ constexpr auto type_words = std::to_array<TypeWord>({{"boolean", Type::boolean},
                                                      {"bytes", Type::octet_string},
                                                      {"domain", Type::domain}});
 
-bool is_known(std::uint32_t number) {
-  return std::any_of(type_words.begin(), type_words.end(),
-                     [number](const TypeWord& word) { return static_cast<std::uint32_t>(word.type) == number; });
-}
-
-// CiA 306-1: rwr and rww are rw, and say in which PDOs besides.
-std::optional<dictionary::Access> parse_access(std::string_view word) {
-  using dictionary::Access;
-  if (word == "ro") return Access::ro;
-  if (word == "wo") return Access::wo;
-  if (word == "rw" || word == "rwr" || word == "rww") return Access::rw;
-  if (word == "const") return Access::constant;
-  return std::nullopt;
-}
-
 [[noreturn]] void refuse_value(std::string_view text, const std::string& what) {
   throw HostError(what, fmt::format("value \"{}\"", text), "give a value of the object's type, or another --type");
 }
@@ -137,18 +88,11 @@ std::optional<dictionary::Access> parse_access(std::string_view word) {
 const ObjectCatalogue& ObjectCatalogue::standard() {
   static const ObjectCatalogue catalogue = [] {
     ObjectCatalogue made;
-    std::string object_name;
-    const auto add = [&](const dictionary::Entry& entry) {
-      if (entry.sub == 0) object_name = entry.name;
-      const bool is_count = entry.sub == 0 && entry.code != dictionary::ObjectCode::var;
-      made.objects_.push_back(
-          {{entry.index, entry.sub}, object_name, is_count ? "Highest sub-index" : entry.name, entry.type});
-    };
-    for (const auto& entry : canopen::general_section<Communication>) add(entry);
-    for (const auto& entry : canopen::sdo_server_section<Communication>) add(entry);
-    for (const auto& entry : canopen::rpdo_section<Communication>) add(entry);
-    for (const auto& entry : canopen::tpdo_section<Communication>) add(entry);
-    for (const auto& entry : drive::cia402_section) add(entry);
+    for (const auto& entry : canopen::general_section<Communication>) made.add(entry);
+    for (const auto& entry : canopen::sdo_server_section<Communication>) made.add(entry);
+    for (const auto& entry : canopen::rpdo_section<Communication>) made.add(entry);
+    for (const auto& entry : canopen::tpdo_section<Communication>) made.add(entry);
+    for (const auto& entry : drive::cia402_section) made.add(entry);
     const auto text = [&](std::uint16_t index, const char* name) {
       made.objects_.push_back({{index, 0}, name, name, Type::visible_string});
     };
@@ -162,66 +106,42 @@ const ObjectCatalogue& ObjectCatalogue::standard() {
 }
 
 ObjectCatalogue ObjectCatalogue::read_eds(std::istream& in, const std::string& file) {
-  struct Section {
-    std::string name;
-    std::optional<Type> type;
-    bool has_type = false;
-    std::optional<dictionary::Access> access{};
-    std::string default_value{};
-    std::string low_limit{};
-    std::string high_limit{};
+  try {
+    return of(describe::read_eds(in, file));
+  } catch (const describe::DeviceFileError& error) {
+    throw HostError(error.problem(), error.where(), error.remedy());
+  }
+}
 
-    NamedObject as(ObjectAddress address, const std::string& object_name) const {
-      return {address, object_name, name, type, access, default_value, low_limit, high_limit};
-    }
-  };
-  std::map<std::uint16_t, Section> objects;   // [6099]
-  std::map<ObjectAddress, Section> elements;  // [6099sub1]
-  Section* present = nullptr;
-  std::string line;
-  while (std::getline(in, line)) {
-    const std::string_view text = trim(line);
-    if (text.empty() || text.front() == ';') continue;
-    if (text.front() == '[' && text.back() == ']') {
-      const auto section = parse_section(text.substr(1, text.size() - 2));
-      present = !section                   ? nullptr
-                : section->is_whole_object ? &objects[section->address.index]
-                                           : &elements[section->address];
-      continue;
-    }
-    const std::size_t equals = text.find('=');
-    if (present == nullptr || equals == std::string_view::npos) continue;
-    const std::string key = plain(trim(text.substr(0, equals)));
-    const std::string_view value = trim(text.substr(equals + 1));
-    if (key == "parametername") {
-      present->name = value;
-    } else if (key == "datatype") {
-      present->has_type = true;
-      const auto number = starts_with_0x(value) ? parse_hex(value) : parse_decimal(value);
-      if (number && is_known(*number)) present->type = static_cast<Type>(*number);
-    } else if (key == "accesstype") {
-      present->access = parse_access(plain(value));
-    } else if (key == "defaultvalue") {
-      present->default_value = value;
-    } else if (key == "lowlimit") {
-      present->low_limit = value;
-    } else if (key == "highlimit") {
-      present->high_limit = value;
-    }
-  }
+ObjectCatalogue ObjectCatalogue::of(const describe::DeviceFile& device) {
   ObjectCatalogue catalogue;
-  // An ARRAY or RECORD has no type; its sub-index 0 is a section of its own.
-  for (const auto& [index, object] : objects) {
-    if (object.has_type) catalogue.objects_.push_back(object.as({index, 0}, object.name));
-  }
-  for (const auto& [address, element] : elements) {
-    catalogue.objects_.push_back(element.as(address, objects[address.index].name));
+  for (const describe::FileEntry& entry : device.entries) {
+    catalogue.objects_.push_back({{entry.index, entry.sub},
+                                  entry.object_name,
+                                  entry.name,
+                                  entry.type,
+                                  entry.access,
+                                  entry.default_value,
+                                  entry.default_adds_node_id,
+                                  entry.minimum,
+                                  entry.maximum});
   }
   catalogue.sort();
-  if (catalogue.objects_.empty()) {
-    throw HostError("no object is described there", file, "give an EDS or DCF file with --eds");
-  }
   return catalogue;
+}
+
+ObjectCatalogue ObjectCatalogue::of(std::span<const dictionary::Entry> table) {
+  ObjectCatalogue catalogue;
+  for (const dictionary::Entry& entry : table) catalogue.add(entry);
+  catalogue.sort();
+  return catalogue;
+}
+
+// Entries come in the order of their keys.
+void ObjectCatalogue::add(const dictionary::Entry& entry) {
+  const std::string object_name = entry.sub == 0 || objects_.empty() ? entry.name : objects_.back().object_name;
+  const bool is_count = entry.sub == 0 && entry.code != dictionary::ObjectCode::var;
+  objects_.push_back({{entry.index, entry.sub}, object_name, is_count ? "Highest sub-index" : entry.name, entry.type});
 }
 
 void ObjectCatalogue::sort() {

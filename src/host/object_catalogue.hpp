@@ -2,12 +2,17 @@
 
 #include <istream>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "dictionary/entry.hpp"
 #include "host/canopen/sdo_transfer.hpp"
+
+namespace servodrome::describe {
+struct DeviceFile;
+}
 
 namespace servodrome::host {
 
@@ -19,9 +24,10 @@ struct NamedObject {
   std::optional<dictionary::Type> type;
   // As an EDS says; nothing where it is not known.
   std::optional<dictionary::Access> access{};
-  std::string default_value{};  // as it is written there, $NODEID+ and all
-  std::string low_limit{};
-  std::string high_limit{};
+  std::optional<std::int64_t> default_value{};  // REAL32: its bits
+  bool default_adds_node_id = false;
+  std::optional<std::int64_t> minimum{};
+  std::optional<std::int64_t> maximum{};
 };
 
 // What a person calls objects, and their types.
@@ -33,6 +39,9 @@ class ObjectCatalogue {
   // HostError.
   static ObjectCatalogue read_eds(std::istream& in, const std::string& file);
 
+  static ObjectCatalogue of(const describe::DeviceFile& device);
+  static ObjectCatalogue of(std::span<const dictionary::Entry> table);
+
   const NamedObject* find(ObjectAddress address) const;
 
   // Reads `INDEX`, `INDEX:SUB` (both hexadecimal, with or without 0x or h) or a name: the object's, for its only
@@ -43,6 +52,7 @@ class ObjectCatalogue {
   const std::vector<NamedObject>& objects() const { return objects_; }
 
  private:
+  void add(const dictionary::Entry& entry);
   void sort();
 
   std::vector<NamedObject> objects_;  // in order of address

@@ -10,20 +10,8 @@ namespace {
 using dictionary::Access;
 using dictionary::Type;
 
-constexpr std::string_view node_id_prefix = "$NODEID+";
-
 std::string full_name(const std::string& object_name, const std::string& name) {
   return object_name == name || object_name.empty() ? name : object_name + "." + name;
-}
-
-// A number of an EDS; nothing if it is none of the type.
-std::optional<std::int64_t> number_of(std::string_view text, Type type) {
-  if (text.empty() || dictionary::size_of(type) == 0) return std::nullopt;
-  try {
-    return dictionary::decode_number(type, parse_value(text, type));
-  } catch (const HostError&) {
-    return std::nullopt;
-  }
 }
 
 std::optional<std::int64_t> number_of(std::span<const std::uint8_t> bytes, Type type) {
@@ -76,16 +64,13 @@ ParameterList ParameterList::of_data_sheet(const ObjectCatalogue& sheet, const P
   for (const NamedObject& object : sheet.objects()) {
     const bool writable = object.access == Access::rw;
     if (!writable || !object.type || rules.is_command(object.address)) continue;
-    std::string_view factory = object.default_value;
-    const bool adds_node_id = factory.starts_with(node_id_prefix);
-    if (adds_node_id) factory.remove_prefix(node_id_prefix.size());
     list.add({.address = object.address,
               .type = *object.type,
               .name = full_name(object.object_name, object.name),
-              .minimum = number_of(object.low_limit, *object.type),
-              .maximum = number_of(object.high_limit, *object.type),
-              .factory = number_of(factory, *object.type),
-              .adds_node_id = adds_node_id},
+              .minimum = object.minimum,
+              .maximum = object.maximum,
+              .factory = object.default_value,
+              .adds_node_id = object.default_adds_node_id},
              with_connection);
   }
   return list;

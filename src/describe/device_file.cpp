@@ -1,0 +1,117 @@
+#include "describe/device_file.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <fmt/format.h>
+
+namespace servodrome::describe {
+namespace {
+
+std::string place(const std::string& file, unsigned line, const std::string& key) {
+  std::string text = file;
+  if (line != 0) text += fmt::format(":{}", line);
+  if (!key.empty()) text += ", " + key;
+  return text;
+}
+
+}  // namespace
+
+DeviceFileError::DeviceFileError(std::string file, unsigned line, std::string key, std::string problem,
+                                 std::string remedy)
+    : DeviceFileError(place(file, line, key), std::move(problem), std::move(remedy)) {}
+
+DeviceFileError::DeviceFileError(std::string where, std::string problem, std::string remedy)
+    : std::runtime_error(where + ": " + problem + "; " + remedy),
+      where_(std::move(where)),
+      problem_(std::move(problem)),
+      remedy_(std::move(remedy)) {}
+
+const FileEntry* DeviceFile::find(std::uint16_t index, std::uint8_t sub) const {
+  const std::uint32_t key = static_cast<std::uint32_t>(index) << 8 | sub;
+  const auto found =
+      std::lower_bound(entries.begin(), entries.end(), key,
+                       [](const FileEntry& entry, std::uint32_t wanted) { return entry.key() < wanted; });
+  return found != entries.end() && found->key() == key ? &*found : nullptr;
+}
+
+std::string read_text(std::istream& in, const std::string& file) {
+  std::string text;
+  std::array<char, 65536> part{};
+  while (in.read(part.data(), part.size()) || in.gcount() > 0) {
+    const std::string_view read(part.data(), static_cast<std::size_t>(in.gcount()));
+    if (const std::size_t zero = read.find('\0'); zero != std::string_view::npos) {
+      throw DeviceFileError(file, 0, "", fmt::format("byte {} is zero: this is no text", text.size() + zero),
+                            "give an EDS, DCF or ESI file");
+    }
+    text += read;
+    if (text.size() > most_file_bytes) {
+      throw DeviceFileError(file, 0, "", fmt::format("it is longer than {} MiB", most_file_bytes >> 20),
+                            "give an EDS, DCF or ESI file");
+    }
+  }
+  constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
+  if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
+  return text;
+}
+
+std::optional<std::int64_t> parse_file_number(std::string_view text) {
+  const bool negative = text.starts_with('-');
+  if (negative || text.starts_with('+')) text.remove_prefix(1);
+  int base = 10;
+  if (text.size() > 2 && text[0] == '0' && (text[1] == 'x' || text[1] == 'X')) {
+    text.remove_prefix(2);
+    base = 16;
+  } else if (text.size() > 1 && text[0] == '0' && text.find_first_not_of("01234567") == std::string_view::npos) {
+    base = 8;
+  }
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  if (text.empty() || error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return static_cast<std::int64_t>(negative ? ~value + 1 : value);
+}
+
+void settle(DeviceFile& device) {
+  std::stable_sort(device.entries.begin(), device.entries.end(),
+                   [](const FileEntry& a, const FileEntry& b) { return a.key() < b.key(); });
+  std::vector<FileEntry> settled;
+  const auto note = [&device](const FileEntry& entry, std::string_view what) {
+    device.notes.push_back(
+        fmt::format("{}:{}: {:04X}:{:02X}: {}", device.file, entry.line, entry.index, entry.sub, what));
+  };
+  for (FileEntry& entry : device.entries) {
+    if (!settled.empty() && settled.back().key() == entry.key()) {
+      note(entry, "described twice; the last description counts");
+      settled.back() = std::move(entry);
+      continue;
+    }
+    const bool first = settled.empty() || settled.back().index != entry.index;
+    if (first && entry.sub != 0) {
+      note(entry, "the object has no sub-index 0; one was added");
+      FileEntry count;
+      count.index = entry.index;
+      count.code = entry.code;
+      count.type = dictionary::Type::unsigned8;
+      count.access = dictionary::Access::ro;
+      count.object_name = entry.object_name;
+      count.name = "Highest sub-index supported";
+      settled.push_back(std::move(count));
+    }
+    settled.push_back(std::move(entry));
+  }
+  // One object code throughout, and a count that was made up or left out is the highest sub-index.
+  for (std::size_t begin = 0; begin < settled.size();) {
+    std::size_t end = begin + 1;
+    while (end < settled.size() && settled[end].index == settled[begin].index) ++end;
+    const bool has_subs = end - begin > 1;
+    FileEntry& head = settled[begin];
+    if (has_subs && head.code == dictionary::ObjectCode::var) head.code = dictionary::ObjectCode::record;
+    for (std::size_t i = begin; i < end; ++i) settled[i].code = head.code;
+    if (has_subs && !head.default_value && head.type == dictionary::Type::unsigned8) {
+      head.default_value = settled[end - 1].sub;
+    }
+    begin = end;
+  }
+  device.entries = std::move(settled);
+}
+
+}  // namespace servodrome::describe

@@ -1,0 +1,487 @@
+// Electronic data sheets and device configuration files as makers have them (CiA 306-1).
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <fmt/format.h>
+#include <map>
+
+#include "describe/device_file.hpp"
+
+namespace servodrome::describe {
+namespace {
+
+using dictionary::Access;
+using dictionary::ObjectCode;
+using dictionary::Pdo;
+using dictionary::Type;
+
+char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
+
+std::string lower(std::string_view text) {
+  std::string result(text);
+  std::transform(result.begin(), result.end(), result.begin(), [](char c) { return lower(c); });
+  return result;
+}
+
+std::string_view trim(std::string_view text) {
+  constexpr std::string_view blank = " \t\r\n";
+  const std::size_t first = text.find_first_not_of(blank);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(blank) - first + 1);
+}
+
+// A number may have a comment behind it, although only whole lines may be comments.
+std::string_view before_comment(std::string_view text) { return trim(text.substr(0, text.find(';'))); }
+
+struct Value {
+  std::string text;
+  unsigned line = 0;
+};
+
+struct Section {
+  std::string name;  // as written
+  unsigned line = 0;
+  std::map<std::string, Value> values;  // keys in small letters
+
+  const Value* find(const std::string& key) const {
+    const auto found = values.find(key);
+    return found != values.end() && !found->second.text.empty() ? &found->second : nullptr;
+  }
+};
+
+// CiA 301 table 44 and ETG.1020 table 98, where they are not types of a dictionary: bytes of a value.
+std::optional<std::uint32_t> bytes_of_other_type(std::int64_t number) {
+  switch (number) {
+    case 0x0B: return 0U;  // UNICODE_STRING
+    case 0x0C:
+    case 0x0D: return 6U;  // TIME_OF_DAY, TIME_DIFFERENCE
+    case 0x10:
+    case 0x16: return 3U;
+    case 0x11: return 8U;  // REAL64
+    case 0x12:
+    case 0x18: return 5U;
+    case 0x13:
+    case 0x19: return 6U;
+    case 0x14:
+    case 0x1A: return 7U;
+    default: return std::nullopt;
+  }
+}
+
+std::optional<Type> type_of(std::int64_t number) {
+  switch (number) {
+    case 0x1E: return Type::unsigned8;  // BYTE, WORD, DWORD of ETG.1020
+    case 0x1F: return Type::unsigned16;
+    case 0x20: return Type::unsigned32;
+    default: break;
+  }
+  constexpr auto types =
+      std::to_array({Type::boolean, Type::integer8, Type::integer16, Type::integer32, Type::unsigned8, Type::unsigned16,
+                     Type::unsigned32, Type::real32, Type::visible_string, Type::octet_string, Type::domain,
+                     Type::integer64, Type::unsigned64});
+  for (const Type type : types) {
+    if (number == static_cast<std::int64_t>(type)) return type;
+  }
+  return std::nullopt;
+}
+
+class EdsReader {
+ public:
+  EdsReader(std::istream& in, const std::string& file) { device_.file = file, read_sections(read_text(in, file)); }
+
+  DeviceFile read() {
+    read_device();
+    for (const auto& [name, section] : sections_) {
+      if (const auto index = index_of(name)) read_object(*index, section);
+    }
+    for (const auto& [name, section] : sections_) read_lone_sub(name, section);
+    check_lists();
+    settle(device_);
+    if (device_.entries.empty()) {
+      throw DeviceFileError(device_.file, 0, "", "no object is described there", "give an EDS or DCF file");
+    }
+    read_identity();
+    return std::move(device_);
+  }
+
+ private:
+  [[noreturn]] void refuse(const Section& section, unsigned line, const char* key, const std::string& problem,
+                           const std::string& remedy) const {
+    throw DeviceFileError(device_.file, line, fmt::format("[{}] {}", section.name, key), problem, remedy);
+  }
+  void note(unsigned line, const std::string& what) {
+    device_.notes.push_back(fmt::format("{}:{}: {}", device_.file, line, what));
+  }
+
+  void read_sections(std::string_view text) {
+    Section* present = nullptr;
+    unsigned number = 0;
+    while (!text.empty()) {
+      const std::size_t end = text.find('\n');
+      const std::string_view line = trim(text.substr(0, end));
+      text = end == std::string_view::npos ? std::string_view{} : text.substr(end + 1);
+      ++number;
+      if (line.empty() || line.front() == ';' || line.front() == '#') continue;
+      if (line.front() == '[') {
+        const std::size_t close = line.find(']');
+        if (close == std::string_view::npos) {
+          throw DeviceFileError(device_.file, number, std::string(line.substr(0, 40)), "the section's name has no end",
+                                "close it with ]");
+        }
+        const std::string_view name = trim(line.substr(1, close - 1));
+        const auto [place, is_new] = sections_.try_emplace(lower(name));
+        if (!is_new)
+          note(number, fmt::format("[{}]: there is such a section before; its keys are taken together", name));
+        present = &place->second;
+        if (is_new) present->name = name, present->line = number;
+        continue;
+      }
+      const std::size_t equals = line.find('=');
+      if (equals == std::string_view::npos) {
+        note(number, fmt::format("\"{}\" is neither a section nor a key; left out", line.substr(0, 40)));
+        continue;
+      }
+      if (present == nullptr) continue;  // a preamble
+      present->values[lower(trim(line.substr(0, equals)))] = {std::string(trim(line.substr(equals + 1))), number};
+    }
+  }
+
+  const Section* section(const std::string& name) const {
+    const auto found = sections_.find(name);
+    return found == sections_.end() ? nullptr : &found->second;
+  }
+
+  std::string text_of(const Section* section, const std::string& key) const {
+    const Value* value = section != nullptr ? section->find(key) : nullptr;
+    return value != nullptr ? value->text : std::string();
+  }
+
+  std::optional<std::int64_t> number_of(const Section& section, const char* key) const {
+    const Value* value = section.find(lower(key));
+    if (value == nullptr) return std::nullopt;
+    const auto number = parse_file_number(before_comment(value->text));
+    if (!number) {
+      refuse(section, value->line, key, fmt::format("\"{}\" is no number", value->text),
+             "write a decimal number, 0x and hexadecimal digits, or 0 and octal ones");
+    }
+    return number;
+  }
+
+  void read_device() {
+    const Section* info = section("deviceinfo");
+    if (info != nullptr) {
+      device_.vendor_name = text_of(info, "vendorname");
+      device_.product_name = text_of(info, "productname");
+      device_.order_code = text_of(info, "ordercode");
+      const auto id = [&](const char* key) -> std::optional<std::uint32_t> {
+        const auto number = number_of(*info, key);
+        return number ? std::optional(static_cast<std::uint32_t>(*number)) : std::nullopt;
+      };
+      device_.vendor_id = id("VendorNumber");
+      device_.product_code = id("ProductNumber");
+      device_.revision_number = id("RevisionNumber");
+    } else {
+      note(1, "there is no [DeviceInfo]");
+    }
+    if (const Section* dummies = section("dummyusage")) {
+      for (unsigned type = 1; type <= device_.dummy_usage.size(); ++type) {
+        const auto used = number_of(*dummies, fmt::format("Dummy{:04d}", type).c_str());
+        device_.dummy_usage[type - 1] = used.value_or(0) != 0;
+      }
+    }
+  }
+
+  // Where the header does not say, the factory values of 1018h do.
+  void read_identity() {
+    const auto take = [this](std::optional<std::uint32_t>& number, std::uint8_t sub) {
+      const FileEntry* entry = device_.find(0x1018, sub);
+      if (entry == nullptr || !entry->default_value) return;
+      const auto value = static_cast<std::uint32_t>(*entry->default_value);
+      if (value != 0 || !number) number = value;
+    };
+    take(device_.vendor_id, 1);
+    take(device_.product_code, 2);
+    take(device_.revision_number, 3);
+  }
+
+  static std::optional<std::uint16_t> hex(std::string_view text) {
+    std::uint16_t value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, 16);
+    if (text.empty() || error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+    return value;
+  }
+  static std::optional<std::uint16_t> index_of(std::string_view name) {
+    return name.size() == 4 ? hex(name) : std::nullopt;
+  }
+
+  bool has_own_type(const Section& section) const { return section.find("datatype") != nullptr; }
+
+  void read_object(std::uint16_t index, const Section& section) {
+    const std::string name = text_of(&section, "parametername");
+    const auto object_type = number_of(section, "ObjectType").value_or(7);
+    const auto compact = number_of(section, "CompactSubObj").value_or(0);
+    FileEntry common;
+    common.index = index;
+    common.object_name = name;
+    common.line = section.line;
+    switch (object_type) {
+      case 0x0:
+      case 0x5:
+      case 0x6: return;  // NULL, DEFTYPE, DEFSTRUCT: no values
+      case 0x2: common.code = ObjectCode::domain; break;
+      case 0x7: common.code = ObjectCode::var; break;
+      case 0x8: common.code = ObjectCode::array; break;
+      case 0x9: common.code = ObjectCode::record; break;
+      default:
+        refuse(section, section.values.at("objecttype").line, "ObjectType",
+               fmt::format("there is no object code {}", object_type), "write 0x2, 0x7, 0x8 or 0x9");
+    }
+    if (compact != 0) return read_compact(common, section, compact);
+    unsigned subs = 0;
+    for (unsigned sub = 0; sub <= 0xFF; ++sub) {
+      const Section* element = sub_section(section, sub);
+      if (element == nullptr) continue;
+      ++subs;
+      FileEntry entry = common;
+      entry.sub = static_cast<std::uint8_t>(sub);
+      entry.line = element->line;
+      read_values(entry, *element, sub == 0);
+      device_.entries.push_back(std::move(entry));
+    }
+    const auto promised = number_of(section, "SubNumber");
+    if (subs > 0) {
+      if (promised && *promised != subs) {
+        note(section.line,
+             fmt::format("[{}]: SubNumber is {}, but {} sub-indices are described", section.name, *promised, subs));
+      }
+      return;
+    }
+    if (common.code == ObjectCode::array || common.code == ObjectCode::record) {
+      if (!has_own_type(section)) {
+        note(section.line, fmt::format("[{}]: none of its sub-indices is described; left out", section.name));
+        return;
+      }
+    }
+    read_values(common, section, false);
+    device_.entries.push_back(std::move(common));
+  }
+
+  // The section of a sub-index; "6099sub1" and "6099Sub01" are the same.
+  const Section* sub_section(const Section& object, unsigned sub) const {
+    const std::string index = lower(object.name);
+    for (const auto& name : {fmt::format("{}sub{:x}", index, sub), fmt::format("{}sub{:02x}", index, sub)}) {
+      if (const Section* found = section(name)) return found;
+    }
+    return nullptr;
+  }
+
+  // [6099sub1] without [6099].
+  void read_lone_sub(const std::string& name, const Section& section) {
+    if (name.size() < 8 || name.compare(4, 3, "sub") != 0) return;
+    const auto index = index_of(std::string_view(name).substr(0, 4));
+    const auto sub = hex(std::string_view(name).substr(7));
+    if (!index || !sub || *sub > 0xFF || sections_.contains(name.substr(0, 4))) return;
+    note(section.line, fmt::format("[{}]: there is no section [{}]", section.name, section.name.substr(0, 4)));
+    FileEntry entry;
+    entry.index = *index;
+    entry.sub = static_cast<std::uint8_t>(*sub);
+    entry.code = ObjectCode::record;
+    entry.line = section.line;
+    read_values(entry, section, *sub == 0);
+    device_.entries.push_back(std::move(entry));
+  }
+
+  // CiA 306-1 clause 4.6.4.2: one description for all sub-indices, names and values of some in sections of their own.
+  void read_compact(const FileEntry& common, const Section& section, std::int64_t count) {
+    if (count < 0 || count > 0xFE) {
+      refuse(section, section.values.at("compactsubobj").line, "CompactSubObj",
+             fmt::format("{} sub-indices cannot be", count), "write 1 to 254");
+    }
+    FileEntry highest = common;
+    highest.type = Type::unsigned8;
+    highest.access = Access::ro;
+    highest.name = "NrOfObjects";
+    highest.default_value = count;
+    device_.entries.push_back(std::move(highest));
+    FileEntry element = common;
+    read_values(element, section, false);
+    const std::string index = lower(section.name);
+    const Section* names = this->section(index + "name");
+    const Section* values = this->section(index + "value");
+    for (unsigned sub = 1; sub <= static_cast<unsigned>(count); ++sub) {
+      FileEntry entry = element;
+      entry.sub = static_cast<std::uint8_t>(sub);
+      const std::string own = text_of(names, fmt::format("{}", sub));
+      entry.name = own.empty() ? fmt::format("{}{}", common.object_name, sub) : own;
+      if (const Value* value = values != nullptr ? values->find(fmt::format("{}", sub)) : nullptr) {
+        read_default(entry, *values, *value, fmt::format("{}", sub));
+      }
+      device_.entries.push_back(std::move(entry));
+    }
+    // Sub-indices that are described for themselves go before.
+    for (unsigned sub = 0; sub <= static_cast<unsigned>(count); ++sub) {
+      const Section* own = sub_section(section, sub);
+      if (own == nullptr) continue;
+      FileEntry entry = common;
+      entry.sub = static_cast<std::uint8_t>(sub);
+      entry.line = own->line;
+      read_values(entry, *own, sub == 0);
+      std::erase_if(device_.entries, [&](const FileEntry& other) { return other.key() == entry.key(); });
+      device_.entries.push_back(std::move(entry));
+    }
+  }
+
+  void read_type(FileEntry& entry, const Section& section, bool is_count) {
+    const auto number = number_of(section, "DataType");
+    if (!number) {
+      if (is_count) {
+        entry.type = Type::unsigned8;
+      } else if (entry.code == ObjectCode::domain) {
+        entry.type = Type::domain;
+      } else {
+        refuse(section, section.line, "DataType", "the object has no data type",
+               "add DataType=, 0x0005 for UNSIGNED8 and so on (CiA 301 table 44)");
+      }
+      return;
+    }
+    if (const auto type = type_of(*number)) {
+      entry.type = *type;
+    } else if (const auto bytes = bytes_of_other_type(*number)) {
+      entry.type = Type::octet_string;
+      entry.capacity = *bytes;
+    } else {
+      note(section.values.at("datatype").line,
+           fmt::format("[{}]: data type {:04X}h is not known; kept as bytes", section.name, *number));
+      entry.type = Type::octet_string;
+    }
+  }
+
+  void read_access(FileEntry& entry, const Section& section) {
+    const Value* access = section.find("accesstype");
+    const std::string word = access != nullptr ? lower(before_comment(access->text)) : "rw";
+    const bool mappable = number_of(section, "PDOMapping").value_or(0) != 0;
+    Pdo pdo = Pdo::both;
+    if (word == "ro" || word == "const") {
+      entry.access = word == "ro" ? Access::ro : Access::constant;
+      pdo = Pdo::tpdo;
+    } else if (word == "wo") {
+      entry.access = Access::wo;
+      pdo = Pdo::rpdo;
+    } else if (word == "rw" || word == "rwr" || word == "rww") {
+      entry.access = Access::rw;
+      pdo = word == "rwr" ? Pdo::tpdo : word == "rww" ? Pdo::rpdo : Pdo::both;
+    } else {
+      refuse(section, access->line, "AccessType", fmt::format("\"{}\" is no access", access->text),
+             "write ro, wo, rw, rwr, rww or const");
+    }
+    entry.pdo = mappable ? pdo : Pdo::none;
+  }
+
+  std::optional<std::int64_t> limit(const FileEntry& entry, const Section& section, const char* key) {
+    const Value* value = section.find(lower(key));
+    if (value == nullptr || dictionary::size_of(entry.type) == 0 || entry.type == Type::real32) return std::nullopt;
+    const std::string_view text = before_comment(value->text);
+    if (text.empty() || lower(text).find("$nodeid") != std::string::npos) return std::nullopt;
+    const auto number = parse_file_number(text);
+    if (number) return of_type(entry.type, *number);
+    note(value->line,
+         fmt::format("[{}] {}: \"{}\" is no number; the type's limit counts", section.name, key, value->text));
+    return std::nullopt;
+  }
+
+  // Hexadecimal limits of a signed type are its bits: 0x8000 is the lowest INTEGER16.
+  static std::int64_t of_type(Type type, std::int64_t value) {
+    const unsigned bits = dictionary::size_of(type) * 8U;
+    if (!dictionary::is_signed(type) || bits == 64 || value <= dictionary::maximum_of(type)) return value;
+    if (value >> bits != 0) return value;
+    return value - (std::int64_t{1} << bits);
+  }
+
+  void read_default(FileEntry& entry, const Section& section, const Value& value, const std::string& key) {
+    if (dictionary::size_of(entry.type) == 0) {
+      entry.content = value.text;
+      if (entry.type == Type::octet_string) entry.content = octets(value.text);
+      if (entry.type == Type::domain) entry.content.clear();
+      return;
+    }
+    std::string text = lower(before_comment(value.text));
+    text.erase(std::remove_if(text.begin(), text.end(), [](char c) { return c == ' ' || c == '\t'; }), text.end());
+    constexpr std::string_view node_id = "$nodeid";
+    if (const std::size_t at = text.find(node_id); at != std::string::npos) {
+      entry.default_adds_node_id = true;
+      text.erase(at, node_id.size());
+      if (text.starts_with('+')) text.erase(0, 1);
+      if (text.ends_with('+')) text.pop_back();
+      if (text.empty()) text = "0";
+    }
+    if (entry.type == Type::real32 && !text.starts_with("0x")) {
+      float number = 0;
+      const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+      if (error == std::errc{} && end == text.data() + text.size()) {
+        entry.default_value = std::bit_cast<std::uint32_t>(number);
+        return;
+      }
+    }
+    const auto number = parse_file_number(text);
+    if (!number) {
+      note(value.line,
+           fmt::format("[{}] {}: \"{}\" is no value of its type; 0 is taken", section.name, key, value.text));
+      return;
+    }
+    entry.default_value = of_type(entry.type, *number);
+  }
+
+  // "0x01 0x02", "01 02" or plain text.
+  static std::string octets(std::string_view text) {
+    std::string bytes;
+    std::string digits;
+    for (std::string_view rest = text; !rest.empty();) {
+      const std::size_t end = std::min(rest.find(' '), rest.size());
+      std::string_view word = rest.substr(0, end);
+      rest = trim(rest.substr(end));
+      if (word.starts_with("0x") || word.starts_with("0X")) word.remove_prefix(2);
+      digits += word;
+    }
+    for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
+      unsigned byte = 0;
+      const auto [end, error] = std::from_chars(&digits[i], &digits[i] + 2, byte, 16);
+      if (error != std::errc{} || end != &digits[i] + 2) return std::string(text);
+      bytes += static_cast<char>(byte);
+    }
+    return digits.size() % 2 == 0 ? bytes : std::string(text);
+  }
+
+  void read_values(FileEntry& entry, const Section& section, bool is_count) {
+    entry.name = text_of(&section, "parametername");
+    if (entry.object_name.empty()) entry.object_name = entry.name;
+    read_type(entry, section, is_count);
+    read_access(entry, section);
+    entry.minimum = limit(entry, section, "LowLimit");
+    entry.maximum = limit(entry, section, "HighLimit");
+    if (const Value* value = section.find("defaultvalue")) read_default(entry, section, *value, "DefaultValue");
+    if (const Value* value = section.find("parametervalue")) read_default(entry, section, *value, "ParameterValue");
+  }
+
+  // What the lists of objects promise and no section describes.
+  void check_lists() {
+    for (const char* name : {"mandatoryobjects", "optionalobjects", "manufacturerobjects"}) {
+      const Section* list = section(name);
+      if (list == nullptr) continue;
+      for (const auto& [key, value] : list->values) {
+        if (key == "supportedobjects") continue;
+        const auto index = parse_file_number(before_comment(value.text));
+        if (index && sections_.contains(fmt::format("{:04x}", *index))) continue;
+        note(value.line, fmt::format("[{}]: {} is listed, but not described", list->name, value.text));
+      }
+    }
+  }
+
+  DeviceFile device_;
+  std::map<std::string, Section> sections_;  // by name in small letters
+};
+
+}  // namespace
+
+DeviceFile read_eds(std::istream& in, const std::string& file) { return EdsReader(in, file).read(); }
+
+}  // namespace servodrome::describe
