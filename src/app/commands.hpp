@@ -40,5 +40,6 @@ void add_torque(CLI::App& app);
 void add_probe(CLI::App& app);
 void add_run(CLI::App& app);
 void add_params(CLI::App& app);
+void add_sniff(CLI::App& app);
 
 }  // namespace servodrome::app

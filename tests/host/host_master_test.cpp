@@ -1,5 +1,4 @@
 #include "can_line.hpp"
-#include "host/canopen/decode.hpp"
 #include "host/canopen/master.hpp"
 #include "host/canopen/sdo_client.hpp"
 
@@ -123,26 +122,6 @@ TEST_F(MasterTest, AHeartbeatOfItsOwn) {
   line.bus.run_for(100ms);
   ASSERT_TRUE(master.health(5).emergency);
   EXPECT_EQ(master.health(5).emergency->code, 0x8130);
-}
-
-TEST(Decode, FramesInWords) {
-  const auto said = [](const char* text) { return describe(frame_of(text)); };
-  EXPECT_EQ(said("000 # 01 05"), "NMT  start: node 5");
-  EXPECT_EQ(said("000 # 81 00"), "NMT  reset node: all nodes");
-  EXPECT_EQ(said("080 # 07"), "SYNC  7");
-  EXPECT_EQ(said("605 # 40 41 60 00 00 00 00 00"), "node 5   SDO  read 6041:00 Statusword");
-  EXPECT_EQ(said("585 # 4B 41 60 00 37 02 00 00"), "node 5   SDO  6041:00 Statusword is 567 (0237h)");
-  EXPECT_EQ(said("605 # 23 7A 60 00 FE FF FF FF"), "node 5   SDO  write 607A:00 Target position = -2");
-  EXPECT_EQ(said("585 # 80 99 60 01 32 00 09 06"),
-            "node 5   SDO  abort 6099:01 Homing speeds.Speed during search for switch: 0609 0032h value too low");
-  EXPECT_EQ(said("705 # 00"), "node 5   boot-up");
-  EXPECT_EQ(said("705 # 05"), "node 5   heartbeat operational");
-  EXPECT_EQ(said("705 RTR"), "node 5   guarding request");
-  EXPECT_EQ(said("285 # 01 02"), "node 5   TPDO2 01 02");
-  EXPECT_EQ(said("505 # FF"), "node 5   RPDO4 FF");
-  EXPECT_EQ(said("085 # 10 32 05 00 00 00 00 00"),
-            "node 5   EMCY 3210h DC link over-voltage, error register 05h, vendor 00 00 00 00 00");
-  EXPECT_EQ(said("785 # 00"), "");
 }
 
 }  // namespace

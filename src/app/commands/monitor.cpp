@@ -7,7 +7,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
-#include "host/canopen/decode.hpp"
+#include "host/sniff/can_decoder.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -38,13 +38,12 @@ void monitor_bus(const Options& options) {
   }
   const auto bus = open_bus(options.bus);
   const host::Time start = bus->now();
+  host::CanDecoder decoder;
   const auto listening = bus->listen([&](const host::Frame& frame) {
     const double at = seconds_between(start, bus->now());
-    const unsigned function = frame.id >> 7;
-    const auto frame_node = static_cast<unsigned>(frame.id & 0x7F);
-    const bool of_node = function != 0 && frame_node == options.bus.node_id;
-    if (options.bus.node_id != 0 && !of_node) return;
-    const std::string meaning = host::describe(frame);
+    const host::Decoded decoded = decoder.decode(frame, bus->now());
+    if (options.bus.node_id != 0 && decoded.node != options.bus.node_id) return;
+    const std::string meaning = decoded.source.empty() ? decoded.text : decoded.source + " " + decoded.text;
     if (options.bus.json) {
       nlohmann::ordered_json json{
           {"seconds", at}, {"id", frame.id}, {"extended", frame.extended}, {"remote", frame.remote}};
@@ -52,7 +51,7 @@ void monitor_bus(const Options& options) {
       json["meaning"] = meaning;
       fmt::print("{}\n", json.dump());
     } else {
-      fmt::print("{:12.6f}  {:<34} {}\n", at, host::raw_text(frame), meaning);
+      fmt::print("{:12.6f}  {:<34} {}\n", at, decoded.raw, meaning);
     }
     std::fflush(stdout);
   });

@@ -1,0 +1,52 @@
+// Any bytes as a capture file, through the decoders of both buses, and as a data sheet. The sanitizers look for misuse
+// of memory; refusals are exceptions of the two kinds that callers expect.
+#include <cstdio>
+#include <memory>
+#include <sstream>
+
+#include "describe/device_file.hpp"
+#include "host/error.hpp"
+#include "host/sniff/can_decoder.hpp"
+#include "host/sniff/capture_file.hpp"
+#include "host/sniff/ethercat_decoder.hpp"
+
+using namespace servodrome;
+
+namespace {
+
+void decode_capture(const std::uint8_t* data, std::size_t size) {
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(::fmemopen(const_cast<std::uint8_t*>(data), size, "rb"),
+                                                             &std::fclose);
+  if (!file) return;
+  host::CanDecoder can;
+  host::EthercatDecoder ethercat;
+  ethercat.show_sent(true);
+  try {
+    host::CaptureFile capture(file.get(), "fuzz");
+    while (const auto frame = capture.next()) {
+      if (const auto* on_can = std::get_if<canopen::Frame>(&frame->content)) can.decode(*on_can, frame->time);
+      if (const auto* bytes = std::get_if<host::EthernetBytes>(&frame->content)) ethercat.decode(*bytes, frame->time);
+    }
+  } catch (const host::HostError&) {
+  }
+}
+
+void read_data_sheet(const std::uint8_t* data, std::size_t size) {
+  std::istringstream text(std::string(reinterpret_cast<const char*>(data), size));
+  try {
+    host::DeviceModel::of(describe::read_eds(text, "fuzz"));
+  } catch (const describe::DeviceFileError&) {
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size < 2) return 0;
+  if (data[0] % 2 == 0) {
+    decode_capture(data + 1, size - 1);
+  } else {
+    read_data_sheet(data + 1, size - 1);
+  }
+  return 0;
+}

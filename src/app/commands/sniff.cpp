@@ -1,0 +1,328 @@
+// `sniff`: a capture, or a live bus, in words.
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fmt/format.h>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <poll.h>
+
+#include "app/bus_options.hpp"
+#include "app/commands.hpp"
+#include "app/number_options.hpp"
+#include "describe/device_file.hpp"
+#include "host/sniff/can_decoder.hpp"
+#include "host/sniff/capture_file.hpp"
+#include "host/sniff/ethercat_decoder.hpp"
+#include "host/sniff/summary.hpp"
+#include "line/nearest_name.hpp"
+#include "line/registry.hpp"
+#include "links/can/frame_length.hpp"
+#include "links/ethercat/link_name.hpp"
+#include "links/ethercat/packet_socket.hpp"
+#include "links/link_error.hpp"
+
+namespace servodrome::app {
+namespace {
+
+struct Options {
+  std::string source;
+  std::vector<std::string> filters;
+  std::vector<std::string> eds;
+  std::vector<std::string> products;
+  double seconds = 0.0;  // 0: until Ctrl-C, or the end
+  unsigned bit_rate = 1'000'000;
+  bool sent = false;
+  bool summary = false;
+  bool quiet = false;
+  bool json = false;
+};
+
+constexpr unsigned ethercat_bit_rate = 100'000'000;
+constexpr unsigned ethernet_overhead_bytes = 24;  // preamble, FCS and the gap between frames
+constexpr unsigned least_ethernet_bytes = 60;
+constexpr unsigned error_frame_bits = 20;  // at most 12 of flags, 8 of delimiter (ISO 11898-1, 10.4.4)
+
+// Writes down what the decoders say.
+class Sniffer {
+ public:
+  explicit Sniffer(const Options& options) : options_(options) {
+    host::ObjectCatalogue names = host::ObjectCatalogue::standard();
+    for (const std::string& option : options.eds) add_eds(option, names);
+    for (const std::string& option : options.products) add_product(option, names);
+    for (const std::string& word : options.filters) {
+      try {
+        filter_.add(word, names);
+      } catch (const host::HostError& error) {
+        throw Failure::wrong_use(error.what());
+      }
+    }
+    ethercat_.show_sent(options.sent);
+  }
+
+  void take(const canopen::Frame& frame, host::Time time) {
+    can_seen_ = true;
+    summary_.count_frame(time, links::frame_length_bits(frame) + links::interframe_space_bits);
+    show(can_.decode(frame, time));
+  }
+  void take(const host::CanErrorFrame& error, host::Time time) {
+    can_seen_ = true;
+    summary_.count_frame(time, error_frame_bits);
+    host::Decoded decoded;
+    decoded.time = time;
+    decoded.kind = host::FrameKind::error;
+    decoded.error = true;
+    decoded.raw = "error frame";
+    decoded.text = fmt::format("error on the wire, class {:08X}h", error.error_class);
+    show(decoded);
+  }
+  void take(const host::EthernetBytes& bytes, host::Time time) { take(std::span<const std::uint8_t>(bytes), time); }
+  void take(std::span<const std::uint8_t> frame, host::Time time) {
+    const std::size_t bytes = std::max<std::size_t>(frame.size(), least_ethernet_bytes) + ethernet_overhead_bytes;
+    summary_.count_frame(time, static_cast<unsigned>(bytes) * 8);
+    for (const host::Decoded& decoded : ethercat_.decode(frame, time)) show(decoded);
+  }
+
+  void finish() const {
+    if (options_.summary || options_.quiet) options_.json ? print_json_summary() : print_summary();
+  }
+
+ private:
+  // "FILE", or "2=FILE" for one node or slave.
+  static std::pair<unsigned, std::string> of_node(const std::string& option) {
+    const std::size_t equals = option.find('=');
+    if (equals == std::string::npos || equals == 0 || equals > 3) return {0, option};
+    if (option.find_first_not_of("0123456789") != equals) return {0, option};
+    const unsigned node = static_cast<unsigned>(std::stoul(option.substr(0, equals)));
+    if (node > 127) throw Failure::wrong_use(fmt::format("{}: node-IDs and positions are 1..127", option));
+    return {node, option.substr(equals + 1)};
+  }
+
+  void add_model(unsigned node, const host::DeviceModel& model) {
+    can_.set_model(static_cast<std::uint8_t>(node), model);
+    ethercat_.set_model(node, model);
+  }
+
+  void add_eds(const std::string& option, host::ObjectCatalogue& names) {
+    const auto [node, path] = of_node(option);
+    std::ifstream file(path);
+    if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", path));
+    try {
+      const describe::DeviceFile device = describe::read_eds(file, path);
+      add_model(node, host::DeviceModel::of(device));
+      names = host::ObjectCatalogue::of(device);
+    } catch (const describe::DeviceFileError& error) {
+      throw Failure::wrong_use(fmt::format("--eds {}", error.what()));
+    }
+  }
+
+  void add_product(const std::string& option, host::ObjectCatalogue& names) {
+    const auto [node, name] = of_node(option);
+    const line::Product* product = line::find_product(line::all_products(), name);
+    if (product == nullptr) {
+      std::vector<std::string_view> known;
+      for (const line::Product& one : line::all_products()) known.push_back(one.name);
+      throw Failure::wrong_use(
+          fmt::format("--product {}: there is no such product; {}", name, line::suggestion(name, known)));
+    }
+    const auto table = product->describe().table;
+    add_model(node, host::DeviceModel::of(table));
+    names = host::ObjectCatalogue::of(table);
+  }
+
+  void show(const host::Decoded& decoded) {
+    summary_.count(decoded);
+    if (options_.quiet || !filter_.passes(decoded)) return;
+    const double at = std::chrono::duration<double>(decoded.time - *summary_.first).count();
+    if (options_.json) {
+      print_json(decoded, at);
+    } else {
+      fmt::print("{:12.6f}  {:<34} {:<10} {}{}\n", at, decoded.raw, decoded.source, decoded.text,
+                 decoded.error ? "  !" : "");
+    }
+    std::fflush(stdout);
+  }
+
+  static void print_json(const host::Decoded& decoded, double at) {
+    nlohmann::ordered_json json{{"seconds", at}, {"kind", host::name(decoded.kind)}, {"node", nullptr}};
+    if (decoded.node) json["node"] = *decoded.node;
+    json["source"] = decoded.source;
+    json["raw"] = decoded.raw;
+    json["text"] = decoded.text;
+    json["error"] = decoded.error;
+    json["values"] = nlohmann::ordered_json::array();
+    for (const host::DecodedValue& value : decoded.values) {
+      json["values"].push_back({{"object", host::text_of(value.object)}, {"name", value.name}, {"value", value.text}});
+    }
+    fmt::print("{}\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  }
+
+  std::uint32_t bit_rate() const { return can_seen_ ? options_.bit_rate : ethercat_bit_rate; }
+
+  void print_summary() const {
+    fmt::print("\n{} frames in {:.6f} s, {} errors\n", summary_.frames, summary_.seconds(), summary_.errors);
+    for (std::size_t kind = 0; kind < host::frame_kinds; ++kind) {
+      if (summary_.kinds[kind] == 0) continue;
+      fmt::print("  {:<14}{:>10}\n", host::name(static_cast<host::FrameKind>(kind)), summary_.kinds[kind]);
+    }
+    for (const auto& [source, count] : summary_.sources) fmt::print("  {:<14}{:>10}\n", source, count);
+    if (const auto load = summary_.bus_load(bit_rate())) {
+      fmt::print("bus load {:.2f} % of {} kbit/s\n", *load, bit_rate() / 1000);
+    }
+    if (ethercat_.sent_frames() + ethercat_.returned_frames() > 0) {
+      fmt::print("EtherCAT: {} frames sent, {} came back, {} lost\n", ethercat_.sent_frames(),
+                 ethercat_.returned_frames(), ethercat_.lost());
+    }
+  }
+
+  void print_json_summary() const {
+    nlohmann::ordered_json json{{"event", "summary"},
+                                {"frames", summary_.frames},
+                                {"seconds", summary_.seconds()},
+                                {"errors", summary_.errors}};
+    json["kinds"] = nlohmann::ordered_json::object();
+    for (std::size_t kind = 0; kind < host::frame_kinds; ++kind) {
+      if (summary_.kinds[kind] != 0) {
+        json["kinds"][std::string(host::name(static_cast<host::FrameKind>(kind)))] = summary_.kinds[kind];
+      }
+    }
+    json["sources"] = summary_.sources;
+    json["bus_load_percent"] = nullptr;
+    if (const auto load = summary_.bus_load(bit_rate())) json["bus_load_percent"] = *load;
+    json["bit_rate"] = bit_rate();
+    json["ethercat"] = {
+        {"sent", ethercat_.sent_frames()}, {"returned", ethercat_.returned_frames()}, {"lost", ethercat_.lost()}};
+    fmt::print("{}\n", json.dump());
+  }
+
+  const Options& options_;
+  host::CanDecoder can_;
+  host::EthercatDecoder ethercat_;
+  host::SniffFilter filter_;
+  host::SniffSummary summary_;
+  bool can_seen_ = false;
+};
+
+bool is_over(const Options& options, host::Time start, host::Time now) {
+  return InterruptGuard::interrupted() ||
+         (options.seconds > 0 && std::chrono::duration<double>(now - start).count() >= options.seconds);
+}
+
+// What was understood before a capture goes wrong is shown, its summary as well.
+void sniff_file(const Options& options, Sniffer& sniffer) {
+  struct Close {
+    void operator()(std::FILE* file) const {
+      if (file != stdin) std::fclose(file);
+    }
+  };
+  const std::unique_ptr<std::FILE, Close> file(options.source == "-" ? stdin
+                                                                     : std::fopen(options.source.c_str(), "rb"));
+  if (!file) {
+    throw Failure::wrong_use(fmt::format(
+        "{}: {}; give a capture file, - for standard input, or a live bus (socketcand:, socketcan:, slcan:, raw:)",
+        options.source, std::strerror(errno)));
+  }
+  const InterruptGuard guard;
+  try {
+    host::CaptureFile capture(file.get(), options.source);
+    std::optional<host::Time> start;
+    while (const auto frame = capture.next()) {
+      if (!start) start = frame->time;
+      if (is_over(options, *start, frame->time)) break;
+      std::visit([&](const auto& content) { sniffer.take(content, frame->time); }, frame->content);
+    }
+  } catch (const host::HostError&) {
+    sniffer.finish();
+    throw;
+  }
+  sniffer.finish();
+}
+
+void sniff_can(const Options& options, Sniffer& sniffer) {
+  BusOptions bus_options;
+  bus_options.link = options.source;
+  const auto bus = open_bus(bus_options);
+  const auto listening = bus->listen([&](const host::Frame& frame) { sniffer.take(frame, bus->now()); });
+  const InterruptGuard guard;
+  const host::Time start = bus->now();
+  while (!is_over(options, start, bus->now())) bus->run_for(std::chrono::milliseconds(50));
+  sniffer.finish();
+}
+
+void sniff_ethercat(const Options& options, Sniffer& sniffer) {
+  const auto link = links::parse_ethercat_link(options.source);
+  const auto* raw = std::get_if<links::RawName>(&link);
+  if (raw == nullptr) {
+    throw Failure::wrong_use(
+        fmt::format("{}: nobody else can listen to a UDP connection; capture it with tcpdump, or `servodrome up --log`",
+                    options.source));
+  }
+  links::PacketSocket socket(raw->interface, options.source);
+  const InterruptGuard guard;
+  const auto now = [] { return host::Time(std::chrono::steady_clock::now().time_since_epoch()); };
+  const host::Time start = now();
+  while (!is_over(options, start, now())) {
+    pollfd wanted{socket.descriptor(), POLLIN, 0};
+    ::poll(&wanted, 1, 50);
+    for (auto frame = socket.frame(0); !frame.empty(); frame = socket.frame(0)) {
+      sniffer.take(std::span<const std::uint8_t>(frame), now());
+      socket.release(1);
+    }
+    if (const int reason = socket.take_error(); reason != 0) {
+      throw Failure::did_not_work(fmt::format("{}: {}", options.source, std::strerror(reason)));
+    }
+  }
+  sniffer.finish();
+}
+
+bool begins_with_any(const std::string& text, std::initializer_list<std::string_view> beginnings) {
+  return std::any_of(beginnings.begin(), beginnings.end(), [&](std::string_view one) { return text.starts_with(one); });
+}
+
+void run(const Options& options) {
+  Sniffer sniffer(options);
+  if (begins_with_any(options.source, {"socketcand:", "socketcan:", "slcan:"})) {
+    sniff_can(options, sniffer);
+  } else if (begins_with_any(options.source, {"raw:", "udp:"})) {
+    try {
+      sniff_ethercat(options, sniffer);
+    } catch (const links::LinkError& error) {
+      throw Failure::wrong_use(error.what());
+    }
+  } else {
+    sniff_file(options, sniffer);
+  }
+}
+
+}  // namespace
+
+void add_sniff(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "sniff", "Show a capture or a live bus in words: services, objects by name with values, states, errors");
+  command
+      ->add_option("SOURCE", options->source,
+                   "Capture (candump log, pcap or pcapng of CAN or EtherCAT; - is standard input), or a live bus: "
+                   "socketcand:HOST:PORT/BUS, socketcan:INTERFACE, slcan:PATH, or for EtherCAT raw:INTERFACE")
+      ->required();
+  command
+      ->add_option(
+          "--filter", options->filters,
+          "Show only node=N, kind=KIND or object=OBJECT; several values with commas, several options all apply")
+      ->allow_extra_args(false);
+  command->add_option("--eds", options->eds, "[NODE=]FILE: names, types and default PDOs from an EDS or DCF")
+      ->allow_extra_args(false);
+  command->add_option("--product", options->products, "[NODE=]PRODUCT: the same of one of our products")
+      ->allow_extra_args(false);
+  command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
+  command->add_option("--bit-rate", options->bit_rate, "Of a CAN bus, for its load, bit/s")
+      ->check(CLI::Range(10'000, 1'000'000).description(""))
+      ->capture_default_str();
+  command->add_flag("--sent", options->sent, "EtherCAT: show frames as the master sent them, too");
+  command->add_flag("--summary", options->summary, "At the end: frames by service and source, errors, bus load");
+  command->add_flag("--quiet", options->quiet, "The summary alone");
+  command->add_flag("--json", options->json, "Print JSON, a line per frame");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

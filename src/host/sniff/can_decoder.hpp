@@ -1,0 +1,52 @@
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory>
+
+#include "canopen/frame.hpp"
+#include "host/sniff/pdo_mapping.hpp"
+#include "host/sniff/sdo_conversation.hpp"
+
+namespace servodrome::host {
+
+// A CAN bus in words, by the predefined connection set (CiA 301 table 39) and by what is heard of other COB-IDs and
+// mappings. Sans-IO: frames in, words out. Remembers SDO transfers and PDO configurations, so frames come in order.
+class CanDecoder {
+ public:
+  CanDecoder();
+  // What a node is (1..127), or every node (0) that is not told apart.
+  void set_model(std::uint8_t node_id, DeviceModel model);
+
+  Decoded decode(const canopen::Frame& frame, Time time);
+
+ private:
+  struct Node {
+    std::shared_ptr<const DeviceModel> model;
+    PdoObjects pdos;
+    SdoConversation sdo;
+  };
+  // Whose PDO a CAN-ID is.
+  struct Place {
+    std::uint8_t node_id = 0;  // 0: nobody's
+    bool transmit = false;     // a TPDO
+    std::uint16_t number = 0;  // from 0 on
+  };
+
+  Node& node(std::uint8_t node_id);
+  Place place_of(std::uint32_t can_id);
+  void rebuild_places();
+  void decode_sdo(const canopen::Frame& frame, std::uint8_t node_id, bool from_client, Decoded& decoded);
+  void decode_pdo(const canopen::Frame& frame, Place place, Decoded& decoded);
+  bool decode_service(const canopen::Frame& frame, Decoded& decoded);
+
+  std::shared_ptr<const DeviceModel> standard_;
+  std::map<std::uint8_t, std::shared_ptr<const DeviceModel>> models_;
+  std::map<std::uint8_t, Node> nodes_;
+  std::map<std::uint32_t, Place> places_;  // CAN-IDs that were configured or are a model's
+};
+
+// "585 [8] 4B 41 60 00 37 02 00 00", "701 [1] remote"
+std::string raw_text(const canopen::Frame& frame);
+
+}  // namespace servodrome::host

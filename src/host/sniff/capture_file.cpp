@@ -1,0 +1,288 @@
+#include "host/sniff/capture_file.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <charconv>
+#include <cstring>
+#include <fmt/format.h>
+#include <string_view>
+
+#include "host/error.hpp"
+
+namespace servodrome::host {
+namespace {
+
+constexpr std::uint32_t pcap_microseconds = 0xA1B2C3D4;
+constexpr std::uint32_t pcap_nanoseconds = 0xA1B23C4D;
+constexpr std::uint32_t pcapng_section = 0x0A0D0D0A;
+constexpr std::uint32_t pcapng_byte_order = 0x1A2B3C4D;
+constexpr std::uint32_t pcapng_interface = 1;
+constexpr std::uint32_t pcapng_packet = 6;
+constexpr std::size_t most_packet = 256 * 1024;
+constexpr std::size_t longest_line = 4096;
+
+// https://www.tcpdump.org/linktypes.html
+constexpr unsigned linktype_ethernet = 1;
+constexpr unsigned linktype_sll = 113;
+constexpr unsigned linktype_can = 227;
+constexpr unsigned protocol_can = 0x000C;  // of linktype_sll
+constexpr std::size_t sll_header = 16;
+
+// Bits of a SocketCAN identifier (linux/can.h).
+constexpr std::uint32_t extended_flag = 0x80000000;
+constexpr std::uint32_t remote_flag = 0x40000000;
+constexpr std::uint32_t error_flag = 0x20000000;
+
+std::variant<canopen::Frame, CanErrorFrame> frame_of(std::uint32_t id, std::uint8_t length,
+                                                     std::span<const std::uint8_t> data) {
+  if ((id & error_flag) != 0) return CanErrorFrame{id & 0x1FFFFFFF};
+  canopen::Frame frame;
+  frame.extended = (id & extended_flag) != 0;
+  frame.remote = (id & remote_flag) != 0;
+  frame.id = id & (frame.extended ? 0x1FFFFFFFU : 0x7FFU);
+  frame.length = length;
+  std::copy_n(data.begin(), std::min(data.size(), frame.data.size()), frame.data.begin());
+  return frame;
+}
+
+template <typename T>
+bool number(std::string_view text, T& value, int base) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  return !text.empty() && error == std::errc{} && end == text.data() + text.size();
+}
+
+// "(1436509052.249713) can0 123#1122"; nothing: it is no such line.
+std::optional<CapturedFrame> parse_candump(std::string_view line) {
+  if (!line.starts_with('(')) return std::nullopt;
+  const std::size_t dot = line.find('.');
+  const std::size_t close = line.find(')');
+  const std::size_t hash = line.find('#');
+  const std::size_t gap = hash == std::string_view::npos ? hash : line.rfind(' ', hash);
+  if (dot == std::string_view::npos || close == std::string_view::npos || dot > close) return std::nullopt;
+  if (gap == std::string_view::npos || gap < close) return std::nullopt;
+  std::int64_t seconds = 0;
+  std::int64_t fraction = 0;
+  std::string digits(line.substr(dot + 1, close - dot - 1));
+  if (digits.size() > 9) return std::nullopt;
+  digits.resize(9, '0');
+  if (!number(line.substr(1, dot - 1), seconds, 10) || !number(digits, fraction, 10)) return std::nullopt;
+  if (seconds < 0 || seconds > 9'000'000'000 || fraction < 0) return std::nullopt;
+  const std::string_view id_text = line.substr(gap + 1, hash - gap - 1);
+  std::string_view rest = line.substr(hash + 1);
+  rest = rest.substr(0, rest.find(' '));  // candump adds a direction
+  std::uint32_t id = 0;
+  if ((id_text.size() != 3 && id_text.size() != 8) || !number(id_text, id, 16)) return std::nullopt;
+  if (id_text.size() == 8) id |= (id & error_flag) != 0 ? 0 : extended_flag;
+  CapturedFrame captured{links::Time(seconds * 1'000'000'000 + fraction), {}};
+  if (rest.starts_with('R')) {
+    std::uint8_t length = 0;
+    if (rest.size() > 1 && !number(rest.substr(1), length, 10)) return std::nullopt;
+    std::visit([&](auto one) { captured.content = one; }, frame_of(id | remote_flag, length, {}));
+    return captured;
+  }
+  std::vector<std::uint8_t> data;
+  if (rest.size() % 2 != 0 || rest.size() > 16) return std::nullopt;
+  for (std::size_t i = 0; i < rest.size(); i += 2) {
+    std::uint8_t byte = 0;
+    if (!number(rest.substr(i, 2), byte, 16)) return std::nullopt;
+    data.push_back(byte);
+  }
+  std::visit([&](auto one) { captured.content = one; }, frame_of(id, static_cast<std::uint8_t>(data.size()), data));
+  return captured;
+}
+
+}  // namespace
+
+CaptureFile::CaptureFile(std::FILE* file, std::string name) : file_(file), name_(std::move(name)) {
+  std::array<std::uint8_t, 24> head{};
+  const std::size_t got = std::fread(head.data(), 1, 4, file_);
+  head_.assign(reinterpret_cast<const char*>(head.data()), got);
+  if (got < 4) return;  // an empty file has no frames; next() refuses what is shorter than a line
+  std::uint32_t magic = 0;
+  std::memcpy(&magic, head.data(), sizeof magic);
+  const std::uint32_t other = __builtin_bswap32(magic);
+  offset_ = 4;
+  if (magic == pcapng_section) {
+    format_ = Format::pcapng;
+    std::array<std::uint8_t, 4> length{};
+    read(length.data(), length.size(), "the section header", false);
+    read_section(length.data());
+    return;
+  }
+  const auto is_pcap = [](std::uint32_t word) { return word == pcap_microseconds || word == pcap_nanoseconds; };
+  if (!is_pcap(magic) && !is_pcap(other)) return;
+  format_ = Format::pcap;
+  swapped_ = is_pcap(other);
+  read(head.data() + 4, 20, "the file header", false);
+  const bool nanoseconds = (swapped_ ? other : magic) == pcap_nanoseconds;
+  interfaces_ = {{u32(&head[20]) & 0x0FFFFFFF, nanoseconds ? 1'000'000'000U : 1'000'000U}};
+}
+
+void CaptureFile::refuse(const std::string& problem) const {
+  const std::string where = format_ == Format::candump && line_ != 0 ? fmt::format("{}:{}", name_, line_)
+                                                                     : fmt::format("{}, byte {}", name_, offset_);
+  throw HostError(problem, where, "give a candump log (candump -L), or a pcap or pcapng file");
+}
+
+std::uint16_t CaptureFile::u16(const std::uint8_t* at) const {
+  std::uint16_t value = 0;
+  std::memcpy(&value, at, sizeof value);
+  return swapped_ ? __builtin_bswap16(value) : value;
+}
+
+std::uint32_t CaptureFile::u32(const std::uint8_t* at) const {
+  std::uint32_t value = 0;
+  std::memcpy(&value, at, sizeof value);
+  return swapped_ ? __builtin_bswap32(value) : value;
+}
+
+bool CaptureFile::read(std::uint8_t* into, std::size_t size, const char* what, bool may_end) {
+  const std::size_t got = std::fread(into, 1, size, file_);
+  if (got == 0 && may_end) return false;
+  if (got < size) {
+    offset_ += got;
+    refuse(fmt::format("the file ends within {}", what));
+  }
+  offset_ += size;
+  return true;
+}
+
+std::optional<CapturedFrame> CaptureFile::next() {
+  for (;;) {
+    const std::uint64_t before = skipped_;
+    auto frame = format_ == Format::candump ? next_line() : format_ == Format::pcap ? next_packet() : next_block();
+    if (frame || skipped_ == before) return frame;
+  }
+}
+
+std::optional<CapturedFrame> CaptureFile::next_line() {
+  for (;;) {
+    ++line_;
+    std::string line = std::move(head_);
+    head_.clear();
+    // The head may hold a line's end.
+    if (const std::size_t end = line.find('\n'); end != std::string::npos) {
+      head_ = line.substr(end + 1);
+      line.resize(end);
+    } else {
+      int character = EOF;
+      while ((character = std::getc(file_)) != EOF && character != '\n') {
+        if (line.size() == longest_line || character == 0) refuse("this is no line of a candump log");
+        line += static_cast<char>(character);
+      }
+      if (character == EOF && line.empty()) return std::nullopt;
+    }
+    if (line.ends_with('\r')) line.pop_back();
+    if (line.empty()) continue;
+    if (auto frame = parse_candump(line)) return frame;
+    std::string shown = line.substr(0, 40);
+    std::replace_if(
+        shown.begin(), shown.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+    refuse(fmt::format("\"{}\" is no line of a candump log", shown));
+  }
+}
+
+std::optional<CapturedFrame> CaptureFile::next_packet() {
+  std::array<std::uint8_t, 16> header{};
+  if (!read(header.data(), header.size(), "a packet header", true)) return std::nullopt;
+  const std::uint32_t length = u32(&header[8]);
+  if (length > most_packet) refuse(fmt::format("a packet of {} bytes cannot be", length));
+  const std::uint64_t nanoseconds = u32(&header[4]) * (1'000'000'000 / interfaces_[0].ticks_per_second);
+  const links::Time time(static_cast<std::int64_t>(u32(header.data()) * 1'000'000'000ULL + nanoseconds));
+  std::vector<std::uint8_t> bytes(length);
+  if (length > 0) read(bytes.data(), length, "a packet", false);
+  return content_of(interfaces_[0].link_type, time, std::move(bytes));
+}
+
+void CaptureFile::read_section(const std::uint8_t* length) {
+  std::array<std::uint8_t, 4> order{};
+  read(order.data(), order.size(), "the section header", false);
+  swapped_ = false;
+  if (u32(order.data()) != pcapng_byte_order) swapped_ = true;
+  if (u32(order.data()) != pcapng_byte_order) refuse("the section header has no byte order");
+  const std::uint32_t bytes = u32(length);
+  if (bytes < 28 || bytes > most_packet) refuse(fmt::format("a section header of {} bytes cannot be", bytes));
+  std::vector<std::uint8_t> rest(bytes - 12);
+  read(rest.data(), rest.size(), "the section header", false);
+  interfaces_.clear();
+}
+
+// One block; skipped_ counts those that carry no frame.
+std::optional<CapturedFrame> CaptureFile::next_block() {
+  std::array<std::uint8_t, 8> header{};
+  if (!read(header.data(), header.size(), "a block header", true)) return std::nullopt;
+  const std::uint32_t type = u32(header.data());
+  if (type == pcapng_section) {
+    read_section(&header[4]);
+    ++skipped_;
+    return std::nullopt;
+  }
+  const std::uint32_t length = u32(&header[4]);
+  if (length < 12 || length % 4 != 0 || length > most_packet)
+    refuse(fmt::format("a block of {} bytes cannot be", length));
+  std::vector<std::uint8_t> block(length - 8);
+  read(block.data(), block.size(), "a block", false);
+  const std::size_t size = block.size() - 4;  // its length once more
+  if (type == pcapng_interface && size >= 8) {
+    Interface made{u16(block.data()), 1'000'000};
+    constexpr unsigned time_resolution = 9;
+    for (std::size_t at = 8; at + 4 <= size;) {
+      const unsigned option = u16(&block[at]);
+      const std::size_t option_length = u16(&block[at + 2]);
+      if (option == 0 || at + 4 + option_length > size) break;
+      if (option == time_resolution && option_length == 1) {
+        const unsigned exponent = block[at + 4] & 0x7FU;
+        const bool binary = (block[at + 4] & 0x80) != 0;
+        if (exponent > (binary ? 30U : 9U)) refuse("an interface's clock is finer than nanoseconds");
+        made.ticks_per_second = 1;
+        for (unsigned i = 0; i < exponent; ++i) made.ticks_per_second *= binary ? 2 : 10;
+      }
+      at += 4 + (option_length + 3) / 4 * 4;
+    }
+    interfaces_.push_back(made);
+  } else if (type == pcapng_packet && size >= 20) {
+    const std::uint32_t interface = u32(block.data());
+    const std::uint32_t captured = u32(&block[12]);
+    if (interface >= interfaces_.size()) refuse(fmt::format("there is no interface {}", interface));
+    if (captured > size - 20) refuse(fmt::format("a packet of {} bytes does not fit into its block", captured));
+    const std::uint64_t ticks = std::uint64_t{u32(&block[4])} << 32 | u32(&block[8]);
+    const std::uint64_t rate = interfaces_[interface].ticks_per_second;
+    const links::Time time(
+        static_cast<std::int64_t>(ticks / rate * 1'000'000'000 + ticks % rate * 1'000'000'000 / rate));
+    return content_of(interfaces_[interface].link_type, time,
+                      {block.begin() + 20, block.begin() + 20 + static_cast<std::ptrdiff_t>(captured)});
+  }
+  ++skipped_;
+  return std::nullopt;
+}
+
+std::optional<CapturedFrame> CaptureFile::content_of(unsigned link_type, links::Time time,
+                                                     std::vector<std::uint8_t> bytes) {
+  // Fields of these headers are in network byte order.
+  const auto network = [&bytes](std::size_t at, unsigned count) {
+    std::uint32_t value = 0;
+    for (unsigned i = 0; i < count; ++i) value = value << 8 | bytes[at + i];
+    return value;
+  };
+  if (link_type == linktype_sll && bytes.size() >= sll_header && network(14, 2) == protocol_can) {
+    bytes.erase(bytes.begin(), bytes.begin() + sll_header);
+    link_type = linktype_can;
+  }
+  CapturedFrame captured{time, {}};
+  if (link_type == linktype_can && bytes.size() >= 8) {
+    const std::span<const std::uint8_t> data = std::span(bytes).subspan(8);
+    const auto length = static_cast<std::uint8_t>(std::min<std::size_t>(bytes[4], 64));
+    std::visit([&](auto one) { captured.content = one; },
+               frame_of(network(0, 4), length, data.first(std::min<std::size_t>(data.size(), 8))));
+    return captured;
+  }
+  if (link_type == linktype_ethernet) {
+    captured.content = std::move(bytes);
+    return captured;
+  }
+  ++skipped_;
+  return std::nullopt;
+}
+
+}  // namespace servodrome::host

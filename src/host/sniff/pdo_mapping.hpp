@@ -1,0 +1,67 @@
+#pragma once
+
+#include <map>
+#include <span>
+
+#include "host/sniff/decoded.hpp"
+
+namespace servodrome::host {
+
+// What an entry of a mapping object (1600h.., 1A00h..) says.
+struct MappedField {
+  ObjectAddress object;
+  unsigned bits = 0;
+
+  static MappedField of(std::uint32_t entry) {
+    return {{static_cast<std::uint16_t>(entry >> 16), static_cast<std::uint8_t>(entry >> 8)}, entry & 0xFFU};
+  }
+  bool is_gap() const { return object.index < 0x1000; }  // data types as dummies
+};
+
+unsigned bits_of(std::span<const MappedField> mapping);
+
+// The values of process data, `first_bit` bits into `data`; gaps and what lies outside `data` are left out.
+std::vector<DecodedValue> values_of(std::span<const MappedField> mapping, std::span<const std::uint8_t> data,
+                                    unsigned first_bit, const ObjectCatalogue& catalogue);
+
+// "6041:00 Statusword = ..., 6064:00 ..."
+std::string text_of(std::span<const DecodedValue> values);
+
+// The numbers of communication and mapping objects of a device (1400h to 1BFFh, 1C12h, 1C13h): as its documents give
+// them, then as they are read and written on the bus.
+class PdoObjects {
+ public:
+  static bool concerns(std::uint16_t index) {
+    return (index >= 0x1400 && index < 0x1C00) || index == 0x1C12 || index == 0x1C13;
+  }
+
+  void set(ObjectAddress object, std::uint32_t value) { values_[object] = value; }
+  void set(ObjectAddress object, std::span<const std::byte> bytes);
+  // Complete access: sub-index 0 (8 bits, filled up to 16 by the master) and those behind it.
+  void set_all(ObjectAddress first, std::span<const std::byte> bytes);
+  std::optional<std::uint32_t> get(std::uint16_t index, std::uint8_t sub) const;
+  // Of a mapping object; nothing: it is not known in full.
+  std::optional<std::vector<MappedField>> mapping(std::uint16_t index) const;
+  // Of all PDOs assigned to a sync manager, 1C12h or 1C13h.
+  std::optional<std::vector<MappedField>> assigned(std::uint16_t assignment) const;
+
+ private:
+  std::map<ObjectAddress, std::uint32_t> values_;
+};
+
+// What is known of a device before it was heard: the names of its objects and its default PDOs.
+struct DeviceModel {
+  ObjectCatalogue catalogue = ObjectCatalogue::standard();
+  struct Default {
+    ObjectAddress object;
+    std::uint32_t value;
+    bool adds_node_id;
+  };
+  std::vector<Default> pdo_defaults;
+
+  static DeviceModel of(const describe::DeviceFile& device);
+  static DeviceModel of(std::span<const dictionary::Entry> table);
+  PdoObjects pdo_objects(std::uint8_t node_id) const;
+};
+
+}  // namespace servodrome::host
