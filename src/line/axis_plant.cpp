@@ -1,0 +1,80 @@
+#include "line/axis_plant.hpp"
+
+#include <charconv>
+#include <cstring>
+#include <fmt/format.h>
+
+#include "line/travel.hpp"
+
+namespace servodrome::line {
+namespace {
+
+template <typename Struct, std::size_t Count>
+void read_group(TableReader& axis, std::string_view key, Struct& target, const std::array<Key<Struct>, Count>& keys) {
+  if (const toml::table* table = axis.table(key)) {
+    TableReader reader(*table, axis.name_of(key), axis.report());
+    reader.read(target, keys);
+    reader.finish();
+  }
+}
+
+void read_nameplate(TableReader& axis, drive::MotorData& motor) {
+  const std::size_t complaints = axis.report().diagnostics.size();
+  read_group(axis, "nameplate", motor, nameplate_keys);
+  const toml::table* table = axis.table("nameplate");
+  if (table == nullptr || axis.report().diagnostics.size() != complaints) return;
+  TableReader reader(*table, axis.name_of("nameplate"), axis.report());
+  for (const Range& range : nameplate_ranges) {
+    const auto value = (*table)[range.name].value<double>();
+    if (!value || (*value >= range.minimum && *value <= range.maximum)) continue;
+    reader.complain(range.name, fmt::format("{:g} is out of range", *value),
+                    fmt::format("expected {:g} .. {:g}", range.minimum, range.maximum));
+  }
+}
+
+// `message` begins with the name of a parameter, as plant::validate writes it ("motor.pole_pairs: ...").
+void complain_of_plant(TableReader& axis, const std::string& message, const std::vector<std::string>& switches) {
+  const std::size_t colon = message.find(": ");
+  std::string name = message.substr(0, colon);
+  const std::string what = colon == std::string::npos ? message : message.substr(colon + 2);
+  if (name == "load.low_stop_counts") name = "travel.low_stop";
+  if (name == "load.high_stop_counts") name = "travel.high_stop";
+  if (name == "encoder.start_position_counts") name = "travel.start";
+  if (name.starts_with("switches[")) {
+    std::size_t number = 0;
+    const std::string_view digits = std::string_view(name).substr(std::strlen("switches["));
+    std::from_chars(digits.data(), digits.data() + digits.size(), number);
+    name = number < switches.size() ? "travel." + switches[number] : "travel";
+  }
+  const std::string_view group = std::string_view(name).substr(0, name.find('.'));
+  toml::source_position at = axis.place(group);
+  const toml::table* table = axis.table(group);
+  if (table != nullptr && group.size() < name.size()) {
+    if (const toml::node* node = table->get(name.substr(group.size() + 1))) at = node->source().begin;
+  }
+  axis.report().complain(at, fmt::format("axis.{}: {}", name, what),
+                         "docs/line-file.md has the range of each parameter");
+}
+
+}  // namespace
+
+void read_axis_plant(TableReader& reader, AxisSettings& axis) {
+  const std::size_t complaints = reader.report().diagnostics.size();
+  read_group(reader, "motor", axis.plant.motor, motor_keys);
+  read_group(reader, "load", axis.plant.load, load_keys);
+  read_group(reader, "supply", axis.plant.supply, supply_keys);
+  read_group(reader, "encoder", axis.plant.encoder, encoder_keys);
+  read_group(reader, "thermal", axis.plant.thermal, thermal_keys);
+  std::vector<std::string> switches;
+  const toml::table* travel = reader.table("travel");
+  if (travel != nullptr && axis.product != nullptr) {
+    TableReader travel_reader(*travel, reader.name_of("travel"), reader.report());
+    switches = read_travel(travel_reader, *axis.product, axis.plant);
+  }
+  axis.motor_data = motor_data_of(axis.plant);
+  read_nameplate(reader, axis.motor_data);
+  if (reader.report().diagnostics.size() != complaints) return;  // the plant's complaints would be echoes
+  for (const std::string& message : plant::validate(axis.plant)) complain_of_plant(reader, message, switches);
+}
+
+}  // namespace servodrome::line
