@@ -14,7 +14,7 @@
 #include "line/model_plant.hpp"
 #include "line/nearest_name.hpp"
 #include "line/table_reader.hpp"
-#include "line/toml_depth.hpp"
+#include "line/toml_guard.hpp"
 #include "links/can/link_name.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
@@ -260,10 +260,10 @@ class LineFileReader {
 }  // namespace
 
 LineFile parse_line_file(std::string_view text, const std::string& file, std::span<const Product> products) {
-  if (const std::size_t line = line_with_deep_key(text); line != 0) {
+  if (auto refusal = refuse_toml(text)) {
     LineFile failed;
-    failed.diagnostics.push_back({file, static_cast<std::uint32_t>(line), 1, "a key has too many parts",
-                                  fmt::format("write at most {} names with dots between them", most_key_parts)});
+    failed.diagnostics.push_back(
+        {file, static_cast<std::uint32_t>(refusal->line), 1, std::move(refusal->what), std::move(refusal->hint)});
     return failed;
   }
   try {

@@ -246,6 +246,11 @@ TEST(BenchHttp, BracketsWithinBracketsAreRefused) {
         }()}) {
     EXPECT_FALSE(parse_line_file(nested, "deep.toml", all_products()).diagnostics.empty());
   }
+  for (const char* nameless : {"[[[a]]]", "[=]", "x = 1\n [[ . ]]", "[\xC3\xA4]", "[[]]", "[", "[["}) {
+    EXPECT_FALSE(parse_line_file(nameless, "nameless.toml", all_products()).diagnostics.empty()) << nameless;
+  }
+  const LineFile lists = parse_line_file("x = [\n[[[1]]],\n[{a = 1}]\n]\ny = '''\n[=]\n'''", "f", all_products());
+  for (const auto& diagnostic : lists.diagnostics) EXPECT_THAT(diagnostic.what, testing::Not(HasSubstr("no name")));
   const LineFile dots = parse_line_file("# ...................... \nx = \"..................\"", "f", all_products());
   for (const auto& diagnostic : dots.diagnostics) EXPECT_THAT(diagnostic.what, testing::Not(HasSubstr("many parts")));
 }

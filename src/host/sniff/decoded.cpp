@@ -17,7 +17,7 @@ constexpr std::array<std::string_view, frame_kinds> kind_names{
 
 std::int64_t number_of(std::span<const std::byte> bytes) {
   std::uint64_t raw = 0;
-  std::memcpy(&raw, bytes.data(), std::min(bytes.size(), sizeof raw));
+  if (!bytes.empty()) std::memcpy(&raw, bytes.data(), std::min(bytes.size(), sizeof raw));
   return static_cast<std::int64_t>(raw);
 }
 
