@@ -162,17 +162,18 @@ constexpr std::array option_codes{
 
 // 9 to 32767 are reserved in each of them.
 void option_code(Trial& trial, int row) {
-  const auto& [index, what] = option_codes[static_cast<std::size_t>(row)];
+  const OptionCode& code = option_codes[static_cast<std::size_t>(row)];
   KeptObjects& objects = trial.objects();
-  const auto before = objects.read_if_present<std::int16_t>(index);
-  if (!before) Trial::skip(fmt::format("it has no {:04X}h, which is optional", index));
-  trial.expect(*before <= 8, fmt::format("read {:04X}h, {}", index, what), "8 at most", fmt::format("{}", *before));
-  objects.keep({index, 0});
-  trial.expect_refused(fmt::format("write {:04X}h = 100, reserved", index),
+  const auto before = objects.read_if_present<std::int16_t>(code.index);
+  if (!before) Trial::skip(fmt::format("it has no {:04X}h, which is optional", code.index));
+  trial.expect(*before <= 8, fmt::format("read {:04X}h, {}", code.index, code.what), "8 at most",
+               fmt::format("{}", *before));
+  objects.keep({code.index, 0});
+  trial.expect_refused(fmt::format("write {:04X}h = 100, reserved", code.index),
                        {AbortCode::value_invalid, AbortCode::value_too_high},
-                       [&] { trial.subject().services().write<std::int16_t>(index, 0, 100); });
-  const auto after = objects.read<std::int16_t>(index);
-  trial.expect(after == *before, fmt::format("read {:04X}h", index), fmt::format("{}, as before", *before),
+                       [&] { trial.subject().services().write<std::int16_t>(code.index, 0, 100); });
+  const auto after = objects.read<std::int16_t>(code.index);
+  trial.expect(after == *before, fmt::format("read {:04X}h", code.index), fmt::format("{}, as before", *before),
                fmt::format("{}", after));
 }
 
