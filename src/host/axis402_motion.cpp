@@ -22,6 +22,12 @@ void Axis402::require_enabled(const char* doing) {
 }
 
 void Axis402::write_profile(const MotionProfile& profile) {
+  // A ramp that never ends: drives fault, or take the order and show the target as reached.
+  if (profile.acceleration == 0U || profile.deceleration == 0U) {
+    fail(fmt::format("{} of 0 would never get anywhere",
+                     profile.acceleration == 0U ? "an acceleration" : "a deceleration"),
+         "give one above 0, or none to keep what the drive has");
+  }
   write_if_given(0x6081, 0, profile.velocity);
   write_if_given(0x6083, 0, profile.acceleration);
   write_if_given(0x6084, 0, profile.deceleration);

@@ -125,6 +125,8 @@ void Jobs::cancel(Job& job) {
 
 void Jobs::abandon(Job& job, std::string reason) {
   if (job.state != JobState::running) return;
+  // Who cleans up on the way out (a jog halts) still finds the task, and is thrown on.
+  if (job.task) job.task->end();
   job.task.reset();
   job.state = JobState::cancelled;
   job.error = JobError{std::move(reason), job.axis, ""};

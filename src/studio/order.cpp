@@ -33,6 +33,15 @@ class Numbers {
   std::optional<std::uint32_t> acceleration(const char* key) {
     return whole<std::uint32_t>(key, scale_.units().acceleration);
   }
+  // A number that is counted, not measured.
+  template <typename T>
+  std::optional<T> counted(const char* key) {
+    const std::optional<double> number = body_.number(key);
+    if (number && *number != std::round(*number)) {
+      throw ApiError{422, fmt::format("{} is {:g}", key, *number), key, "write a whole number"};
+    }
+    return whole<T>(key, 1.0);
+  }
   // `scale` units of the object for one of the key.
   template <typename T>
   std::optional<T> whole(const char* key, double scale) {
@@ -89,7 +98,7 @@ CarryOut stop(Numbers&) {
 
 CarryOut home(Numbers& numbers) {
   host::HomingRequest request;
-  request.method = numbers.whole<std::int8_t>("method", 1.0);
+  request.method = numbers.counted<std::int8_t>("method");
   request.switch_speed = numbers.velocity<std::uint32_t>("speed");
   request.zero_speed = numbers.velocity<std::uint32_t>("zero_speed");
   request.acceleration = numbers.acceleration("acceleration");

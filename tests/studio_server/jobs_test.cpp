@@ -165,6 +165,26 @@ TEST_P(EveryProduct, GivesTorqueAndStops) {
   EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
 }
 
+// Whoever takes over ends the jog where it stands: its own way out, which would halt, must not act any more.
+TEST_P(EveryProduct, WhatTakesOverFromAJogStopsTheAxis) {
+  make_ready(axis_);
+  for (const char* order : {"stop", "quick_stop", "disable"}) {
+    expect_done(axis_, R"({"do": "enable"})");
+    const std::uint64_t jog = begin(axis_, fmt::format(R"({{"do": "jog", "velocity": 1, {}}})", profile));
+    pass(100ms);
+    ASSERT_EQ(job(jog)["state"], "running") << job(jog).dump();
+    begin(axis_, fmt::format(R"({{"do": "{}"}})", order));
+    EXPECT_EQ(job(jog)["state"], "cancelled") << order;
+    pass(1s);
+    EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0) << order;
+  }
+  expect_done(axis_, R"({"do": "enable"})");
+  const std::uint64_t jog = begin(axis_, fmt::format(R"({{"do": "jog", "velocity": 1, {}}})", profile));
+  pass(100ms);
+  EXPECT_EQ(ask(Method::post, "stop").status, 200U);
+  EXPECT_EQ(job(jog)["state"], "cancelled");
+}
+
 TEST_P(EveryProduct, JogsAsLongAsSomebodyIsThere) {
   make_ready(axis_);
   const std::uint64_t jog = begin(axis_, fmt::format(R"({{"do": "jog", "velocity": 1, {}}})", profile));
@@ -389,6 +409,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Refusal{R"({"do": "velocity"})", 400, "velocity is missing"},
                     Refusal{R"({"do": "torque"})", 400, "percent is missing"},
                     Refusal{R"({"do": "torque", "percent": 1e9})", 422, "percent is"},
+                    Refusal{R"({"do": "home", "method": 34.5})", 422, "method is 34.5"},
                     Refusal{R"({"do": "jog", "velocity": true})", 400, "velocity is true"}));
 
 TEST_F(JobsTest, RefusesASecondJobAndWhatIsNotThere) {

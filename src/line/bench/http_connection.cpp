@@ -208,6 +208,7 @@ void HttpConnection::written(const error_code& code) {
       boost::asio::async_write(stream_, http::make_chunk(boost::asio::buffer(part_)), next);
     }
   } else if (message_.keep_alive()) {
+    message_ = {};  // up to 16 MiB that nobody needs any more
     read();
   } else {
     close();

@@ -102,7 +102,9 @@ void StreamSession::watch(BodyReader& reader) {
   reader.required("axes");
   const double rate_hz = reader.number("axes", 0, most_watches).value_or(0);
   reader.finish();
-  watch_period_ = rate_hz > 0 ? std::chrono::nanoseconds(std::llround(1e9 / rate_hz)) : std::chrono::nanoseconds();
+  constexpr double longest_period_s = 3600;
+  watch_period_ = rate_hz > 0 ? std::chrono::nanoseconds(std::llround(1e9 * std::min(1 / rate_hz, longest_period_s)))
+                              : std::chrono::nanoseconds();
   next_watch_ = {};
   sent_views_.clear();
   sent_clock_.clear();
