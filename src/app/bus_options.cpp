@@ -105,17 +105,24 @@ std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives)
 
 bool on_terminal() { return ::isatty(STDOUT_FILENO) == 1; }
 
-InterruptGuard::InterruptGuard() {
+namespace {
+constexpr std::array guarded{SIGINT, SIGTERM, SIGHUP, SIGPIPE};
+}
+
+InterruptGuard::InterruptGuard(Command command) {
   interrupt_seen = 0;
-  struct sigaction action {};
-  action.sa_handler = note_interrupt;
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
+  for (std::size_t i = 0; i < guarded.size(); ++i) {
+    ::sigaction(guarded[i], nullptr, &before_[i]);
+    struct sigaction action {};
+    action.sa_handler = guarded[i] == SIGPIPE ? SIG_IGN : note_interrupt;
+    const bool is_left = (guarded[i] == SIGHUP && before_[i].sa_handler == SIG_IGN) ||
+                         (guarded[i] == SIGPIPE && command == Command::only_looks);
+    if (!is_left) ::sigaction(guarded[i], &action, nullptr);
+  }
 }
 
 InterruptGuard::~InterruptGuard() {
-  std::signal(SIGINT, SIG_DFL);
-  std::signal(SIGTERM, SIG_DFL);
+  for (std::size_t i = 0; i < guarded.size(); ++i) ::sigaction(guarded[i], &before_[i], nullptr);
 }
 
 bool InterruptGuard::interrupted() { return interrupt_seen != 0; }

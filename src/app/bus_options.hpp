@@ -1,6 +1,8 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <array>
+#include <csignal>
 #include <memory>
 #include <string>
 
@@ -62,14 +64,21 @@ std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives)
 // Standard output is a terminal: something may be rewritten in place.
 bool on_terminal();
 
-// Ctrl-C and SIGTERM end a command by its own will as long as one of these lives: interrupted() is true from then on.
+// Ctrl-C, SIGTERM and a terminal that goes away (SIGHUP, unless nohup has it ignored) end a command by its own will as
+// long as one of these lives: interrupted() is true from then on. A reader of its output that goes away (SIGPIPE) does
+// not end it, because an axis might be moving; unless it only looks.
 class InterruptGuard {
  public:
-  InterruptGuard();
+  enum class Command : std::uint8_t { acts, only_looks };
+
+  explicit InterruptGuard(Command command = Command::acts);
   ~InterruptGuard();
   InterruptGuard(const InterruptGuard&) = delete;
   InterruptGuard& operator=(const InterruptGuard&) = delete;
   static bool interrupted();
+
+ private:
+  std::array<struct sigaction, 4> before_{};
 };
 
 // For motions: shows position and velocity on a terminal.

@@ -94,6 +94,42 @@ def test_monitor_shows_decoded_frames(line, tmp_path):
         assert monitor.wait(30) == 0
 
 
+def velocity_of(line):
+    return line.bench.axis("reference")["velocity_rpm"]
+
+
+@pytest.mark.once
+def test_an_axis_is_stopped_when_the_terminal_goes_away(line):
+    command = [PROGRAM, "jog", "--bus", line.links["can0"][0], "--node", "2", "--velocity", str(COUNTS // 8), "--seconds", "60"]
+    jog = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    wait_for(lambda: velocity_of(line) > 5, "the axis to turn")
+    jog.send_signal(signal.SIGHUP)
+    assert jog.communicate(timeout=60)[1] and jog.returncode == 1
+    wait_for(lambda: abs(velocity_of(line)) < 1, "the axis at rest")
+
+
+@pytest.mark.once
+def test_an_axis_is_stopped_when_the_reader_goes_away(line, tmp_path):
+    script = tmp_path / "p.script"
+    script.write_text(
+        f"axis a 2\na enable\na velocity {COUNTS // 8} acceleration {COUNTS}\n" + 'print "on"\nwait 0.2\n' * 10
+    )
+    run = subprocess.Popen([PROGRAM, "run", "--bus", line.links["can0"][0], script], stdout=subprocess.PIPE)
+    wait_for(lambda: velocity_of(line) > 5, "the axis to turn")
+    run.stdout.close()
+    assert run.wait(60) != -signal.SIGPIPE
+    wait_for(lambda: abs(velocity_of(line)) < 1, "the axis at rest")
+
+
+@pytest.mark.once
+def test_parameters_are_saved_behind_a_link(line, tmp_path):
+    (tmp_path / "link.par").symlink_to(tmp_path / "real.par")
+    (tmp_path / "real.par").write_text("old")
+    servodrome("params", "save", tmp_path / "link.par", "--bus", line.links["can0"][0], "--node", "2")
+    assert (tmp_path / "link.par").is_symlink()
+    assert "generic402" in (tmp_path / "real.par").read_text()
+
+
 @pytest.mark.once
 def test_candump_log_is_read_by_python_can(start_line, connect, tmp_path):
     line = start_line(log=tmp_path / "bus.log")

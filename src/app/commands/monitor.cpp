@@ -24,7 +24,7 @@ double seconds_between(host::Time start, host::Time end) { return std::chrono::d
 // Calls `step`, which lets the bus run for a while, until the time is up or Ctrl-C.
 template <typename Clock, typename Step>
 void repeat(const Clock& clock, const Options& options, const Step& step) {
-  const InterruptGuard guard;
+  const InterruptGuard guard(InterruptGuard::Command::only_looks);
   const host::Time start = clock.now();
   while (!InterruptGuard::interrupted() &&
          (options.seconds <= 0 || seconds_between(start, clock.now()) < options.seconds)) {

@@ -109,18 +109,23 @@ ordered_json json_of(std::span<const host::ObjectAddress> objects) {
   return list;
 }
 
-// As a whole or not at all: what was there before outlives a full disk.
+// As a whole or not at all: what was there before outlives a full disk. What is no ordinary file (a device, a pipe) is
+// written to, and behind a symbolic link the file it leads to.
 void write_file(const std::string& path, const std::string& text) {
-  const std::string part = path + ".part";
+  std::error_code error;
+  std::filesystem::path target = std::filesystem::canonical(path, error);
+  if (error) target = path;  // it is not there yet
+  const bool replaces = !std::filesystem::exists(target, error) || std::filesystem::is_regular_file(target, error);
+  const std::filesystem::path part = replaces ? std::filesystem::path(target.string() + ".part") : target;
   {
     std::ofstream file(part, std::ios::binary);
     file << text;
-    file.flush();
-    if (!file) throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
+    file.close();
+    if (file && replaces) std::filesystem::rename(part, target, error);
+    if (file && !error) return;
   }
-  std::error_code error;
-  std::filesystem::rename(part, path, error);
-  if (error) throw Failure::did_not_work(fmt::format("{}: {}", path, error.message()));
+  if (replaces) std::filesystem::remove(part, error);
+  throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
 }
 
 void save(const Options& options) {

@@ -1,6 +1,7 @@
 // `run`: a motion script.
 #include "host/script/run.hpp"
 
+#include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
 #include <iostream>
@@ -28,10 +29,11 @@ struct Options {
 std::string text_of(const Options& options) {
   if (options.script == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
   std::ifstream file(options.script, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (!file.is_open() || file.bad()) {
+  std::error_code ignored;
+  if (!file || std::filesystem::is_directory(options.script, ignored)) {
     throw Failure::wrong_use(fmt::format("run: {} cannot be read; check the path", options.script));
   }
+  std::string text{std::istreambuf_iterator<char>(file), {}};
   return text;
 }
 

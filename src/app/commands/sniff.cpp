@@ -2,6 +2,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -215,6 +216,10 @@ void sniff_file(const Options& options, Sniffer& sniffer) {
       if (file != stdin) std::fclose(file);
     }
   };
+  std::error_code ignored;
+  if (std::filesystem::is_directory(options.source, ignored)) {
+    throw Failure::wrong_use(fmt::format("{}: is a folder; give a capture file", options.source));
+  }
   const std::unique_ptr<std::FILE, Close> file(options.source == "-" ? stdin
                                                                      : std::fopen(options.source.c_str(), "rb"));
   if (!file) {
@@ -222,7 +227,7 @@ void sniff_file(const Options& options, Sniffer& sniffer) {
         "{}: {}; give a capture file, - for standard input, or a live bus (socketcand:, socketcan:, slcan:, raw:)",
         options.source, std::strerror(errno)));
   }
-  const InterruptGuard guard;
+  const InterruptGuard guard(InterruptGuard::Command::only_looks);
   try {
     host::CaptureFile capture(file.get(), options.source);
     std::optional<host::Time> start;
@@ -243,7 +248,7 @@ void sniff_can(const Options& options, Sniffer& sniffer) {
   bus_options.link = options.source;
   const auto bus = open_bus(bus_options);
   const auto listening = bus->listen([&](const host::Frame& frame) { sniffer.take(frame, bus->now()); });
-  const InterruptGuard guard;
+  const InterruptGuard guard(InterruptGuard::Command::only_looks);
   const host::Time start = bus->now();
   while (!is_over(options, start, bus->now())) bus->run_for(std::chrono::milliseconds(50));
   sniffer.finish();
@@ -258,7 +263,7 @@ void sniff_ethercat(const Options& options, Sniffer& sniffer) {
                     options.source));
   }
   links::PacketSocket socket(raw->interface, options.source);
-  const InterruptGuard guard;
+  const InterruptGuard guard(InterruptGuard::Command::only_looks);
   const auto now = [] { return host::Time(std::chrono::steady_clock::now().time_since_epoch()); };
   const host::Time start = now();
   while (!is_over(options, start, now())) {
