@@ -114,7 +114,7 @@ void CanCyclicBus::set_value(Station& station, const CanDrive::Value& value) {
   SdoClient& objects = station.objects;
   const std::vector<std::byte> before = objects.upload(value.object);
   std::int64_t old = 0;
-  std::memcpy(&old, before.data(), std::min(before.size(), sizeof old));
+  if (!before.empty()) std::memcpy(&old, before.data(), std::min(before.size(), sizeof old));
   const auto bytes = std::as_bytes(std::span(&value.value, 1)).first(std::min<std::size_t>(value.bytes, 8));
   objects.download(value.object, bytes);
   station.values_before.push_back({value.object, old, value.bytes});
@@ -180,7 +180,7 @@ void CanCyclicBus::set_up(Station& station) {
       if (object.index == 0x6040) continue;
       const std::vector<std::byte> bytes = station.objects.upload(object);
       std::uint64_t value = 0;
-      std::memcpy(&value, bytes.data(), std::min(bytes.size(), sizeof value));
+      if (!bytes.empty()) std::memcpy(&value, bytes.data(), std::min(bytes.size(), sizeof value));
       place.set_raw(value);
     }
   }

@@ -46,7 +46,7 @@ std::string text_of(std::span<const DecodedValue> values) {
 
 void PdoObjects::set(ObjectAddress object, std::span<const std::byte> bytes) {
   std::uint32_t value = 0;
-  std::memcpy(&value, bytes.data(), std::min(bytes.size(), sizeof value));
+  if (!bytes.empty()) std::memcpy(&value, bytes.data(), std::min(bytes.size(), sizeof value));
   set(object, value);
 }
 
