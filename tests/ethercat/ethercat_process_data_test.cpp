@@ -178,6 +178,43 @@ TEST_F(ProcessData, RandomMappingsComeThrough) {
   }
 }
 
+// ---- Sampled by the application ----
+
+TEST_F(ProcessData, AreSampledInTheCycleOfTheApplication) {
+  to_operational();
+  slave.sample_process_data_every(100us);
+  run(100us - line.now % 100us);
+  const unsigned before = events.cycles;
+  const Bytes inputs = cycle(5);
+  EXPECT_EQ(events.cycles, before);
+  run(40us);
+  EXPECT_EQ(cycle(6), inputs);
+  run(40us);
+  EXPECT_NE(objects.target_position, 6);
+  run(20us);
+  EXPECT_EQ(objects.target_position, 6);
+  EXPECT_EQ(events.cycles, before + 1);
+  EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(7)).data, (Bytes{0x0F, 0x80, 8, 7, 0, 0, 0}));
+  // What is not process data is not kept waiting, and what came before it is dealt with first.
+  cycle(7);
+  EXPECT_EQ(request(4), good(4));
+  EXPECT_EQ(objects.target_position, 7);
+  slave.sample_process_data_every(Time{0});
+  EXPECT_EQ(request(8), good(8));
+  cycle(8);
+  EXPECT_EQ(objects.target_position, 8);
+}
+
+TEST_F(ProcessData, ThatAreSampledDoNotDelayTheWatchdog) {
+  to_operational();
+  slave.sample_process_data_every(100us);
+  cycle();
+  run(99ms);
+  EXPECT_EQ(status(), good(8));
+  run(2ms);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::sync_manager_watchdog}));
+}
+
 // ---- Distributed clock ----
 
 class Synchronous : public SlaveRig {
@@ -219,6 +256,83 @@ TEST_F(Synchronous, OutputsActWithTheNextPulse) {
     EXPECT_EQ(events.sync_times[i] - events.sync_times[i - 1], 1ms);
   }
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{0, 0}));
+}
+
+// 1C32h:03 and 1C33h:03, in ns behind SYNC0.
+TEST_F(Synchronous, OutputsAndInputsAreShifted) {
+  to_pre_operational();
+  EXPECT_EQ(download(0x1C32, 3, 300'000, 4), AbortCode::none);
+  EXPECT_EQ(download(0x1C33, 3, 500'000, 4), AbortCode::none);
+  set_process_data(7, 7);
+  start_sync(1'000'000);
+  ASSERT_EQ(request(4), good(4));
+  EXPECT_EQ(download(0x1C32, 3, 0, 4), AbortCode::device_state);  // it is in use
+  cycle();
+  request(8);
+  run(1900us);  // until 900 us behind a pulse
+  ASSERT_EQ(status(), good(8));
+  cycle(77);
+  run(350us);  // 250 us behind the next one
+  EXPECT_NE(objects.target_position, 77);
+  run(100us);
+  EXPECT_EQ(objects.target_position, 77);
+  const auto inputs = [this] { return send(Command::lrd, 0x1100, Bytes(7)).data; };
+  EXPECT_NE(inputs(), (Bytes{0x0F, 0x80, 8, 78, 0, 0, 0}));
+  run(200us);
+  EXPECT_EQ(inputs(), (Bytes{0x0F, 0x80, 8, 78, 0, 0, 0}));
+}
+
+TEST_F(Synchronous, AShiftBeyondTheNextPulseIsRefused) {
+  to_pre_operational();
+  EXPECT_EQ(download(0x1C33, 3, 1'000'000, 4), AbortCode::none);
+  set_process_data(7, 7);
+  start_sync(1'000'000);
+  EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_dc_sync_configuration}));
+  EXPECT_EQ(download(0x1C33, 3, 999'999, 4), AbortCode::none);
+  EXPECT_EQ(request(0x14), good(4));
+}
+
+// 1C32h:08: bit 0 measures, bit 1 sets the counters back.
+TEST_F(Synchronous, TheShortestCycleIsMeasured) {
+  to_pre_operational();
+  EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
+  EXPECT_EQ(download(0x1C32, 2, 5'000'000, 4), AbortCode::none);
+  set_process_data(7, 7);
+  ASSERT_EQ(request(4), good(4));
+  cycle();
+  ASSERT_EQ(request(8), good(8));
+  run(100us);
+  cycle();
+  EXPECT_EQ(upload(0x1C32, 2), bytes_of(5'000'000U));  // what was written stands until it measures
+  EXPECT_EQ(download(0x1C32, 8, 1, 2), AbortCode::none);
+  Time last{};
+  Time shortest = never;
+  for (const Time span : {1000us, 900us, 1100us}) {
+    run(span);
+    if (last != Time{}) shortest = std::min(shortest, line.now - last);
+    last = line.now;
+    cycle();
+  }
+  EXPECT_EQ(upload(0x1C32, 2), bytes_of(static_cast<std::uint32_t>(shortest.count())));
+  EXPECT_EQ(upload(0x1C33, 2), upload(0x1C32, 2));
+  EXPECT_EQ(upload(0x1C33, 8), (Bytes{1, 0}));
+  EXPECT_EQ(download(0x1C33, 8, 0, 2), AbortCode::none);
+  EXPECT_EQ(upload(0x1C32, 8), (Bytes{0, 0}));
+  run(10us);
+  cycle();
+  run(10us);
+  cycle();
+  EXPECT_EQ(upload(0x1C32, 2), bytes_of(static_cast<std::uint32_t>(shortest.count())));
+}
+
+TEST_F(Synchronous, TheCountersAreSetBack) {
+  to_synchronous_operation();
+  cycle();
+  run(2ms);
+  EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{1, 0}));
+  EXPECT_EQ(download(0x1C32, 8, 2, 2), AbortCode::none);
+  EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{0, 0}));
+  EXPECT_EQ(upload(0x1C33, 0x0B), (Bytes{0, 0}));
 }
 
 // What one master chose by its pulses does not bind the next one.

@@ -98,6 +98,15 @@ TEST_F(StateMachine, ProcessDataChecks) {
   }
 }
 
+TEST_F(StateMachine, AChannelItHasNoUseForIsRefused) {
+  to_pre_operational();
+  set_process_data(7, 7);
+  line.set_sync_manager(0, 7, 0x1800, 4, 0x24);
+  EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_sync_manager_configuration}));
+  line.send(Command::bwr, address_of(0, reg::sync_manager + 7 * 8), Bytes(8));
+  EXPECT_EQ(request(0x14), good(4));
+}
+
 TEST_F(StateMachine, MappingsThatCannotBeServed) {
   to_pre_operational();
   set_process_data(7, 7);

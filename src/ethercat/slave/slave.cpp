@@ -13,6 +13,7 @@ namespace {
 constexpr std::uint32_t mailbox_events = reg::al_event::sync_manager0 << Mailbox::out |
                                          reg::al_event::sync_manager0 << Mailbox::in |
                                          reg::al_event::sync_manager_activation | reg::al_event::al_control;
+constexpr std::uint32_t process_data_events = reg::al_event::sync_manager0 << 2 | reg::al_event::sync_manager0 << 3;
 
 }  // namespace
 
@@ -35,7 +36,8 @@ void Slave::start(Time now) {
   state_ = AlState::init;
   error_ = identifies_ = false;
   code_ = AlStatusCode::none;
-  operational_until_ = never;
+  operational_until_ = outputs_at_ = inputs_at_ = shifted_at_ = sampled_at_ = never;
+  measures_cycle_ = false;
   reset_mailbox();
   esc_.settle(~0U);
   report();
@@ -46,6 +48,8 @@ void Slave::start(Time now) {
 }
 
 void Slave::poll(Time now) {
+  if (sampling_cycle_ != Time{0} && waits_for_sampling(now)) return;
+  sampled_at_ = never;
   esc_.poll(now);
   const std::uint32_t events = esc_.attention();
   esc_.settle(events);
@@ -58,15 +62,25 @@ void Slave::poll(Time now) {
   }
   // Process data first: a request for another state found them as they were.
   if ((events & reg::al_event::sync_manager0 << 2) != 0) outputs_arrived(now);
+  if (now >= shifted_at_) exchange_shifted(now);  // of the SYNC0 before
   if ((events & reg::al_event::sync0) != 0) sync0_arrived(now);
   if ((events & reg::al_event::sync_manager0 << 3) != 0 && inputs_run() && sync_type_ == SyncType::sync_manager &&
       outputs_.bytes() == 0) {
+    if (measures_cycle_) measure_cycle(now);
     exchange(now);  // without outputs, reading the inputs is the signal
   }
   if ((events & reg::al_event::sync_manager_activation) != 0) follow_configuration(now);
   if ((events & reg::al_event::al_control) != 0) al_control_written(now);
   if (operational_until_ != never) await_operational(now);
   if ((events & mailbox_events) != 0 && mailbox_runs()) serve_mailbox();
+}
+
+// Nothing but process data has come, and nothing is due.
+bool Slave::waits_for_sampling(Time now) {
+  const std::uint32_t events = esc_.attention();
+  if (events == 0 || (events & ~process_data_events) != 0) return false;
+  if (sampled_at_ == never) sampled_at_ = (now / sampling_cycle_ + 1) * sampling_cycle_;
+  return now < next_deadline(now);
 }
 
 void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {
@@ -76,8 +90,10 @@ void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, con
 }
 
 void Slave::written(const Entry& entry) {
-  if (entry.index != 0x1C32 || entry.sub != sync_parameter::type) return;
-  wanted_sync_type_ = static_cast<SyncType>(dictionary_.number(entry.index, entry.sub));
+  const auto value = [&] { return dictionary_.number(entry.index, entry.sub); };
+  if (entry.index == 0x1C32 && entry.sub == sync_parameter::type) wanted_sync_type_ = static_cast<SyncType>(value());
+  if (entry.index != 0x1C32 && entry.index != 0x1C33) return;
+  if (entry.sub == sync_parameter::get_cycle_time) cycle_measurement_written(static_cast<unsigned>(value()));
 }
 
 // ---- Mailbox ----
@@ -186,8 +202,11 @@ AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
     return storing ? events_.store(areas) : events_.restore_defaults(areas);
   }
   if (index == 0x1C32 || index == 0x1C33) {
-    if (entry.sub != sync_parameter::type || !entry.writable()) return AbortCode::none;
+    if (!entry.writable()) return AbortCode::none;
+    const bool shifts = entry.sub == sync_parameter::shift_time;
+    if (entry.sub != sync_parameter::type && !shifts) return AbortCode::none;
     if (inputs_run()) return AbortCode::device_state;
+    if (shifts) return AbortCode::none;
     const bool inputs = index == 0x1C33;
     // Inputs name the sync manager of the outputs 22h.
     const std::uint32_t type = inputs && value == 0x22 ? 1 : value;

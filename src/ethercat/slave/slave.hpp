@@ -51,8 +51,15 @@ class Slave final : dictionary::Listener {
   void poll(Time now);
   // Is there anything for `poll` to do since a frame passed? For a caller with many slaves.
   bool wants_poll() const { return esc_.attention() != 0; }
-  Time next_deadline(Time now) { return std::min(esc_.next_deadline(now), operational_until_); }
+  Time next_deadline(Time now) {
+    return std::min({esc_.next_deadline(now), operational_until_, shifted_at_, sampled_at_});
+  }
   Time next_deadline() { return next_deadline(esc_.now()); }
+
+  // Process data are dealt with at the next multiple of `cycle`, as by an application that looks for them in its
+  // control loop, instead of when their frame has passed; 0 goes back to that. Only frames closer than that see a
+  // difference, and cost less. Everything else is dealt with at once, and the process data before it with it.
+  void sample_process_data_every(Time cycle) { sampling_cycle_ = cycle; }
 
   // The objects have new values: they go into the inputs in free run, where no signal of the bus asks for them.
   void process_image_updated();
@@ -95,7 +102,11 @@ class Slave final : dictionary::Listener {
   void start_exchange();
   void outputs_arrived(Time now);
   void sync0_arrived(Time now);
+  bool waits_for_sampling(Time now);
   void exchange(Time now);
+  void exchange_shifted(Time now);
+  void measure_cycle(Time now);
+  void cycle_measurement_written(unsigned command);
   void take_outputs();
   void give_inputs();
   void count_missed(Time now);
@@ -140,6 +151,20 @@ class Slave final : dictionary::Listener {
   bool outputs_fresh_ = false;  // since the last SYNC0
   bool sync_seen_ = false;      // since Safe-Operational
   std::uint32_t missed_ = 0;    // 10F1h: 3 more for a cycle without outputs, 1 less for one with
+
+  // 1C32h:03 and 1C33h:03: how long after SYNC0 outputs become valid and inputs are sampled.
+  Time output_shift_{0};
+  Time input_shift_{0};
+  Time outputs_at_ = never;  // that a shift still holds back
+  Time inputs_at_ = never;
+  Time shifted_at_ = never;  // the earlier of the two
+
+  Time sampling_cycle_{0};
+  Time sampled_at_ = never;  // when process data that have come are dealt with
+
+  bool measures_cycle_ = false;  // 1C32h:08
+  Time last_exchange_ = never;   // by the sync manager's event, since measuring began
+  Time shortest_cycle_ = never;
 
   std::array<Emergency, 8> emergencies_{};
   std::size_t emergency_count_ = 0;

@@ -12,6 +12,8 @@ constexpr unsigned state_mask = 0x0F;
 constexpr unsigned acknowledge_bit = 0x10;     // AL control; error in AL status
 constexpr unsigned identification_bit = 0x20;  // both
 
+constexpr unsigned used_sync_managers = 4;  // two for the mailbox, two for process data
+
 constexpr bool is_state(unsigned value) { return value == 1 || value == 2 || value == 3 || value == 4 || value == 8; }
 
 // Up one step at a time, down any; Bootstrap only from and to Init (ETG.1000.6 table 102).
@@ -121,6 +123,10 @@ AlStatusCode Slave::check_process_data() {
   };
   if (!fits(2, outputs_.bytes(), profile_.outputs_start, true)) return AlStatusCode::invalid_output_configuration;
   if (!fits(3, inputs_.bytes(), profile_.inputs_start, false)) return AlStatusCode::invalid_input_configuration;
+  // A channel that this slave has no use for (ETG.1020 table 11).
+  for (unsigned n = used_sync_managers; n < Esc::sync_managers; ++n) {
+    if (esc_.sync_manager(n).active) return AlStatusCode::invalid_sync_manager_configuration;
+  }
   return choose_synchronisation();
 }
 
@@ -133,6 +139,7 @@ void Slave::enter(AlState to, AlStatusCode cause, Time now) {
   if (to == AlState::init) forget_synchronisation();
   if (to == AlState::safe_operational && from == AlState::pre_operational) start_exchange();
   operational_until_ = never;
+  if (!inputs_run()) outputs_at_ = inputs_at_ = shifted_at_ = never;
   report();
   events_.state_changed(from, to, cause, now);
 }

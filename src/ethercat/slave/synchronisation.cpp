@@ -1,5 +1,8 @@
 // When process data are exchanged with the objects: free run, with the sync manager's event, with SYNC0 (ETG.1020
 // clause 17).
+#include <algorithm>
+#include <utility>
+
 #include "ethercat/slave/slave.hpp"
 
 namespace servodrome::ethercat {
@@ -8,6 +11,9 @@ namespace {
 constexpr std::uint16_t output_parameter = 0x1C32;
 constexpr std::uint16_t input_parameter = 0x1C33;
 constexpr std::uint32_t missed_step = 3;  // ETG.1020, object 10F1h
+// 1C32h:08
+constexpr unsigned measure_bit = 0x01;
+constexpr unsigned reset_counters_bit = 0x02;
 }  // namespace
 
 void Slave::set_sync_parameter(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
@@ -31,12 +37,18 @@ AlStatusCode Slave::choose_synchronisation() {
   const dictionary::Entry* entry = dictionary_.find(output_parameter, sync_parameter::type);
   const auto factory = static_cast<SyncType>(entry == nullptr ? 0 : entry->default_value);
   SyncType wanted = wanted_sync_type_.value_or(factory);
+  output_shift_ = Time{dictionary_.number(output_parameter, sync_parameter::shift_time)};
+  input_shift_ = Time{dictionary_.number(input_parameter, sync_parameter::shift_time)};
   const bool wants_pulses = wanted == SyncType::dc_sync0;
   const auto supports = [this](std::uint16_t type) { return (profile_.synchronisation & type) != 0; };
   if (pulses) {
     if (!supports(sync_support::dc_sync0)) return AlStatusCode::synchronization_not_supported;
     if (static_cast<std::int64_t>(sync0.step) < profile_.least_cycle.count()) {
       return profile_.cycle_too_short;
+    }
+    // What is shifted beyond the next SYNC0 would never come.
+    if (std::max(output_shift_, input_shift_).count() >= static_cast<std::int64_t>(sync0.step)) {
+      return AlStatusCode::invalid_dc_sync_configuration;
     }
     wanted = SyncType::dc_sync0;
   } else if (wants_pulses) {
@@ -74,6 +86,7 @@ void Slave::forget_synchronisation() {
 void Slave::start_exchange() {
   outputs_seen_ = sync_seen_ = outputs_fresh_ = false;
   missed_ = 0;
+  outputs_at_ = inputs_at_ = shifted_at_ = last_exchange_ = never;
   set_sync_parameter(sync_parameter::events_missed, 0);
   set_sync_parameter(sync_parameter::sync_error, 0);
   give_inputs();  // the first reading finds something
@@ -99,6 +112,40 @@ void Slave::exchange(Time now) {
   give_inputs();
 }
 
+// What 1C32h:03 and 1C33h:03 put off until some time after SYNC0.
+void Slave::exchange_shifted(Time now) {
+  if (now >= outputs_at_) {
+    outputs_at_ = never;
+    take_outputs();
+    if (state_ == AlState::operational) events_.process_data(now);
+  }
+  if (now >= inputs_at_) {
+    inputs_at_ = never;
+    give_inputs();
+  }
+  shifted_at_ = std::min(outputs_at_, inputs_at_);
+}
+
+// 1C32h:08 and 1C33h:08, one for both: bit 0 measures the cycle from now on, bit 1 sets the event counters back.
+void Slave::cycle_measurement_written(unsigned command) {
+  measures_cycle_ = (command & measure_bit) != 0;
+  last_exchange_ = shortest_cycle_ = never;
+  set_sync_parameter(sync_parameter::get_cycle_time, command & measure_bit);
+  if ((command & reset_counters_bit) == 0) return;
+  for (const std::uint8_t counter :
+       {sync_parameter::events_missed, sync_parameter::cycle_too_short, sync_parameter::shift_too_short}) {
+    set_sync_parameter(counter, 0);
+  }
+}
+
+// The shortest time between two events of the sync manager becomes the cycle time.
+void Slave::measure_cycle(Time now) {
+  const Time before = std::exchange(last_exchange_, now);
+  if (before == never || now - before >= shortest_cycle_) return;
+  shortest_cycle_ = now - before;
+  set_sync_parameter(sync_parameter::cycle_time, shortest_cycle_.count());
+}
+
 void Slave::outputs_arrived(Time now) {
   if (!inputs_run() || !esc_.sync_manager(2).active) return;
   outputs_seen_ = outputs_fresh_ = true;
@@ -109,6 +156,7 @@ void Slave::outputs_arrived(Time now) {
     }
     return;
   }
+  if (measures_cycle_ && sync_type_ == SyncType::sync_manager) measure_cycle(now);
   exchange(now);
 }
 
@@ -124,7 +172,9 @@ void Slave::sync0_arrived(Time now) {
     }
   }
   outputs_fresh_ = false;
-  exchange(now);
+  outputs_at_ = now + output_shift_;
+  inputs_at_ = now + input_shift_;
+  exchange_shifted(now);
   events_.sync0(now);
 }
 
