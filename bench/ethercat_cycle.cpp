@@ -1,18 +1,140 @@
 // A line in operation for some time: all slaves are taken to Operational and their process data exchanged in a fixed
 // period, as a controller does. Prints what became of the cycles.
-// Usage: ethercat_cycle LINK SECONDS PERIOD_US
+//
+// With the interface of the line's end and its process, also who was late. Two witnesses have the kernel's time of each
+// frame's arrival at the line and of its answer's arrival here; the scheduler knows how long the line was ready to run
+// and was not let (/proc/PID/schedstat, see sched-stats in the kernel's documentation). A frame is the line's fault if
+// it never answered it, or took longer than the period with a processor of its own. Usage: ethercat_cycle LINK SECONDS
+// PERIOD_US [LINE_INTERFACE LINE_PID]
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <deque>
+#include <fstream>
 #include <memory>
+#include <optional>
+#include <string>
+#include <unistd.h>
+#include <utility>
 #include <vector>
 
+#include "frame_witness.hpp"
 #include "host/ethercat/operation.hpp"
+#include "links/ethercat/link_name.hpp"
+
+namespace {
+
+using namespace servodrome;
+using std::chrono::microseconds;
+using Time = std::chrono::nanoseconds;
+
+double in_microseconds(Time time) { return std::chrono::duration<double, std::micro>(time).count(); }
+unsigned long long number(std::uint64_t value) { return value; }
+
+// What the line did with each frame.
+class Turnarounds {
+ public:
+  Turnarounds(const std::string& line_interface, const std::string& own_interface, const std::string& process)
+      : at_line_(line_interface), back_(own_interface), schedstat_("/proc/" + process + "/schedstat") {}
+
+  // Once after each cycle, `lost` when not all of its frames came back in time.
+  void look(Time period, bool lost) {
+    const Time waited = waited_for_processor();
+    const Time waited_now = waited - std::exchange(waited_, waited);
+    const Time slowest = slowest_answer();
+    Time own = slowest - waited_now;
+    // The hypervisor's part is told in hundredths of a second: looked up when it matters, and now and then.
+    if (own > period) own -= stolen() - stolen_;
+    if (own > period || ++looks_ % looks_between_steal == 0) stolen_ = stolen();
+    worst_ = std::max(worst_, slowest);
+    worst_own_ = std::max(worst_own_, own);
+    if (own > period) ++late_by_line_;
+    if (slowest > period && own <= period) ++line_not_let_;
+    // An answer that is late in a lost cycle may come with one of the next ones, and is judged there.
+    if (lost && slowest <= period && outstanding_ == 0) ++others_;
+  }
+
+  void forget() {
+    frames_ = unanswered_ = late_by_line_ = line_not_let_ = others_ = 0;
+    worst_ = worst_own_ = Time{0};
+    stolen_ = stolen();
+  }
+  // After the last cycle: what has not been answered will not be.
+  void finish() { unanswered_ += outstanding_; }
+
+  std::uint64_t ours() const { return unanswered_ + late_by_line_; }
+  void print() const {
+    std::printf("  lost that are ours: %llu (%llu frames never answered, %llu times later than the period by itself)\n",
+                number(ours()), number(unanswered_), number(late_by_line_));
+    std::printf(
+        "  of %llu frames the slowest answer took %.1f us, by the line itself (less its waits for a processor) %.1f "
+        "us; "
+        "late because the line was not let: %llu times, because this master was not: %llu cycles\n",
+        number(frames_), in_microseconds(worst_), in_microseconds(worst_own_), number(line_not_let_), number(others_));
+  }
+
+ private:
+  static constexpr Time longest_answer = std::chrono::milliseconds(500);  // later than that it is another frame's
+  static constexpr unsigned looks_between_steal = 100;
+
+  Time slowest_answer() {
+    bench::FrameWitness::Arrival arrival{};
+    Time slowest{0};
+    while (at_line_.next(arrival)) {
+      at_[arrival.index].push_back(arrival.at);
+      ++outstanding_;
+      ++frames_;
+    }
+    while (back_.next(arrival)) {
+      std::deque<Time>& asked = at_[arrival.index];
+      for (; !asked.empty() && arrival.at - asked.front() > longest_answer; --outstanding_, ++unanswered_) {
+        asked.pop_front();
+      }
+      if (asked.empty()) continue;
+      slowest = std::max(slowest, arrival.at - asked.front());
+      asked.pop_front();
+      --outstanding_;
+    }
+    return slowest;
+  }
+
+  Time waited_for_processor() {
+    std::ifstream file(schedstat_);
+    std::int64_t ran = 0;
+    std::int64_t waited = 0;
+    file >> ran >> waited;
+    return Time{waited};
+  }
+  // From all processors of this virtual machine together (proc(5)).
+  static Time stolen() {
+    std::ifstream file("/proc/stat");
+    std::string word;
+    for (int field = 0; field <= 8; ++field) file >> word;
+    return std::chrono::seconds(1) * std::atoll(word.c_str()) / sysconf(_SC_CLK_TCK);
+  }
+
+  bench::FrameWitness at_line_;
+  bench::FrameWitness back_;
+  std::string schedstat_;
+  std::array<std::deque<Time>, 256> at_;  // by index, when frames came that were not answered yet
+  std::uint64_t outstanding_ = 0;
+  Time waited_{0};
+  Time stolen_{0};
+  unsigned looks_ = 0;
+  std::uint64_t frames_ = 0;
+  std::uint64_t unanswered_ = 0;
+  std::uint64_t late_by_line_ = 0;
+  std::uint64_t line_not_let_ = 0;
+  std::uint64_t others_ = 0;
+  Time worst_{0};
+  Time worst_own_{0};
+};
+
+}  // namespace
 
 int main(int argc, char** argv) {
-  using namespace servodrome;
-  using std::chrono::microseconds;
-  if (argc < 4) {
-    std::fprintf(stderr, "usage: ethercat_cycle LINK SECONDS PERIOD_US\n");
+  if (argc != 4 && argc != 6) {
+    std::fprintf(stderr, "usage: ethercat_cycle LINK SECONDS PERIOD_US [LINE_INTERFACE LINE_PID]\n");
     return 2;
   }
   try {
@@ -29,18 +151,42 @@ int main(int argc, char** argv) {
     options.cyclic.period = microseconds(std::atoi(argv[3]));
     options.cyclic.tolerated_losses = 1'000'000;
     host::EthercatOperation operation(*master, found, members, options);
-    operation.exchange().forget_statistics();
+    host::CyclicExchange& exchange = operation.exchange();
+    std::optional<Turnarounds> turnarounds;
+    std::uint64_t lost_before = 0;
+    if (argc == 6) {
+      const auto link = std::get<links::RawName>(links::parse_ethercat_link(argv[1]));
+      turnarounds.emplace(argv[4], link.interface, argv[5]);
+      turnarounds->look(options.cyclic.period, false);
+      turnarounds->forget();
+      exchange.on_cycle([&] {
+        const std::uint64_t lost = exchange.statistics().lost;
+        turnarounds->look(options.cyclic.period, lost != std::exchange(lost_before, lost));
+      });
+    }
+    exchange.forget_statistics();
     master->wait(std::chrono::seconds(std::atoi(argv[2])));
-    const host::CyclicStatistics& statistics = operation.exchange().statistics();
-    operation.exchange().check();
-    const auto count = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
+    const host::CyclicStatistics statistics = exchange.statistics();
+    exchange.stop();
     std::printf(
         "%zu slaves, %zu frames a cycle: %llu cycles, %llu lost, %llu with wrong counters, %llu skipped, worst "
         "lateness %.1f us\n",
-        found.size(), operation.exchange().frames_with_data(), count(statistics.cycles), count(statistics.lost),
-        count(statistics.wrong_counters), count(statistics.skipped),
-        std::chrono::duration<double, std::micro>(statistics.worst_lateness).count());
-    return statistics.lost == 0 && statistics.wrong_counters == 0 ? 0 : 1;
+        found.size(), exchange.frames_with_data(), number(statistics.cycles), number(statistics.lost),
+        number(statistics.wrong_counters), number(statistics.skipped), in_microseconds(statistics.worst_lateness));
+    if (turnarounds) {
+      master->wait(std::chrono::seconds(1));  // what is still on its way comes
+      turnarounds->look(options.cyclic.period, false);
+      turnarounds->finish();
+      turnarounds->print();
+    }
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const host::AlStatus status = exchange.status(i);
+      if (status.state() == ethercat::AlState::operational && !status.error()) continue;
+      std::printf("  slave %zu left Operational: %s\n", i + 1, host::text_of(status).c_str());
+      return 1;
+    }
+    const std::uint64_t lost = turnarounds ? turnarounds->ours() : statistics.lost;
+    return lost == 0 && statistics.wrong_counters == 0 ? 0 : 1;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "ethercat_cycle: %s\n", error.what());
     return 1;
