@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "links/link_error.hpp"
+#include "links/pcap.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -18,34 +19,15 @@ constexpr std::uint32_t remote_flag = 0x40000000U;
 constexpr std::uint32_t error_flag = 0x20000000U;
 constexpr std::uint32_t error_class_bus = 0x00000080U;
 
-// pcap file format: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcap-03.html; host byte order, which readers
-// recognise by the magic number.
-constexpr std::uint32_t magic_nanoseconds = 0xA1B23C4DU;
-constexpr std::uint32_t linktype_can_socketcan = 227;
-
-struct FileHeader {
-  std::uint32_t magic = magic_nanoseconds;
-  std::uint16_t version_major = 2;
-  std::uint16_t version_minor = 4;
-  std::uint32_t reserved1 = 0;
-  std::uint32_t reserved2 = 0;
-  std::uint32_t snap_length = 16;
-  std::uint32_t link_type = linktype_can_socketcan;
-};
-static_assert(sizeof(FileHeader) == 24);
-
 // The packet of LINKTYPE_CAN_SOCKETCAN: identifier and flags in network byte order, length, padding, data.
-struct Packet {
-  std::uint32_t seconds = 0;
-  std::uint32_t nanoseconds = 0;
-  std::uint32_t captured_length = 16;
-  std::uint32_t original_length = 16;
+struct SocketcanPacket {
+  PcapPacketHeader header{};
   std::array<std::uint8_t, 4> id{};
   std::uint8_t length = 0;
   std::array<std::uint8_t, 3> reserved{};
   std::array<std::uint8_t, 8> data{};
 };
-static_assert(sizeof(Packet) == 32);
+static_assert(sizeof(SocketcanPacket) == 32);
 
 // An error message has all eight data bytes; only its class (bus error) is known here.
 constexpr std::uint8_t error_message_length = 8;
@@ -69,6 +51,33 @@ std::string candump_line(const canopen::Frame& frame, Time timestamp, std::strin
   return line;
 }
 
+std::string candump_line(const BusEvent& event, Time timestamp, std::string_view interface_name) {
+  if (event.kind != BusEvent::Kind::error) return candump_line(event.frame, timestamp, interface_name);
+  return fmt::format("{} {} {:08X}#{:016X}", timestamp_text(timestamp), interface_name, error_flag | error_class_bus,
+                     0);
+}
+
+std::string can_pcap_header() {
+  const PcapFileHeader header{.link_type = PcapLink::can_socketcan};
+  return {reinterpret_cast<const char*>(&header), sizeof header};
+}
+
+std::string can_pcap_packet(const BusEvent& event, Time timestamp) {
+  SocketcanPacket packet;
+  packet.header = PcapPacketHeader::of(timestamp, sizeof packet - sizeof packet.header);
+  std::uint32_t id = 0;
+  if (event.kind == BusEvent::Kind::error) {
+    id = error_flag | error_class_bus;
+    packet.length = error_message_length;
+  } else {
+    id = event.frame.id | (event.frame.extended ? extended_flag : 0U) | (event.frame.remote ? remote_flag : 0U);
+    packet.length = event.frame.length;
+    if (!event.frame.remote) packet.data = event.frame.data;
+  }
+  for (unsigned i = 0; i < 4; ++i) packet.id[i] = static_cast<std::uint8_t>(id >> (24U - 8U * i));
+  return {reinterpret_cast<const char*>(&packet), sizeof packet};
+}
+
 CanLog::CanLog(const std::string& path, Format format, std::string interface_name, Time epoch)
     : format_(format),
       interface_name_(std::move(interface_name)),
@@ -82,8 +91,8 @@ CanLog::CanLog(const std::string& path, Format format, std::string interface_nam
   }
   std::setvbuf(file_.get(), nullptr, _IOFBF, buffer_bytes);
   if (format_ == Format::pcap) {
-    const FileHeader header;
-    write(&header, sizeof header);
+    const std::string header = can_pcap_header();
+    write(header.data(), header.size());
   }
 }
 
@@ -107,33 +116,13 @@ void CanLog::write(const void* bytes, std::size_t size) {
 }
 
 void CanLog::write_candump(const BusEvent& event) {
-  std::string line;
-  if (event.kind == BusEvent::Kind::error) {
-    line = fmt::format("{} {} {:08X}#{:016X}", timestamp_text(event.end + epoch_), interface_name_,
-                       error_flag | error_class_bus, 0);
-  } else {
-    line = candump_line(event.frame, event.end + epoch_, interface_name_);
-  }
-  line += '\n';
+  const std::string line = candump_line(event, event.end + epoch_, interface_name_) + '\n';
   write(line.data(), line.size());
 }
 
 void CanLog::write_pcap(const BusEvent& event) {
-  Packet packet;
-  const auto nanoseconds = (event.end + epoch_).count();
-  packet.seconds = static_cast<std::uint32_t>(nanoseconds / 1'000'000'000);
-  packet.nanoseconds = static_cast<std::uint32_t>(nanoseconds % 1'000'000'000);
-  std::uint32_t id = 0;
-  if (event.kind == BusEvent::Kind::error) {
-    id = error_flag | error_class_bus;
-    packet.length = error_message_length;
-  } else {
-    id = event.frame.id | (event.frame.extended ? extended_flag : 0U) | (event.frame.remote ? remote_flag : 0U);
-    packet.length = event.frame.length;
-    if (!event.frame.remote) packet.data = event.frame.data;
-  }
-  for (unsigned i = 0; i < 4; ++i) packet.id[i] = static_cast<std::uint8_t>(id >> (24U - 8U * i));
-  write(&packet, sizeof packet);
+  const std::string packet = can_pcap_packet(event, event.end + epoch_);
+  write(packet.data(), packet.size());
 }
 
 }  // namespace servodrome::links

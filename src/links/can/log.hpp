@@ -12,6 +12,13 @@ namespace servodrome::links {
 // remote frame, eight digits for an extended identifier.
 std::string candump_line(const canopen::Frame& frame, Time timestamp, std::string_view interface_name);
 
+// The same of what happened on a bus; an error frame is an error message of SocketCAN (class bus error, 20000080).
+std::string candump_line(const BusEvent& event, Time timestamp, std::string_view interface_name);
+
+// A pcap file of link type 227 (LINKTYPE_CAN_SOCKETCAN, nanoseconds): its header, then a packet for each event.
+std::string can_pcap_header();
+std::string can_pcap_packet(const BusEvent& event, Time timestamp);
+
 // Writes what happens on a bus to a file. At most 64 KiB wait in memory; then, and on flush() and destruction, they are
 // written. A write that fails (disk full) stops the log; failed() says so. Frames withheld by a disturbance are
 // written: they were on the wire. Error frames are written as SocketCAN error messages (class bus error, 20000080).

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -14,6 +15,10 @@ namespace servodrome::links {
 // are written. A write that fails (disk full) stops the log; failed() says so.
 class EthercatLog final : public EthercatObserver {
  public:
+  using EthernetHeader = std::array<std::uint8_t, 14>;
+  // What a frame has that was in a UDP packet.
+  static const EthernetHeader& made_up_header(Direction direction);
+
   // Creates or truncates the file; throws LinkError. `epoch`: wall-clock time of the line's time 0.
   EthercatLog(const std::string& path, Time epoch);
   EthercatLog(const EthercatLog&) = delete;

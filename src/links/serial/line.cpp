@@ -12,11 +12,12 @@ std::size_t index_of(SerialPortId port) { return static_cast<std::size_t>(port);
 
 }  // namespace
 
-SerialPortId SerialLine::attach(SerialStation& station) {
+SerialPortId SerialLine::attach(SerialStation& station, SerialSender side) {
   auto place = std::find_if(ports_.begin(), ports_.end(), [](const Port& port) { return port.station == nullptr; });
   if (place == ports_.end()) place = ports_.emplace(ports_.end());
   *place = Port{};
   place->station = &station;
+  place->side = side;
   place->format = format_;
   place->queue.reserve(usual_queue);
   return static_cast<SerialPortId>(place - ports_.begin());
@@ -84,6 +85,10 @@ void SerialLine::disturb_character(Port& port) {
 
 void SerialLine::end_character(Port& sender) {
   sender.is_sending = false;
+  if (!observers_.empty() && !sender.is_lost) {
+    const auto id = static_cast<SerialPortId>(&sender - ports_.data());
+    for (SerialObserver* observer : observers_) observer->on_character(sender.side, id, sender.character, now_);
+  }
   for (std::size_t i = 0; i < ports_.size() && !sender.is_lost; ++i) {
     Port& receiver = ports_[i];
     if (&receiver == &sender || receiver.station == nullptr) continue;

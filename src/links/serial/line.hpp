@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "links/disturbance_generator.hpp"
+#include "links/serial/sender.hpp"
 #include "links/time.hpp"
 #include "modbus/character_format.hpp"
 
@@ -46,6 +47,16 @@ class StationOf final : public SerialStation {
 
 enum class SerialPortId : std::uint32_t {};
 
+// Hears a line, for logs and monitors. All calls come from SerialLine::advance() and passed_by().
+class SerialObserver {
+ public:
+  virtual ~SerialObserver() = default;
+  // A character that others receive, at the end of its stop bit.
+  virtual void on_character(SerialSender side, SerialPortId port, std::uint8_t character, Time at) = 0;
+  // A message of Modbus TCP (header and PDU) from or to the line's drives, which goes past the wires.
+  virtual void on_tcp_message(SerialSender side, std::span<const std::uint8_t> message, Time at) = 0;
+};
+
 struct SerialLineCounters {
   std::uint64_t characters = 0;  // all that were sent
   std::uint64_t collisions = 0;  // of them, those that met another
@@ -70,8 +81,8 @@ class SerialLine {
 
   const modbus::CharacterFormat& format() const { return format_; }
 
-  // The station outlives its port.
-  SerialPortId attach(SerialStation& station);
+  // The station outlives its port. `side` is for observers.
+  SerialPortId attach(SerialStation& station, SerialSender side = SerialSender::master);
   void detach(SerialPortId port);
   // A station that is set to another format than those it talks to hears, and is heard, garbled.
   void set_format(SerialPortId port, const modbus::CharacterFormat& format);
@@ -88,6 +99,14 @@ class SerialLine {
   void disturb(const SerialDisturbance& disturbance);
   const SerialDisturbance& disturbance() const { return disturbance_; }
 
+  void add_observer(SerialObserver& observer) { observers_.push_back(&observer); }
+  void remove_observer(SerialObserver& observer) { std::erase(observers_, &observer); }
+  bool is_observed() const { return !observers_.empty(); }
+  // Tells observers of a message of Modbus TCP.
+  void passed_by(SerialSender side, std::span<const std::uint8_t> message) {
+    for (SerialObserver* observer : observers_) observer->on_tcp_message(side, message, now_);
+  }
+
   // When advance() has something to do; never: nothing is planned.
   Time next_event() const;
   void advance(Time until);
@@ -97,6 +116,7 @@ class SerialLine {
  private:
   struct Port {
     SerialStation* station = nullptr;  // nullptr: detached
+    SerialSender side = SerialSender::unknown;
     modbus::CharacterFormat format;
     std::vector<std::uint8_t> queue;
     std::size_t sent = 0;  // of the queue
@@ -115,6 +135,7 @@ class SerialLine {
 
   modbus::CharacterFormat format_;
   std::vector<Port> ports_;
+  std::vector<SerialObserver*> observers_;
   Time now_{};
   SerialLineCounters counters_;
   SerialDisturbance disturbance_;

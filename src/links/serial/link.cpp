@@ -20,7 +20,7 @@ struct OpenSerialLink {
     return std::make_unique<TtyLink>(name, line, io, host);
   }
   std::unique_ptr<SerialLink> operator()(const ModbusTcpName& name) const {
-    return std::make_unique<ModbusTcpListener>(name, units, io, host);
+    return std::make_unique<ModbusTcpListener>(name, line, units, io, host);
   }
   std::unique_ptr<SerialLink> operator()(const MemName&) const {
     throw LinkError(std::make_error_code(std::errc::invalid_argument),

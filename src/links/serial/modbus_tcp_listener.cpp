@@ -47,9 +47,18 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   void work() {
     LinkCounters& counters = listener_->counters_;
     while (!unread_.empty() && waiting_.size() < most_waiting_bytes && !connection_.is_broken()) {
-      unread_ = unread_.subspan(connection_.receive(unread_));
+      const std::size_t taken = connection_.receive(unread_);
+      const bool is_observed = listener_->line_.is_observed();
+      if (is_observed)
+        request_.insert(request_.end(), unread_.begin(), unread_.begin() + static_cast<std::ptrdiff_t>(taken));
+      unread_ = unread_.subspan(taken);
       const auto response = connection_.take();
       if (response.empty()) continue;
+      if (is_observed) {
+        listener_->line_.passed_by(SerialSender::master, request_);
+        listener_->line_.passed_by(SerialSender::drive, response);
+      }
+      request_.clear();
       ++counters.to_bus;
       ++counters.from_bus;
       waiting_.insert(waiting_.end(), response.begin(), response.end());
@@ -96,15 +105,17 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   modbus::TcpConnection connection_;
   std::array<std::uint8_t, 4096> input_{};
   std::span<const std::uint8_t> unread_;
+  std::vector<std::uint8_t> request_;  // as far as it has come; for observers
   std::vector<std::uint8_t> writing_;
   std::vector<std::uint8_t> waiting_;
   bool is_writing_ = false;
   bool is_closing_ = false;
 };
 
-ModbusTcpListener::ModbusTcpListener(const ModbusTcpName& name, modbus::Units& units, boost::asio::io_context& io,
-                                     LineHost& host)
+ModbusTcpListener::ModbusTcpListener(const ModbusTcpName& name, SerialLine& line, modbus::Units& units,
+                                     boost::asio::io_context& io, LineHost& host)
     : name_(name),
+      line_(line),
       units_(units),
       host_(host),
       acceptor_(listen_at(io, name.endpoint, to_string(name))),

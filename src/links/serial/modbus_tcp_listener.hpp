@@ -17,7 +17,9 @@ class ModbusTcpListener final : public SerialLink {
   static constexpr std::size_t most_clients = 32;
   static constexpr std::size_t most_waiting_bytes = 16 * 1024;
 
-  ModbusTcpListener(const ModbusTcpName& name, modbus::Units& units, boost::asio::io_context& io, LineHost& host);
+  // Observers of `line` are told of the messages.
+  ModbusTcpListener(const ModbusTcpName& name, SerialLine& line, modbus::Units& units, boost::asio::io_context& io,
+                    LineHost& host);
   ~ModbusTcpListener() override;
   ModbusTcpListener(const ModbusTcpListener&) = delete;
   ModbusTcpListener& operator=(const ModbusTcpListener&) = delete;
@@ -33,6 +35,7 @@ class ModbusTcpListener final : public SerialLink {
   void remove(const Client& client);
 
   ModbusTcpName name_;
+  SerialLine& line_;
   modbus::Units& units_;
   LineHost& host_;
   boost::asio::ip::tcp::acceptor acceptor_;
