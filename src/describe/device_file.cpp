@@ -1,8 +1,12 @@
 #include "describe/device_file.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
+#include <cstring>
+#include <filesystem>
 #include <fmt/format.h>
+#include <fstream>
 
 namespace servodrome::describe {
 namespace {
@@ -12,6 +16,30 @@ std::string place(const std::string& file, unsigned line, const std::string& key
   if (line != 0) text += fmt::format(":{}", line);
   if (!key.empty()) text += ", " + key;
   return text;
+}
+
+bool is_utf8(std::string_view text) {
+  for (std::size_t i = 0; i < text.size();) {
+    const auto code = static_cast<unsigned char>(text[i++]);
+    unsigned more = code < 0x80 ? 0 : code >= 0xC2 && code < 0xE0 ? 1 : code >= 0xE0 && code < 0xF0 ? 2 : 3;
+    if (code >= 0xF5 || (code >= 0x80 && code < 0xC2)) return false;
+    for (; more > 0; --more, ++i) {
+      if (i == text.size() || (static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) return false;
+    }
+  }
+  return true;
+}
+
+// Names are shown by programs that take UTF-8 alone. What is none is Latin-1, as older files have it.
+void make_utf8(std::string& text) {
+  if (is_utf8(text)) return;
+  std::string result;
+  for (const char letter : text) {
+    const auto code = static_cast<unsigned char>(letter);
+    if (code >= 0x80) result += static_cast<char>(0xC0 | code >> 6);
+    result += static_cast<char>(code < 0x80 ? code : 0x80 | (code & 0x3F));
+  }
+  text = std::move(result);
 }
 
 }  // namespace
@@ -54,6 +82,23 @@ std::string read_text(std::istream& in, const std::string& file) {
   return text;
 }
 
+std::string read_file(const std::string& path) {
+  const char* remedy = "give the name of a device description that can be read";
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) throw DeviceFileError(path, 0, "", "it is a folder", remedy);
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw DeviceFileError(path, 0, "", fmt::format("cannot be read: {}", std::strerror(errno)), remedy);
+  std::string bytes;
+  std::array<char, 65536> part{};
+  while (file.read(part.data(), part.size()) || file.gcount() > 0) {
+    bytes.append(part.data(), static_cast<std::size_t>(file.gcount()));
+    if (bytes.size() > most_file_bytes) {
+      throw DeviceFileError(path, 0, "", fmt::format("it is longer than {} MiB", most_file_bytes >> 20), remedy);
+    }
+  }
+  return bytes;
+}
+
 std::optional<std::int64_t> parse_file_number(std::string_view text) {
   const bool negative = text.starts_with('-');
   if (negative || text.starts_with('+')) text.remove_prefix(1);
@@ -71,6 +116,8 @@ std::optional<std::int64_t> parse_file_number(std::string_view text) {
 }
 
 void settle(DeviceFile& device) {
+  for (std::string* text : {&device.vendor_name, &device.product_name, &device.order_code}) make_utf8(*text);
+  for (FileEntry& entry : device.entries) make_utf8(entry.name), make_utf8(entry.object_name);
   std::stable_sort(device.entries.begin(), device.entries.end(),
                    [](const FileEntry& a, const FileEntry& b) { return a.key() < b.key(); });
   std::vector<FileEntry> settled;

@@ -49,8 +49,9 @@ struct FileEntry {
   bool default_adds_node_id = false;          // $NODEID
   std::optional<std::int64_t> minimum;
   std::optional<std::int64_t> maximum;
-  std::string content;  // the default of a string or domain, as bytes
-  unsigned line = 0;    // of the file; 0: made up, because the file only implies it
+  std::optional<bool> saved;  // whether the device stores it; nothing where the file does not say
+  std::string content;        // the default of a string or domain, as bytes
+  unsigned line = 0;          // of the file; 0: made up, because the file only implies it
 
   std::uint32_t key() const { return static_cast<std::uint32_t>(index) << 8 | sub; }
 };
@@ -63,6 +64,9 @@ struct DeviceFile {
   std::optional<std::uint32_t> vendor_id;
   std::optional<std::uint32_t> product_code;
   std::optional<std::uint32_t> revision_number;
+  std::vector<unsigned> bit_rates_kbit;  // of a CAN device
+  bool lss_supported = false;
+  bool is_configuration = false;  // values are those of one device (a DCF), not what all come with
   std::array<bool, 7> dummy_usage{};
   std::vector<FileEntry> entries;  // sorted by key, each once; every object begins with a sub-index 0
   std::vector<std::string> notes;  // "drive.eds:12: ...": what was understood although it is not as the standard has it
@@ -75,6 +79,9 @@ inline constexpr std::size_t most_file_bytes = std::size_t{32} << 20;
 
 // The text of a device description. Throws DeviceFileError for what is too long or no text at all.
 std::string read_text(std::istream& in, const std::string& file);
+
+// All bytes of a file. Throws DeviceFileError when it cannot be read, or is too long.
+std::string read_file(const std::string& path);
 
 // An electronic data sheet or device configuration file, whose ParameterValues go before its DefaultValues. `file`
 // stands in messages. Throws DeviceFileError.

@@ -180,9 +180,16 @@ class EdsReader {
       device_.vendor_id = id("VendorNumber");
       device_.product_code = id("ProductNumber");
       device_.revision_number = id("RevisionNumber");
+      for (const unsigned rate : {10U, 20U, 50U, 125U, 250U, 500U, 800U, 1000U}) {
+        if (number_of(*info, fmt::format("BaudRate_{}", rate).c_str()).value_or(0) != 0) {
+          device_.bit_rates_kbit.push_back(rate);
+        }
+      }
+      device_.lss_supported = number_of(*info, "LSS_Supported").value_or(0) != 0;
     } else {
       note(1, "there is no [DeviceInfo]");
     }
+    device_.is_configuration = section("devicecomissioning") != nullptr || section("devicecommissioning") != nullptr;
     if (const Section* dummies = section("dummyusage")) {
       for (unsigned type = 1; type <= device_.dummy_usage.size(); ++type) {
         const auto used = number_of(*dummies, fmt::format("Dummy{:04d}", type).c_str());
@@ -238,9 +245,7 @@ class EdsReader {
     }
     if (compact != 0) return read_compact(common, section, compact);
     unsigned subs = 0;
-    for (unsigned sub = 0; sub <= 0xFF; ++sub) {
-      const Section* element = sub_section(section, sub);
-      if (element == nullptr) continue;
+    for (const auto& [sub, element] : sub_sections(section)) {
       ++subs;
       FileEntry entry = common;
       entry.sub = static_cast<std::uint8_t>(sub);
@@ -266,13 +271,15 @@ class EdsReader {
     device_.entries.push_back(std::move(common));
   }
 
-  // The section of a sub-index; "6099sub1" and "6099Sub01" are the same.
-  const Section* sub_section(const Section& object, unsigned sub) const {
-    const std::string index = lower(object.name);
-    for (const auto& name : {fmt::format("{}sub{:x}", index, sub), fmt::format("{}sub{:02x}", index, sub)}) {
-      if (const Section* found = section(name)) return found;
+  // The sections of an object's sub-indices; "6099sub1" and "6099Sub01" are the same.
+  std::map<unsigned, const Section*> sub_sections(const Section& object) const {
+    const std::string prefix = lower(object.name) + "sub";
+    std::map<unsigned, const Section*> found;
+    for (auto at = sections_.lower_bound(prefix); at != sections_.end() && at->first.starts_with(prefix); ++at) {
+      const auto sub = hex(std::string_view(at->first).substr(prefix.size()));
+      if (sub && *sub <= 0xFF) found.try_emplace(*sub, &at->second);
     }
-    return nullptr;
+    return found;
   }
 
   // [6099sub1] without [6099].
@@ -319,9 +326,8 @@ class EdsReader {
       device_.entries.push_back(std::move(entry));
     }
     // Sub-indices that are described for themselves go before.
-    for (unsigned sub = 0; sub <= static_cast<unsigned>(count); ++sub) {
-      const Section* own = sub_section(section, sub);
-      if (own == nullptr) continue;
+    for (const auto& [sub, own] : sub_sections(section)) {
+      if (sub > static_cast<unsigned>(count)) continue;
       FileEntry entry = common;
       entry.sub = static_cast<std::uint8_t>(sub);
       entry.line = own->line;

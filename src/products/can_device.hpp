@@ -8,6 +8,13 @@
 
 namespace servodrome::products {
 
+// The communication objects that a node with these objects works with; they size its memory. Whoever has PDOs beyond
+// its struct specialises it.
+template <typename ProductObjects>
+struct NodeSizes {
+  using Communication = decltype(ProductObjects::communication);
+};
+
 // A CANopen servo drive put together from a product's tables. Beyond what ServoDevice asks for, `Product` gives
 //   profile, factory_node_id, factory_bit_rate
 //   std::uint8_t chosen_node_id() const, std::uint32_t chosen_bit_rate() const     what the objects ask for
@@ -23,12 +30,14 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   using typename Base::Communication;
 
   explicit CanDevice(const Settings& its_settings)
-      : Base(its_settings), node_(bus_dictionary(), Product::profile, *this, storage_.memory()) {
+      : CanDevice(its_settings, Base::composition_of_product(), Product::profile) {}
+  CanDevice(const Settings& its_settings, const Composition& composition, const canopen::Profile& profile)
+      : Base(its_settings, composition), node_(bus_dictionary(), profile, *this, storage_.memory()) {
     listen(dictionary::Owner::communication, bus_dictionary().listener(dictionary::Owner::communication));
   }
 
   void power_on(const drive::Feedback& feedback, Time now) override {
-    objects() = {};
+    Base::clear_objects();
     load_objects(dictionary::Area::all, settings().node_id != 0 ? settings().node_id : Product::factory_node_id);
     // The node id may itself be a saved value, and defaults depend on it.
     node_id_ = product().chosen_node_id();
@@ -127,9 +136,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
     if (Product::policy.nmt_aborts_connection && dictionary().find(0x6007, 0) != nullptr) drive().communication_lost();
   }
 
-  canopen::NodeStorage<Communication::rpdo_count, Communication::tpdo_count, Communication::mapping_entries,
-                       Communication::heartbeat_consumer_count, SdoBufferBytes>
-      storage_{};
+  canopen::NodeStorageFor<typename NodeSizes<ProductObjects>::Communication, SdoBufferBytes> storage_{};
   canopen::Node node_;
   std::uint16_t reported_by_node_ = 0;  // code of the EMCY that the node itself is about to send
   Time last_sync_{};                    // 0: none since power on

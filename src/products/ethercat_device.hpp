@@ -33,15 +33,18 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   static constexpr std::size_t sii_bytes = Sizes.sii_bytes;
 
   explicit EthercatDevice(const Settings& its_settings)
-      : Base(its_settings), slave_(esc_, bus_dictionary(), Product::ethercat_profile, *this, storage_.memory()) {
+      : EthercatDevice(its_settings, Base::composition_of_product(), Product::ethercat_profile,
+                       Product::sii_description(its_settings)) {}
+  EthercatDevice(const Settings& its_settings, const Composition& composition, const ethercat::Profile& profile,
+                 const ethercat::SiiDescription& sii)
+      : Base(its_settings, composition), slave_(esc_, bus_dictionary(), profile, *this, storage_.memory()) {
     listen(dictionary::Owner::communication, bus_dictionary().listener(dictionary::Owner::communication));
     // Written once: it is non-volatile, and a master may change it.
-    ethercat::write_sii_image(Product::sii_description(its_settings), Product::ethercat_profile, Base::table_of_bus(),
-                              sii_);
+    ethercat::write_sii_image(sii, profile, composition.bus_table, sii_);
   }
 
   void power_on(const drive::Feedback& feedback, Time now) override {
-    objects() = {};
+    Base::clear_objects();
     load_objects(dictionary::Area::all);
     drive().configure(product().configuration());
     drive().power_on(feedback);

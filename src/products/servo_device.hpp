@@ -8,6 +8,29 @@
 
 namespace servodrome::products {
 
+// What a device is put together from: constants of its product, or what the running program makes of a description.
+struct Composition {
+  std::span<const dictionary::Entry> table;
+  std::span<const dictionary::Entry> bus_table;  // what the fieldbus sees of it
+  const drive::Policy& policy;
+  std::size_t object_bytes = 0;  // of the objects; 0: those of the product's struct
+};
+
+// Where the objects of a device live: within the device. Whoever has objects beyond a struct specialises it.
+template <typename ProductObjects>
+class ObjectMemory {
+ public:
+  explicit ObjectMemory(const Composition&) {}
+
+  ProductObjects& objects() { return objects_; }
+  const ProductObjects& objects() const { return objects_; }
+  std::span<std::byte> bytes() { return std::as_writable_bytes(std::span(&objects_, 1)); }
+  void clear() { objects_ = {}; }
+
+ private:
+  ProductObjects objects_{};
+};
+
 // What the servo drives of all fieldbuses have in common: objects, dictionary, drive and non-volatile memory, put
 // together from a product's tables. `Product` derives from CanDevice<Product, ...> or EthercatDevice<Product, ...>,
 // which derive from this, and gives
@@ -16,6 +39,7 @@ namespace servodrome::products {
 //   void loaded(Area)              optional: values that follow from the saved ones
 //   drive::Configuration configuration() const      from the present objects and the motor
 //   bus_table                      optional: what the fieldbus sees of the table (dictionary::make_bus_table)
+// or hands a Composition to the constructor in place of `table`, `bus_table` and `policy`.
 // `ProductObjects` is a plain struct with members `communication` and `drive`; a product with variants for several
 // fieldbuses has `drive` in a member `servo` that they share.
 template <typename Product, typename ProductObjects>
@@ -31,20 +55,21 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
   dictionary::Dictionary& bus_dictionary() override { return bus_dictionary_; }
 
  protected:
-  explicit ServoDevice(const Settings& settings)
+  ServoDevice(const Settings& settings, const Composition& composition)
       : settings_(settings),
-        dictionary_(Product::table, std::as_writable_bytes(std::span(&objects_, 1)), Product::length_aborts),
-        bus_dictionary_(table_of_bus(), std::as_writable_bytes(std::span(&objects_, 1)), Product::length_aborts),
-        drive_(Product::policy, drive_objects(), drive_offset()) {
+        memory_(composition),
+        dictionary_(composition.table, memory_.bytes(), Product::length_aborts),
+        bus_dictionary_(composition.bus_table, memory_.bytes(), Product::length_aborts),
+        drive_(composition.policy, drive_objects(), drive_offset()) {
     drive_.set_events(this);
     listen(dictionary::Owner::drive, &drive_);
     listen(dictionary::Owner::product, this);
   }
   drive::Objects& drive_objects() {
-    if constexpr (requires { objects_.servo; }) {
-      return objects_.servo.drive;
+    if constexpr (requires(ProductObjects all) { all.servo; }) {
+      return objects().servo.drive;
     } else {
-      return objects_.drive;
+      return objects().drive;
     }
   }
   static constexpr std::size_t drive_offset() {
@@ -61,6 +86,7 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
       return Product::table;
     }
   }
+  static constexpr Composition composition_of_product() { return {Product::table, table_of_bus(), Product::policy}; }
   void listen(dictionary::Owner owner, dictionary::Listener* listener) {
     dictionary_.set_listener(owner, listener);
     bus_dictionary_.set_listener(owner, listener);
@@ -68,8 +94,9 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
   ~ServoDevice() = default;
 
   const Settings& settings() const { return settings_; }
-  ProductObjects& objects() { return objects_; }
-  const ProductObjects& objects() const { return objects_; }
+  ProductObjects& objects() { return memory_.objects(); }
+  const ProductObjects& objects() const { return memory_.objects(); }
+  void clear_objects() { memory_.clear(); }
   Product& product() { return static_cast<Product&>(*this); }
   void reconfigure() { drive_.configure(product().configuration()); }
 
@@ -109,7 +136,7 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
   }
 
   Settings settings_;
-  ProductObjects objects_{};
+  ObjectMemory<ProductObjects> memory_;
   dictionary::Dictionary dictionary_;
   dictionary::Dictionary bus_dictionary_;  // over the same objects
   drive::Drive drive_;

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <pugixml.hpp>
+#include <string>
+
+#include "describe/device_file.hpp"
+
+// The XML of an ESI file, for its readers.
+namespace servodrome::describe {
+
+// Text without the blanks around it.
+std::string text_of(const pugi::xml_node& node);
+// Of several languages the English one (LcId 1033), else the first.
+std::string english(const pugi::xml_node& parent, const char* child);
+// "1" or "true".
+bool is_set(const pugi::xml_attribute& attribute);
+// HexDecValue of ETG.2000: decimal, or hexadecimal behind #x; makers write 0x as well. Nothing if it is none.
+std::optional<std::int64_t> parse_xml_number(std::string_view text);
+// A base type by its name in IEC 61131-3, or for an unknown one by its length.
+dictionary::Type type_of_name(std::string_view name, unsigned bits);
+
+class EsiDocument {
+ public:
+  // Throws DeviceFileError where the text is no XML, or no EtherCATInfo.
+  EsiDocument(const std::string& text, const std::string& file);
+
+  pugi::xml_node root() const { return document_.child("EtherCATInfo"); }
+  unsigned line_of(const pugi::xml_node& node) const;
+  [[noreturn]] void refuse(const pugi::xml_node& at, const std::string& key, const std::string& problem,
+                           const std::string& remedy) const;
+  // The number that has to be there. Throws DeviceFileError.
+  std::int64_t number(const pugi::xml_node& node, const char* key) const;
+  std::int64_t number(const pugi::xml_attribute& attribute, const pugi::xml_node& of, const char* key) const;
+
+ private:
+  std::string file_;
+  std::string text_;  // as UTF-8, what offsets count in
+  pugi::xml_document document_;
+};
+
+// The objects of a Dictionary element.
+class EsiDictionaryReader {
+ public:
+  EsiDictionaryReader(const EsiDocument& document, DeviceFile& device) : document_(document), device_(device) {}
+
+  // False: it has none.
+  bool read(const pugi::xml_node& dictionary);
+
+ private:
+  void read_object(const pugi::xml_node& object);
+  void read_parts(const pugi::xml_node& object, const pugi::xml_node& type, const FileEntry& common);
+  void set_type(FileEntry& entry, const std::string& type, const pugi::xml_node& at, unsigned bits) const;
+  void set_flags(FileEntry& entry, const pugi::xml_node& flags) const;
+  void set_values(FileEntry& entry, const pugi::xml_node& info) const;
+  pugi::xml_node data_type(const std::string& name) const;
+
+  const EsiDocument& document_;
+  DeviceFile& device_;
+  std::map<std::string, pugi::xml_node> types_;
+};
+
+}  // namespace servodrome::describe

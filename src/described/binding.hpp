@@ -1,0 +1,41 @@
+#pragma once
+
+#include "described/blueprint.hpp"
+#include "drive/drive.hpp"
+#include "products/generic402/objects.hpp"
+
+namespace servodrome::described {
+
+// Keeps a drive's fields and the objects that the description has for them together: on either fieldbus the part of a
+// described device that is neither bus nor drive.
+class Binding {
+ public:
+  Binding(const Blueprint& blueprint, dictionary::Dictionary& dictionary, drive::Drive& drive)
+      : blueprint_(blueprint), dictionary_(dictionary), drive_(drive) {}
+
+  // Factory values that are in no table: strings, the objects nobody described, the nameplate of the motor.
+  void prepare(drive::Objects& objects, const products::Settings& settings, dictionary::Area areas);
+  // The objects have their saved values: those of another size go to the drive's fields.
+  void loaded(dictionary::Area areas);
+
+  // dictionary::Listener for Owner::product
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value);
+  void written(const dictionary::Entry& entry);
+  void refresh(const dictionary::Entry& entry);
+  std::span<const std::byte> domain(const dictionary::Entry& entry) const;
+
+ private:
+  const Adapted* find_adapted(const dictionary::Entry& entry) const;
+  void to_drive(const dictionary::Entry& entry, const dictionary::Entry& reference);
+  void put(const dictionary::Entry& entry, std::int64_t value);
+
+  const Blueprint& blueprint_;
+  dictionary::Dictionary& dictionary_;
+  drive::Drive& drive_;
+};
+
+// Units of a described drive. A feed constant of 1:1, which makers print for "none", makes a position unit an increment
+// of 608Fh; the encoder itself is the motor's, whatever 608Fh says.
+bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units);
+
+}  // namespace servodrome::described

@@ -1,0 +1,30 @@
+#include "described/ethercat_drive.hpp"
+
+namespace servodrome::described {
+namespace {
+
+// The description's, with what this one slave has of its own.
+ethercat::SiiDescription sii_of(const Blueprint& blueprint, const products::Settings& settings) {
+  ethercat::SiiDescription sii = blueprint.ethercat->sii;
+  sii.serial_number = settings.serial_number;
+  sii.station_alias = settings.ethercat.station_alias;
+  return sii;
+}
+
+}  // namespace
+
+EthercatDrive::EthercatDrive(std::shared_ptr<const Blueprint> blueprint, const products::Settings& settings)
+    : EthercatDevice(settings, {blueprint->table, blueprint->table, blueprint->policy, blueprint->object_bytes},
+                     blueprint->ethercat->profile, sii_of(*blueprint, settings)),
+      blueprint_(std::move(blueprint)) {}
+
+// With SYNC0 the set-points come with its period, whatever 60C2h was.
+void EthercatDrive::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause,
+                                  products::Time now) {
+  EthercatDevice::state_changed(from, to, cause, now);
+  if (from != ethercat::AlState::pre_operational || to != ethercat::AlState::safe_operational) return;
+  const auto period = static_cast<std::uint32_t>(dictionary().number(0x1C32, 0x0A));
+  products::generic402::set_interpolation_period(drive_objects(), period);
+}
+
+}  // namespace servodrome::described

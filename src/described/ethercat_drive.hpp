@@ -1,0 +1,47 @@
+#pragma once
+
+#include "described/binding.hpp"
+#include "described/objects.hpp"
+#include "products/ethercat_device.hpp"
+#include "products/generic402/servo.hpp"
+
+namespace servodrome::described {
+
+inline constexpr products::EthercatSizes ethercat_sizes{
+    .mapped_objects = 256, .mailbox_bytes = 1536, .sdo_bytes = 4096, .sii_bytes = ethercat_sii_bytes};
+
+// An EtherCAT drive out of an ESI file.
+class EthercatDrive final : public products::EthercatDevice<EthercatDrive, EthercatObjects, ethercat_sizes> {
+ public:
+  // For what is decided at compile time; the device's own policy is the blueprint's.
+  static constexpr const drive::Policy& policy = products::generic402::policy;
+  static constexpr dictionary::LengthAborts length_aborts{};
+
+  EthercatDrive(std::shared_ptr<const Blueprint> blueprint, const products::Settings& settings);
+
+ private:
+  friend EthercatDevice;
+  friend ServoDevice;
+
+  void prepare(dictionary::Area areas) { binding_.prepare(drive_objects(), settings(), areas); }
+  void loaded(dictionary::Area areas) { binding_.loaded(areas); }
+  drive::Configuration configuration() const {
+    return products::generic402::configuration(objects().manufacturer, settings().motor);
+  }
+
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override {
+    return binding_.check(entry, value);
+  }
+  void written(const dictionary::Entry& entry) override { binding_.written(entry); }
+  void refresh(const dictionary::Entry& entry) override { binding_.refresh(entry); }
+  std::span<const std::byte> domain(const dictionary::Entry& entry) override { return binding_.domain(entry); }
+
+  // --- ethercat::SlaveEvents
+  void state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause,
+                     products::Time now) override;
+
+  std::shared_ptr<const Blueprint> blueprint_;
+  Binding binding_{*blueprint_, dictionary(), drive()};
+};
+
+}  // namespace servodrome::described

@@ -1,0 +1,133 @@
+// Descriptions that cannot be used: each says where and what, and none ends the program.
+#include <random>
+#include <sstream>
+
+#include "described_support.hpp"
+
+namespace servodrome::described {
+namespace {
+
+using namespace test;
+
+std::string content_of(const std::string& name) { return describe::read_file(data_file(name)); }
+
+std::string replaced(std::string text, const std::string& what, const std::string& with) {
+  const std::size_t at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return text.replace(at, what.size(), with);
+}
+
+// What is said; empty: it was taken.
+std::string complaint_about_eds(const std::string& text) {
+  try {
+    std::istringstream stream(text);
+    make_can_blueprint(describe::read_eds(stream, "x.eds"), text);
+    return {};
+  } catch (const describe::DeviceFileError& error) {
+    EXPECT_FALSE(error.remedy().empty());
+    return error.what();
+  }
+}
+std::string complaint_about_esi(const std::string& text, const std::string& device = {}) {
+  try {
+    make_ethercat_blueprint(describe::read_esi(text, "x.xml", device));
+    return {};
+  } catch (const describe::DeviceFileError& error) {
+    EXPECT_FALSE(error.remedy().empty());
+    return error.what();
+  }
+}
+
+TEST(BadDataSheet, SaysLineAndKey) {
+  const std::string good = content_of("capital_access.eds");
+  EXPECT_EQ(complaint_about_eds(good), "");
+  const auto begins = [](const std::string& text, const std::string& with) {
+    EXPECT_EQ(text.substr(0, with.size()), with) << text;
+  };
+  begins(complaint_about_eds(replaced(good, "[6041]\r\nParameterName=Statusword\r\nObjectType=7\r\nDataType=0x0006",
+                                      "[6041]\r\nParameterName=Statusword\r\nObjectType=7\r\nDataType=zwei")),
+         "x.eds:");
+  EXPECT_NE(
+      complaint_about_eds(replaced(good, "DataType=0x0006", "DataType=zwei")).find("DataType: \"zwei\" is no number"),
+      std::string::npos);
+  EXPECT_NE(complaint_about_eds(replaced(good, "AccessType=RW", "AccessType=sometimes")).find("AccessType"),
+            std::string::npos);
+  EXPECT_NE(complaint_about_eds(replaced(good, "[6040]", "[5040]")).find("no drive of CiA 402"), std::string::npos);
+  EXPECT_NE(complaint_about_eds("").find("no object is described"), std::string::npos);
+  EXPECT_NE(complaint_about_eds("[1000\n").find("x.eds:1"), std::string::npos);
+}
+
+TEST(BadDataSheet, TwiceTheSameObjectIsNoted) {
+  const std::string good = content_of("capital_access.eds");
+  std::istringstream stream(good +
+                            "\r\n[6081SUB0]\r\nParameterName=x\r\nDataType=7\r\n[60FF]\r\nParameterName=again\r\n");
+  const auto blueprint = make_can_blueprint(describe::read_eds(stream, "x.eds"));
+  EXPECT_FALSE(blueprint->device.notes.empty());
+}
+
+TEST(BadDataSheet, AsManyObjectsAsThereAreIndices) {
+  std::string text;
+  for (unsigned index = 0; index <= 0xFFFF; ++index) {
+    text += fmt::format("[{:04X}]\nParameterName=p\nDataType=7\nAccessType=rw\n", index);
+  }
+  EXPECT_NE(complaint_about_eds(text).find("at most 32768"), std::string::npos);
+}
+
+// As read, or refused with a sentence: nothing else may happen.
+TEST(BadDataSheet, CutAndSpoiltFilesAreTakenOrRefused) {
+  std::mt19937 random(402);
+  for (const char* name : {"mapping_counts.dcf", "capital_access.eds", "compact_arrays.eds"}) {
+    const std::string good = content_of(name);
+    for (int i = 0; i < 150; ++i) {
+      std::string bad = good.substr(0, random() % good.size());
+      for (unsigned n = random() % 8; n > 0 && !bad.empty(); --n) {
+        bad[random() % bad.size()] = static_cast<char>(random() % 255 + 1);
+      }
+      complaint_about_eds(bad);
+    }
+  }
+}
+
+TEST(BadSlaveInformation, SaysLineAndElement) {
+  const std::string good = content_of("dictionary_defaults.xml");
+  EXPECT_EQ(complaint_about_esi(good), "");
+  EXPECT_NE(complaint_about_esi(good.substr(0, good.size() / 2)).find("the XML cannot be read"), std::string::npos);
+  EXPECT_NE(complaint_about_esi("<a/>").find("EtherCATInfo"), std::string::npos);
+  EXPECT_NE(complaint_about_esi(good, "OTHER").find("there is no device \"OTHER\""), std::string::npos);
+  EXPECT_NE(
+      complaint_about_esi(replaced(good, "ProductCode=\"#x00000201\"", "ProductCode=\"#xyz\"")).find("ProductCode"),
+      std::string::npos);
+  EXPECT_NE(
+      complaint_about_esi(replaced(good, "<DefaultData>92010200", "<DefaultData>9201020")).find("1000:00 DefaultData"),
+      std::string::npos);
+  EXPECT_NE(complaint_about_esi(replaced(good, "<Elements>2<", "<Elements>2000<")).find("ArrayInfo"),
+            std::string::npos);
+}
+
+TEST(BadSlaveInformation, CutAndSpoiltFilesAreTakenOrRefused) {
+  std::mt19937 random(402);
+  const std::string good = content_of("slots_and_modules.xml");
+  for (int i = 0; i < 300; ++i) {
+    std::string bad = i % 4 == 0 ? good.substr(0, random() % good.size()) : good;
+    for (unsigned n = random() % 8; n > 0 && !bad.empty(); --n) {
+      bad[random() % bad.size()] = static_cast<char>('0' + random() % 75);
+    }
+    complaint_about_esi(bad);
+  }
+}
+
+TEST(LineFileOfDescriptions, ComplainsAtTheKey) {
+  const auto diagnostics_of = [](const std::string& text) {
+    return line::parse_line_file(text, "", line::all_products()).diagnostics;
+  };
+  const auto missing = diagnostics_of(line_text("no-such.eds", 4096));
+  ASSERT_FALSE(missing.empty());
+  EXPECT_EQ(missing.front().line, 7U);
+  EXPECT_NE(missing.front().what.find("cannot be read"), std::string::npos);
+  const auto both = diagnostics_of(line_text(data_file("capital_access.eds"), 4096, false, "product = \"ismc\""));
+  ASSERT_FALSE(both.empty());
+  EXPECT_NE(both.front().what.find("product"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace servodrome::described
