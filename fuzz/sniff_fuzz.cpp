@@ -1,4 +1,4 @@
-// Any bytes as a capture file, through the decoders of both buses, and as a data sheet. The sanitizers look for misuse
+// Any bytes as a capture file, through the decoders of all buses, and as a data sheet. The sanitizers look for misuse
 // of memory; refusals are exceptions of the two kinds that callers expect.
 #include <cstdio>
 #include <memory>
@@ -9,6 +9,8 @@
 #include "host/sniff/can_decoder.hpp"
 #include "host/sniff/capture_file.hpp"
 #include "host/sniff/ethercat_decoder.hpp"
+#include "host/sniff/modbus_tcp_decoder.hpp"
+#include "host/sniff/serial_decoder.hpp"
 
 using namespace servodrome;
 
@@ -21,12 +23,22 @@ void decode_capture(const std::uint8_t* data, std::size_t size) {
   host::CanDecoder can;
   host::EthercatDecoder ethercat;
   ethercat.show_sent(true);
+  host::SerialDecoder serial;
+  host::ModbusTcpDecoder modbus_tcp;
   try {
     host::CaptureFile capture(file.get(), "fuzz");
     while (const auto frame = capture.next()) {
       if (const auto* on_can = std::get_if<canopen::Frame>(&frame->content)) can.decode(*on_can, frame->time);
-      if (const auto* bytes = std::get_if<host::EthernetBytes>(&frame->content)) ethercat.decode(*bytes, frame->time);
+      if (const auto* bytes = std::get_if<host::EthernetBytes>(&frame->content)) {
+        ethercat.decode(*bytes, frame->time);
+        modbus_tcp.decode(*bytes, frame->time);
+      }
+      if (const auto* piece = std::get_if<host::SerialBytes>(&frame->content)) {
+        serial.decode(piece->bytes, frame->time, piece->sender);
+        modbus_tcp.decode_message(piece->bytes, frame->time, piece->sender == links::SerialSender::master, 0);
+      }
     }
+    serial.finish();
   } catch (const host::HostError&) {
   }
 }

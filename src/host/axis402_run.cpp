@@ -11,6 +11,11 @@ namespace {
 
 bool reached(std::uint16_t word) { return (word & statusword_bit::target_reached) != 0; }
 
+bool is_cyclic(OperationMode mode) {
+  return mode == OperationMode::cyclic_synchronous_position || mode == OperationMode::cyclic_synchronous_velocity ||
+         mode == OperationMode::cyclic_synchronous_torque;
+}
+
 }  // namespace
 
 // The target velocity of a former run is not to act when the mode comes.
@@ -98,15 +103,25 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
   follow(timeout, progress, fmt::format("giving {:g} % of rated torque", torque_permille / 10.0), reached);
 }
 
-// With halt, target reached means standstill (CiA 402-2 table 29). A ramp may be long: the time counts from where the
-// axis does not get slower any more.
+// With halt, target reached means standstill (CiA 402-2 table 29); a drive that does not say so in homing (iSMK) has
+// stayed where it is for a while. A ramp may be long: the time counts from where the axis does not get slower any more.
 void Axis402::wait_for_standstill() {
+  constexpr Time standing = std::chrono::milliseconds(200);
   objects_.wait(settling);
+  std::optional<std::int32_t> place;
+  Time since{};
   std::int64_t slowest = std::numeric_limits<std::int64_t>::max();
   Time deadline = objects_.now() + options_.state_timeout;
   for (;;) {
     const AxisStatus present = status();
     if (reached(present.statusword) || present.state() != PowerState::operation_enabled) return;
+    const Time now = objects_.now();
+    if (!place || std::abs(std::int64_t{present.position} - *place) > 1) {
+      place = present.position;
+      since = now;
+    } else if (now - since >= standing) {
+      return;
+    }
     if (const std::int64_t speed = std::abs(std::int64_t{present.velocity}); speed < slowest) {
       slowest = speed;
       deadline = objects_.now() + options_.state_timeout;
@@ -124,9 +139,10 @@ void Axis402::stop() {
   halted_ = false;
   goal_.reset();
   auto mode = static_cast<OperationMode>(this->mode());
-  if (mode == OperationMode::profile_torque) {
-    // Halt takes the torque away at most, and the axis coasts: a velocity of 0 brakes it.
-    objects_.write<std::int16_t>(0x6071, 0, 0);
+  if (mode == OperationMode::profile_torque || is_cyclic(mode)) {
+    // Halt takes the torque away at most, and the axis coasts: a velocity of 0 brakes it. In the cyclic modes not every
+    // drive says that it has come to rest.
+    if (mode == OperationMode::profile_torque) objects_.write<std::int16_t>(0x6071, 0, 0);
     begin_velocity({});
     mode = OperationMode::profile_velocity;
   }

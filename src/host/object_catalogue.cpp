@@ -124,7 +124,8 @@ ObjectCatalogue ObjectCatalogue::of(const describe::DeviceFile& device) {
                                   entry.default_value,
                                   entry.default_adds_node_id,
                                   entry.minimum,
-                                  entry.maximum});
+                                  entry.maximum,
+                                  entry.unit});
   }
   catalogue.sort();
   return catalogue;
@@ -141,7 +142,11 @@ ObjectCatalogue ObjectCatalogue::of(std::span<const dictionary::Entry> table) {
 void ObjectCatalogue::add(const dictionary::Entry& entry) {
   const std::string object_name = entry.sub == 0 || objects_.empty() ? entry.name : objects_.back().object_name;
   const bool is_count = entry.sub == 0 && entry.code != dictionary::ObjectCode::var;
-  objects_.push_back({{entry.index, entry.sub}, object_name, is_count ? "Highest sub-index" : entry.name, entry.type});
+  objects_.push_back({.address = {entry.index, entry.sub},
+                      .object_name = object_name,
+                      .name = is_count ? "Highest sub-index" : entry.name,
+                      .type = entry.type,
+                      .unit = entry.unit});
 }
 
 void ObjectCatalogue::sort() {

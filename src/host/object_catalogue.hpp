@@ -28,6 +28,7 @@ struct NamedObject {
   bool default_adds_node_id = false;
   std::optional<std::int64_t> minimum{};
   std::optional<std::int64_t> maximum{};
+  std::string unit{};  // "" if it is not known, or has none
 };
 
 // What a person calls objects, and their types.

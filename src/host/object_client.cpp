@@ -6,6 +6,18 @@ namespace servodrome::host {
 
 std::string text_of(ObjectAddress object) { return fmt::format("{:04X}:{:02X}", object.index, object.sub); }
 
+std::vector<std::vector<std::size_t>> ObjectClient::read_together(std::span<const ObjectAddress> objects) const {
+  std::vector<std::vector<std::size_t>> sets;
+  for (std::size_t i = 0; i < objects.size(); ++i) sets.push_back({i});
+  return sets;
+}
+
+std::vector<std::vector<std::byte>> ObjectClient::upload_together(std::span<const ObjectAddress> objects) {
+  std::vector<std::vector<std::byte>> values;
+  for (const ObjectAddress object : objects) values.push_back(upload(object));
+  return values;
+}
+
 std::string ObjectClient::read_text(std::uint16_t index, std::uint8_t sub) {
   const std::vector<std::byte> bytes = upload({index, sub});
   std::string text(reinterpret_cast<const char*>(bytes.data()), bytes.size());

@@ -44,6 +44,11 @@ class ObjectClient {
   virtual std::vector<std::byte> upload(ObjectAddress object) = 0;
   virtual void download(ObjectAddress object, std::span<const std::byte> data) = 0;
 
+  // Which of `objects` one request can read, by their places among them: each alone, unless the bus can do more.
+  virtual std::vector<std::vector<std::size_t>> read_together(std::span<const ObjectAddress> objects) const;
+  // The values of such a set.
+  virtual std::vector<std::vector<std::byte>> upload_together(std::span<const ObjectAddress> objects);
+
   // The clock of the bus.
   virtual Time now() const = 0;
   // Lets time pass, and the bus run.

@@ -21,6 +21,8 @@ using namespace std::chrono_literals;
 struct RigCase {
   const char* product;
   enum class BusKind : std::uint8_t { can, ethercat, modbus, serial10 } bus = BusKind::can;
+  const char* axis_text = "";  // lines of the line file that belong to each axis
+  Time ethercat_period = std::chrono::milliseconds(2);
 
   std::string name() const {
     std::string text = product;
@@ -96,6 +98,7 @@ class AxisRig {
       if (!ethercat) text += fmt::format("node = {}\n", i + 1);
       if (serial) text += "serial = \"rs\"\n";
       if (modbus) text += "serial_protocol = \"modbus\"\n";
+      text += rig_case.axis_text;
     }
     return line::test::settings_of(text);
   }
@@ -136,7 +139,8 @@ class AxisRig {
       all.push_back(slaves.back().get());
     }
     operation.emplace(*ethercat, found, all,
-                      OperationOptions{.cyclic = {.period = 2ms, .tolerated_losses = 50}, .sync_error_limit = 0});
+                      OperationOptions{.cyclic = {.period = rig_case.ethercat_period, .tolerated_losses = 50},
+                                       .sync_error_limit = 0});
     for (std::size_t i = 0; i < all.size(); ++i) {
       clients.push_back(std::make_unique<CoeObjects>(*all[i], operation->exchange(), i));
     }

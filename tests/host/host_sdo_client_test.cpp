@@ -187,6 +187,20 @@ TEST(SdoClient, RefusesAnImpossibleNode) {
   EXPECT_THROW(SdoClient(line.bus, 128), HostError);
 }
 
+// The package canopen, as a slave: it knows no block upload, and answers with an ordinary one.
+TEST(SdoTransfer, ABlockUploadMayBeAnsweredByAnOrdinaryOne) {
+  SdoTransfer transfer = SdoTransfer::upload({0x2000, 0}, SdoProtocol::block);
+  Frame frame;
+  ASSERT_TRUE(transfer.take(frame));
+  EXPECT_TRUE(transfer.receive({.id = 0x585, .length = 8, .data = {0x41, 0x00, 0x20, 0x00, 3, 0, 0, 0}}));
+  ASSERT_TRUE(transfer.take(frame));
+  EXPECT_EQ(frame.data[0], 0x60);
+  EXPECT_TRUE(transfer.receive({.id = 0x585, .length = 8, .data = {0x09, 'a', 'b', 'c', 0, 0, 0, 0}}));
+  ASSERT_TRUE(transfer.finished());
+  EXPECT_EQ(transfer.result(), AbortCode::none);
+  EXPECT_EQ(transfer.data().size(), 3U);
+}
+
 TEST(SdoClient, ABlockTransferIsRefusedByANodeWithoutIt) {
   CanLine line;
   line.add(5, {.sdo_block = false});

@@ -17,7 +17,7 @@ unsigned PdoParameters::bytes() const {
   return (bits + 7) / 8;
 }
 
-std::optional<PdoParameters> read_pdo(ObjectClient& objects, bool transmit, std::uint8_t number) {
+std::optional<PdoParameters> read_pdo(ObjectClient& objects, bool transmit, std::uint8_t number, std::size_t entries) {
   PdoParameters pdo{.transmit = transmit, .number = number};
   const auto cob_id = objects.read_if_present<std::uint32_t>(pdo.communication_index(), cob_id_sub);
   if (!cob_id) return std::nullopt;
@@ -26,6 +26,13 @@ std::optional<PdoParameters> read_pdo(ObjectClient& objects, bool transmit, std:
   const auto count = objects.read<std::uint8_t>(pdo.mapping_index(), 0);
   for (std::uint8_t sub = 1; sub <= count; ++sub) {
     pdo.mapping.push_back(objects.read<std::uint32_t>(pdo.mapping_index(), sub));
+  }
+  try {
+    for (std::size_t sub = count + 1U; sub <= entries; ++sub) {
+      pdo.unused.push_back(objects.read<std::uint32_t>(pdo.mapping_index(), static_cast<std::uint8_t>(sub)));
+    }
+  } catch (const ObjectError& error) {
+    if (!error.answered()) throw;
   }
   return pdo;
 }
@@ -37,7 +44,13 @@ void write_pdo(ObjectClient& objects, const PdoParameters& pdo) {
   objects.write<std::uint8_t>(mapping, 0, 0);
   std::uint8_t sub = 0;
   for (const std::uint32_t word : pdo.mapping) objects.write<std::uint32_t>(mapping, ++sub, word);
-  objects.write<std::uint8_t>(mapping, 0, sub);
+  const std::uint8_t count = sub;
+  try {
+    for (const std::uint32_t word : pdo.unused) objects.write<std::uint32_t>(mapping, ++sub, word);
+  } catch (const ObjectError& error) {
+    if (!error.answered()) throw;  // a drive need not take what maps nothing
+  }
+  objects.write<std::uint8_t>(mapping, 0, count);
   objects.write<std::uint8_t>(communication, type_sub, pdo.transmission_type);
   if (pdo.in_use()) objects.write<std::uint32_t>(communication, cob_id_sub, pdo.cob_id);
 }

@@ -18,6 +18,8 @@ struct PdoParameters {
   std::uint32_t cob_id = 0;  // bit 31: not in use
   std::uint8_t transmission_type = 255;
   std::vector<std::uint32_t> mapping{};  // index, sub-index, length in bits (CiA 301 7.5.2.36)
+  // What is in the sub-indices behind the mapping's count: without effect, but somebody may compare it.
+  std::vector<std::uint32_t> unused{};
 
   std::uint16_t communication_index() const {
     return static_cast<std::uint16_t>((transmit ? 0x1800 : 0x1400) + number);
@@ -28,8 +30,10 @@ struct PdoParameters {
   unsigned bytes() const;
 };
 
-// Nothing: the node does not have this PDO. Throws ObjectError.
-std::optional<PdoParameters> read_pdo(ObjectClient& objects, bool transmit, std::uint8_t number);
+// Nothing: the node does not have this PDO. `entries`: unused sub-indices are read up to this one, as far as there are.
+// Throws ObjectError.
+std::optional<PdoParameters> read_pdo(ObjectClient& objects, bool transmit, std::uint8_t number,
+                                      std::size_t entries = 0);
 // Off, mapping, transmission type, on, as CiA 301 7.5.2.36 wants it. The node is pre-operational. Throws ObjectError;
 // the PDO may then be off.
 void write_pdo(ObjectClient& objects, const PdoParameters& pdo);

@@ -15,6 +15,7 @@ namespace {
 constexpr std::size_t segment_bytes = 7;
 
 // Server command specifiers, and the subcommands of their answers.
+constexpr std::uint8_t from_server_initiate_upload = 2;
 constexpr std::uint8_t from_server_block_download = 5;
 constexpr std::uint8_t from_server_block_upload = 6;
 constexpr std::uint8_t sub_block_confirmed = 2;
@@ -31,6 +32,11 @@ std::uint16_t crc_in(const Frame& frame) { return static_cast<std::uint16_t>(fra
 bool SdoTransfer::receive_block_upload_initiated(const Frame& answer) {
   if (!is_for_this(answer)) return false;
   const std::uint8_t command = answer.data[0];
+  if (sdo::specifier(command) == from_server_initiate_upload) {
+    // Some servers without block upload answer with an ordinary one, whatever the threshold (7.2.4.3.12) allows.
+    phase_ = Phase::initiate;
+    return receive_initiated_upload(answer);
+  }
   if (sdo::specifier(command) != from_server_block_upload || (command & sdo::last_segment) != 0) return false;
   crc_used_ = (command & sdo::client_crc) != 0;
   if ((command & sdo::block_size_indicated) != 0) announced_ = sdo::get_u32(answer);

@@ -136,7 +136,8 @@ void CanCyclicBus::set_up_pdos(Station& station, bool transmit) {
   auto& channels = transmit ? station.tpdos : station.rpdos;
   const std::uint32_t default_base = transmit ? 0x180 : 0x200;
   for (std::uint8_t number = 0; number < most_pdos; ++number) {
-    const auto before = read_pdo(station.objects, transmit, number);
+    const std::size_t entries = number < wanted.size() ? wanted[number].size() : 0;
+    const auto before = read_pdo(station.objects, transmit, number, entries);
     if (!before) {
       if (number >= wanted.size()) return;
       throw HostError(fmt::format("it has {} {}PDOs, and {} are needed", number, transmit ? "T" : "R", wanted.size()),
@@ -225,7 +226,7 @@ void CanCyclicBus::close() {
       if (!problem) problem = error;
     }
   };
-  attempt([&] { stop_drives(); });
+  if (options_.stops_drives) attempt([&] { stop_drives(); });
   for (const auto& station : stations_) attempt([&] { put_back(*station); });
   if (problem) throw HostError(*problem);
 }
@@ -235,10 +236,11 @@ void CanCyclicBus::close() {
 void CanCyclicBus::tick() {
   if (half_) {
     half_ = false;
-    run_cycle();
+    if (!options_.waits_whole_period) run_cycle();
     return;
   }
   half_ = true;
+  if (options_.waits_whole_period) run_cycle();
   if (last_sync_) {
     const Time late = bus_.now() - *last_sync_ - options_.period;
     counters_.worst_lateness = std::max(counters_.worst_lateness, late);

@@ -38,6 +38,9 @@ struct CanCyclicOptions {
   Time period = std::chrono::milliseconds(4);  // of SYNC
   unsigned tolerated_losses = 10;              // SYNC periods in a row without all TPDOs, until check() throws
   SdoOptions sdo{};
+  // TPDOs may come until the next SYNC, instead of half the period: for who sends nothing after them.
+  bool waits_whole_period = false;
+  bool stops_drives = true;  // that are still enabled at the end; false: who only looks leaves them as they are
 };
 
 // Drives on a CAN bus, in step with SYNC. Each period: SYNC, to which drives act on the last RPDOs and send what they
@@ -50,8 +53,8 @@ class CanCyclicBus final : public CyclicBus {
   // As close(), and says nothing.
   ~CanCyclicBus() override;
 
-  // Quick stop for drives that are still enabled, then SYNC ends and everything is put back. Throws HostError if a
-  // drive does not take it.
+  // Quick stop for drives that are still enabled (CanCyclicOptions::stops_drives), then SYNC ends and everything is put
+  // back. Throws HostError if a drive does not take it.
   void close();
 
   Time period() const override { return options_.period; }
@@ -63,6 +66,7 @@ class CanCyclicBus final : public CyclicBus {
   void on_cycle(std::function<void()> action) override { action_ = std::move(action); }
   void check() const override;
   CycleCounters counters() const override { return counters_; }
+  Time inputs_taken() const override { return last_sync_.value_or(bus_.now()); }
   // The drive's objects, beside the exchange.
   SdoClient& objects(std::size_t drive) { return stations_[drive]->objects; }
 

@@ -40,6 +40,8 @@ class CyclicBus {
   // Throws HostError if a drive left the state in which it exchanges data, or too many cycles in a row were missed.
   virtual void check() const = 0;
   virtual CycleCounters counters() const = 0;
+  // When the drives took the inputs of the last cycle: the time of its SYNC or frame.
+  virtual Time inputs_taken() const { return now(); }
 };
 
 }  // namespace servodrome::host

@@ -23,6 +23,7 @@ class EthercatCyclicBus final : public CyclicBus {
   void on_cycle(std::function<void()> action) override { exchange_.on_cycle(std::move(action)); }
   void check() const override { exchange_.check(); }
   CycleCounters counters() const override;
+  Time inputs_taken() const override { return exchange_.sent(); }
 
  private:
   EthercatMaster& master_;

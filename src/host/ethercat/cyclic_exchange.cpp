@@ -208,6 +208,7 @@ void CyclicExchange::run() {
       add(Command::lrd, group.output_bytes, group.input_bytes, group.readers);
     }
   }
+  sent_ = master_.now();
   const bool back = master_.try_exchange(datagrams_, options_.period);
   judge(back);
   schedule();

@@ -89,6 +89,8 @@ class CyclicExchange final : public CyclicTask {
   // Called after each cycle: what goes out with the next one is made here. It does not wait.
   void on_cycle(std::function<void()> action) { on_cycle_ = std::move(action); }
 
+  // When the last cycle's frames left.
+  Time sent() const { return sent_; }
   const CyclicStatistics& statistics() const { return statistics_; }
   void forget_statistics() { statistics_ = {}; }
   const std::vector<Member>& members() const { return members_; }
@@ -136,6 +138,7 @@ class CyclicExchange final : public CyclicTask {
 
   bool runs_ = false;
   Time due_ = Time::max();
+  Time sent_{};
   std::vector<EthercatDatagram> datagrams_;  // of a cycle: time, AL status, process data
   std::vector<unsigned> expected_;           // working counters of the process data
   std::size_t next_status_ = 0;              // member whose AL status goes with the next cycle

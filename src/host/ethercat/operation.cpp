@@ -66,7 +66,11 @@ EthercatOperation::EthercatOperation(EthercatMaster& master, std::span<const Fou
   take_present_values();
   if (options.distributed_clocks) start_clocks(line, options);
   exchange_->to_safe_operational();
-  exchange_->to_operational();
+  if (options.inputs_only) {
+    exchange_->start();
+  } else {
+    exchange_->to_operational();
+  }
 }
 
 EthercatOperation::~EthercatOperation() {

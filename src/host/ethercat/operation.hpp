@@ -16,14 +16,16 @@ struct OperationOptions {
   // 10F1h sub 2, which lost cycles a slave bears in operation with SYNC0 (each adds 3, one that came takes 1 away; 0:
   // any number); as the slave has it if not given.
   std::optional<std::uint16_t> sync_error_limit{};
+  // No further than SAFEOP: inputs come, outputs do not act (ETG.1000.6 6.4.1).
+  bool inputs_only = false;
 };
 
 // 1C32h and 1C33h sub 1, in PREOP: SYNC0, or free run where the slave knows it, or sync manager events. A slave that
 // has no such object, or does not let it be written, decides by itself.
 void set_synchronisation(EthercatSlave& slave, bool sync0);
 
-// Takes slaves to OP and keeps them there, as long as it lives and the master waits; then back to PREOP. Outputs begin
-// with the values that the objects have. All calls throw EthercatError or CoeError.
+// Takes slaves to OP (or SAFEOP) and keeps them there, as long as it lives and the master waits; then back to PREOP.
+// Outputs begin with the values that the objects have. All calls throw EthercatError or CoeError.
 class EthercatOperation {
  public:
   // `line`: all slaves of the segment, for the clocks. `slaves` outlive this.

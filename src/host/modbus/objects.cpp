@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fmt/format.h>
+#include <numeric>
 
 namespace servodrome::host {
 namespace {
@@ -38,12 +39,49 @@ std::size_t ModbusObjects::significance(std::size_t word, std::size_t words) con
   return list_.word_order == modbus::WordOrder::low_word_first ? word : words - 1 - word;
 }
 
-std::vector<std::byte> ModbusObjects::upload(ObjectAddress object) {
-  const Place place = find(object);
-  const std::size_t words = place.row->words;
-  const auto registers = on_object(object, [&] {
-    return client_.read_holding_registers(unit_, place.row->address, static_cast<std::uint16_t>(words));
+std::vector<std::byte> ModbusObjects::upload(ObjectAddress object) { return upload_together({&object, 1}).front(); }
+
+std::vector<std::vector<std::size_t>> ModbusObjects::read_together(std::span<const ObjectAddress> objects) const {
+  std::vector<std::size_t> order(objects.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto row = [&](std::size_t i) -> const modbus::Register& { return *find(objects[i]).row; };
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return row(a).address < row(b).address; });
+  std::vector<std::vector<std::size_t>> sets;
+  for (const std::size_t i : order) {
+    if (!sets.empty()) {
+      const modbus::Register& first = row(sets.back().front());
+      const modbus::Register& last = row(sets.back().back());
+      const unsigned end = row(i).address + row(i).words;
+      if (last.address + last.words == row(i).address && end - first.address <= modbus::most_registers_read) {
+        sets.back().push_back(i);
+        continue;
+      }
+    }
+    sets.push_back({i});
+  }
+  return sets;
+}
+
+std::vector<std::vector<std::byte>> ModbusObjects::upload_together(std::span<const ObjectAddress> objects) {
+  std::vector<Place> places;
+  std::size_t words = 0;
+  for (const ObjectAddress object : objects) {
+    places.push_back(find(object));
+    words += places.back().row->words;
+  }
+  const auto registers = on_object(objects.front(), [&] {
+    return client_.read_holding_registers(unit_, places.front().row->address, static_cast<std::uint16_t>(words));
   });
+  std::vector<std::vector<std::byte>> values;
+  for (const Place& place : places) {
+    const auto first = static_cast<std::size_t>(place.row->address - places.front().row->address);
+    values.push_back(bytes_of(place, std::span(registers).subspan(first, place.row->words)));
+  }
+  return values;
+}
+
+std::vector<std::byte> ModbusObjects::bytes_of(const Place& place, std::span<const std::uint16_t> registers) const {
+  const std::size_t words = place.row->words;
   std::vector<std::byte> bytes(2 * words);
   for (std::size_t word = 0; word < words; ++word) {
     const std::size_t at = 2 * significance(word, words);

@@ -22,6 +22,9 @@ class ModbusObjects final : public ObjectClient {
       : client_(client), unit_(unit), list_(list) {}
 
   std::vector<std::byte> upload(ObjectAddress object) override;
+  // Objects at neighbouring registers.
+  std::vector<std::vector<std::size_t>> read_together(std::span<const ObjectAddress> objects) const override;
+  std::vector<std::vector<std::byte>> upload_together(std::span<const ObjectAddress> objects) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
   Time now() const override { return client_.now(); }
   void wait(Time span) override { client_.wait(span); }
@@ -37,6 +40,7 @@ class ModbusObjects final : public ObjectClient {
   Place find(ObjectAddress object) const;
   // Which 16 bits of a number the register `word` of `words` holds.
   std::size_t significance(std::size_t word, std::size_t words) const;
+  std::vector<std::byte> bytes_of(const Place& place, std::span<const std::uint16_t> registers) const;
 
   ModbusClient& client_;
   std::uint8_t unit_;

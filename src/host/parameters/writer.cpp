@@ -33,6 +33,17 @@ std::vector<std::byte> bytes_of(std::int64_t number, Type type) {
   return {bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(dictionary::size_of(type))};
 }
 
+// A list that the drive does not put into force fails for an entry it refused before: that is the one to tell.
+const WantedValues::value_type& culprit(const WantedValues& changes,
+                                        const std::map<ObjectAddress, std::string>& refused) {
+  const auto found = std::find_if(changes.begin(), changes.end(), [&refused](const auto& one) {
+    const ObjectAddress address = one.first;
+    const bool counts = address.sub == 0 && (is_mapping(address.index) || is_assignment(address.index));
+    return !counts && refused.count(address) != 0;
+  });
+  return found != changes.end() ? *found : *changes.begin();
+}
+
 }  // namespace
 
 std::vector<ObjectAddress> ParameterWriter::written() const {
@@ -178,7 +189,7 @@ void ParameterWriter::bring_to(const WantedValues& wanted) {
     const bool stuck = changes.size() == last_changes.size() &&
                        std::equal(changes.begin(), changes.end(), last_changes.begin(), is_same);
     if (pass > 1 && (stuck || pass >= most_passes)) {
-      const auto& [address, value] = *changes.begin();
+      const auto& [address, value] = culprit(changes, refused_);
       const auto words = refused_.find(address);
       const auto has = read_parameter(objects_, address, value.type).value_or(std::vector<std::byte>{});
       throw HostError(

@@ -270,21 +270,33 @@ class Parser {
     step.verb = row->verb;
     const bool waits = row->word == "wait-until";
     step.timeout_s = row->verb == Verb::expect && !waits ? 0.0 : timeout_s_;
-    switch (row->verb) {
-      case Verb::set: read_subject(step, false), read_value(step); break;
-      case Verb::get: read_subject(step, true); break;
-      case Verb::expect: read_subject(step, true), read_comparison(step); break;
-      case Verb::print: step.text = take("a text").text; break;
-      case Verb::repeat: step.count = whole(take("a number of times"), "a number of times", 1, most_repeats); break;
-      default: break;
+    try {
+      switch (row->verb) {
+        case Verb::set: read_subject(step, false), read_value(step); break;
+        case Verb::get: read_subject(step, true); break;
+        case Verb::expect: read_subject(step, true), read_comparison(step); break;
+        case Verb::print: step.text = take("a text").text; break;
+        case Verb::repeat: step.count = whole(take("a number of times"), "a number of times", 1, most_repeats); break;
+        default: break;
+      }
+      read_arguments(step, *row);
+      check(step, *word);
+    } catch (const LineMistake&) {
+      // Its `end` finds it all the same.
+      if (row->verb == Verb::repeat) open_repeat({}, *word);
+      throw;
     }
-    read_arguments(step, *row);
-    check(step, *word);
-    open_.back()->push_back(std::move(step));
     if (row->verb == Verb::repeat) {
-      repeats_.push_back({line_, word->column});
-      open_.push_back(&open_.back()->back().body);
+      open_repeat(std::move(step), *word);
+    } else {
+      open_.back()->push_back(std::move(step));
     }
+  }
+
+  void open_repeat(Step step, const Word& word) {
+    open_.back()->push_back(std::move(step));
+    repeats_.push_back({line_, word.column});
+    open_.push_back(&open_.back()->back().body);
   }
 
   void read_arguments(Step& step, const VerbRow& row) {

@@ -24,10 +24,26 @@ constexpr std::size_t longest_line = 4096;
 
 // https://www.tcpdump.org/linktypes.html
 constexpr unsigned linktype_ethernet = 1;
+constexpr unsigned linktype_raw_ip = 101;
 constexpr unsigned linktype_sll = 113;
+constexpr unsigned linktype_user_first = 147;
+constexpr unsigned linktype_user_last = 162;
 constexpr unsigned linktype_can = 227;
+constexpr unsigned linktype_rtac_serial = 250;
+constexpr unsigned linktype_sll2 = 276;
 constexpr unsigned protocol_can = 0x000C;  // of linktype_sll
 constexpr std::size_t sll_header = 16;
+constexpr std::size_t sll2_header = 20;
+constexpr std::size_t ethernet_addresses = 12;
+
+// https://www.tcpdump.org/linktypes/LINKTYPE_RTAC_SERIAL.html: time (8 bytes), event, control lines, footer (2), data.
+constexpr std::size_t rtac_header = 12;
+constexpr std::size_t rtac_event = 8;
+constexpr std::uint8_t rtac_status_change = 0;
+constexpr std::uint8_t rtac_transmit_start = 1;
+constexpr std::uint8_t rtac_receive_start = 2;
+constexpr std::uint8_t rtac_transmit_end = 3;
+constexpr std::uint8_t rtac_receive_end = 4;
 
 // Bits of a SocketCAN identifier (linux/can.h).
 constexpr std::uint32_t extended_flag = 0x80000000;
@@ -92,6 +108,73 @@ std::optional<CapturedFrame> parse_candump(std::string_view line) {
   return captured;
 }
 
+// The next word of a line, taken off it.
+std::string_view next_word(std::string_view& line) {
+  line.remove_prefix(std::min(line.find_first_not_of(' '), line.size()));
+  const std::string_view word = line.substr(0, line.find(' '));
+  line.remove_prefix(word.size());
+  return word;
+}
+
+// "1436509052.249713", with or without brackets.
+std::optional<links::Time> parse_seconds(std::string_view word) {
+  if (word.starts_with('(') && word.ends_with(')')) word = word.substr(1, word.size() - 2);
+  const std::size_t dot = word.find('.');
+  if (dot == std::string_view::npos) return std::nullopt;
+  std::string digits(word.substr(dot + 1));
+  if (digits.size() > 9) return std::nullopt;
+  digits.resize(9, '0');
+  std::int64_t seconds = 0;
+  std::int64_t fraction = 0;
+  if (!number(word.substr(0, dot), seconds, 10) || !number(std::string_view(digits), fraction, 10)) return std::nullopt;
+  if (seconds < 0 || seconds > 9'000'000'000 || fraction < 0) return std::nullopt;
+  return links::Time(seconds * 1'000'000'000 + fraction);
+}
+
+// A line of a serial log (capture_file.hpp); nothing: it is no such line.
+// Without a time it has that of the line before.
+std::optional<CapturedFrame> parse_serial_line(std::string_view line, links::Time before) {
+  using links::SerialSender;
+  struct Arrow {
+    std::string_view word;
+    SerialSender sender;
+    bool is_tcp;
+  };
+  constexpr std::array arrows{Arrow{">", SerialSender::master, false}, Arrow{"<", SerialSender::drive, false},
+                              Arrow{"tcp>", SerialSender::master, true}, Arrow{"tcp<", SerialSender::drive, true}};
+  CapturedFrame captured{before, {}};
+  SerialBytes content;
+  bool named = false;
+  bool directed = false;
+  std::string_view word = next_word(line);
+  if (const auto time = parse_seconds(word)) {
+    captured.time = *time;
+    word = next_word(line);
+  }
+  for (; !word.empty(); word = next_word(line)) {
+    const auto* arrow = std::find_if(arrows.begin(), arrows.end(), [&](const Arrow& one) { return one.word == word; });
+    std::uint8_t byte = 0;
+    if (arrow != arrows.end()) {
+      // What looked like a byte was the name of the line ("ba").
+      const bool is_name = !named && content.bytes.size() == 1;
+      if (directed || (!content.bytes.empty() && !is_name)) return std::nullopt;
+      content.bytes.clear();
+      directed = true;
+      content.sender = arrow->sender;
+      content.is_tcp = arrow->is_tcp;
+    } else if (word.size() == 2 && number(word, byte, 16)) {
+      content.bytes.push_back(byte);
+    } else if (content.bytes.empty() && !named && !directed && word.find('#') == std::string_view::npos) {
+      named = true;
+    } else {
+      return std::nullopt;
+    }
+  }
+  if (content.bytes.empty()) return std::nullopt;
+  captured.content = std::move(content);
+  return captured;
+}
+
 }  // namespace
 
 CaptureFile::CaptureFile(std::FILE* file, std::string name) : file_(file), name_(std::move(name)) {
@@ -122,7 +205,8 @@ CaptureFile::CaptureFile(std::FILE* file, std::string name) : file_(file), name_
 void CaptureFile::refuse(const std::string& problem) const {
   const std::string where = format_ == Format::candump && line_ != 0 ? fmt::format("{}:{}", name_, line_)
                                                                      : fmt::format("{}, byte {}", name_, offset_);
-  throw HostError(problem, where, "give a candump log (candump -L), or a pcap or pcapng file");
+  throw HostError(problem, where,
+                  "give a candump log (candump -L), a serial log (time and bytes), or a pcap or pcapng file");
 }
 
 std::uint16_t CaptureFile::u16(const std::uint8_t* at) const {
@@ -168,7 +252,7 @@ std::optional<CapturedFrame> CaptureFile::next_line() {
     } else {
       int character = EOF;
       while ((character = std::getc(file_)) != EOF && character != '\n') {
-        if (line.size() == longest_line || character == 0) refuse("this is no line of a candump log");
+        if (line.size() == longest_line || character == 0) refuse("this is no line of a candump log or a serial log");
         line += static_cast<char>(character);
       }
       if (character == EOF && line.empty()) return std::nullopt;
@@ -176,10 +260,14 @@ std::optional<CapturedFrame> CaptureFile::next_line() {
     if (line.ends_with('\r')) line.pop_back();
     if (line.empty()) continue;
     if (auto frame = parse_candump(line)) return frame;
+    if (auto frame = parse_serial_line(line, last_line_)) {
+      last_line_ = frame->time;
+      return frame;
+    }
     std::string shown = line.substr(0, 40);
     std::replace_if(
         shown.begin(), shown.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-    refuse(fmt::format("\"{}\" is no line of a candump log", shown));
+    refuse(fmt::format("\"{}\" is no line of a candump log or a serial log", shown));
   }
 }
 
@@ -269,7 +357,32 @@ std::optional<CapturedFrame> CaptureFile::content_of(unsigned link_type, links::
     bytes.erase(bytes.begin(), bytes.begin() + sll_header);
     link_type = linktype_can;
   }
+  // What is above the link layer, as if it had come over Ethernet.
+  const auto as_ethernet = [&bytes, &link_type](std::size_t header, unsigned type) {
+    std::vector<std::uint8_t> frame(ethernet_addresses);
+    frame.push_back(static_cast<std::uint8_t>(type >> 8));
+    frame.push_back(static_cast<std::uint8_t>(type));
+    frame.insert(frame.end(), bytes.begin() + static_cast<std::ptrdiff_t>(header), bytes.end());
+    bytes = std::move(frame);
+    link_type = linktype_ethernet;
+  };
+  if (link_type == linktype_sll && bytes.size() >= sll_header) as_ethernet(sll_header, network(14, 2));
+  if (link_type == linktype_sll2 && bytes.size() >= sll2_header) as_ethernet(sll2_header, network(0, 2));
+  if (link_type == linktype_raw_ip && !bytes.empty()) as_ethernet(0, bytes[0] >> 4 == 6 ? 0x86DD : 0x0800);
   CapturedFrame captured{time, {}};
+  if (link_type == linktype_rtac_serial && bytes.size() > rtac_header && bytes[rtac_event] != rtac_status_change) {
+    const std::uint8_t event = bytes[rtac_event];
+    SerialBytes serial;
+    if (event == rtac_transmit_start || event == rtac_transmit_end) serial.sender = links::SerialSender::master;
+    if (event == rtac_receive_start || event == rtac_receive_end) serial.sender = links::SerialSender::drive;
+    serial.bytes.assign(bytes.begin() + rtac_header, bytes.end());
+    captured.content = std::move(serial);
+    return captured;
+  }
+  if (link_type >= linktype_user_first && link_type <= linktype_user_last && !bytes.empty()) {
+    captured.content = SerialBytes{.bytes = std::move(bytes)};
+    return captured;
+  }
   if (link_type == linktype_can && bytes.size() >= 8) {
     const std::span<const std::uint8_t> data = std::span(bytes).subspan(8);
     const auto length = static_cast<std::uint8_t>(std::min<std::size_t>(bytes[4], 64));

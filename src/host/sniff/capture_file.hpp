@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "canopen/frame.hpp"
+#include "links/serial/sender.hpp"
 #include "links/time.hpp"
 
 namespace servodrome::host {
@@ -20,14 +21,24 @@ struct CanErrorFrame {
 
 using EthernetBytes = std::vector<std::uint8_t>;
 
-struct CapturedFrame {
-  links::Time time{};  // since the epoch, as the capture has it
-  std::variant<canopen::Frame, CanErrorFrame, EthernetBytes> content;
+// What went over a serial line, in pieces of any size; or a frame of Modbus TCP that went past it.
+struct SerialBytes {
+  links::SerialSender sender = links::SerialSender::unknown;
+  bool is_tcp = false;
+  std::vector<std::uint8_t> bytes{};
 };
 
-// Reads captures: candump logs (`candump -L`, `up --log trace.log`), pcap and pcapng with CAN (SocketCAN) or Ethernet
-// frames, in micro- or nanoseconds, of either byte order. Frames of other link types are skipped and counted. Nothing
-// is sought: a pipe will do.
+struct CapturedFrame {
+  links::Time time{};  // since the epoch, as the capture has it
+  std::variant<canopen::Frame, CanErrorFrame, EthernetBytes, SerialBytes> content;
+};
+
+// Reads captures: candump logs (`candump -L`, `up --log trace.log`) and serial logs of that form, pcap and pcapng with
+// CAN (SocketCAN), Ethernet, IP or serial (RTAC serial, user link types) packets, in micro- or nanoseconds, of either
+// byte order. Frames of other link types are skipped and counted. Nothing is sought: a pipe will do.
+//
+// A line of a serial log is "(1436509052.249713) NAME > 01 03 32 00 00 02 CA B3": time, name of the line, who sent
+// (> the master, < a drive, tcp> and tcp< the same of Modbus TCP), the bytes. All but the bytes may be missing.
 class CaptureFile {
  public:
   // `name` stands in messages. The file stays the caller's.
@@ -60,6 +71,7 @@ class CaptureFile {
   std::string head_;  // what was read to tell the format
   std::uint64_t offset_ = 0;
   unsigned line_ = 0;
+  links::Time last_line_{};
   bool swapped_ = false;
   std::vector<Interface> interfaces_;
   std::uint64_t skipped_ = 0;

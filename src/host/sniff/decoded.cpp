@@ -12,8 +12,8 @@ namespace servodrome::host {
 namespace {
 
 constexpr std::array<std::string_view, frame_kinds> kind_names{
-    "nmt", "sync", "time",  "emcy",     "pdo",     "sdo",          "heartbeat", "guarding",
-    "lss", "can",  "state", "register", "mailbox", "process-data", "error",     "garbage"};
+    "nmt", "sync",  "time",     "emcy",    "pdo",          "sdo",    "heartbeat", "guarding", "lss",
+    "can", "state", "register", "mailbox", "process-data", "modbus", "serial10",  "error",    "garbage"};
 
 std::int64_t number_of(std::span<const std::byte> bytes) {
   std::uint64_t raw = 0;

@@ -30,10 +30,12 @@ enum class FrameKind : std::uint8_t {
   registers,     // other registers of slave controllers
   mailbox,       // in an EtherCAT mailbox: neither SDO nor EMCY
   process_data,  // EtherCAT
+  modbus,        // RTU or TCP
+  serial10,      // the 10-byte protocol of the iSMK
   error,         // an error on the wire, as the link tells it
   garbage,       // not what its bus speaks
 };
-inline constexpr std::size_t frame_kinds = 16;
+inline constexpr std::size_t frame_kinds = 18;
 std::string_view name(FrameKind kind);
 std::optional<FrameKind> parse_frame_kind(std::string_view word);
 

@@ -70,6 +70,17 @@ EthercatDecoder::Slave& EthercatDecoder::slave(std::uint16_t station) {
   return place->second;
 }
 
+void EthercatDecoder::preset(unsigned position, std::uint16_t station, std::uint16_t offset,
+                             std::span<const std::uint8_t> registers) {
+  Slave& one = slave(station);
+  if (one.position != position) {
+    one.position = position;
+    one.model = model_of(position);
+    one.pdos = one.model->pdo_objects(0);
+  }
+  learn(one, offset, registers);
+}
+
 // The oldest frame under way that `frame` is; those before it are lost.
 bool EthercatDecoder::match(const Sent& frame, Sent& found) {
   const auto place =

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <deque>
+
+#include "host/scope/recording.hpp"
+#include "host/scope/sampler.hpp"
+#include "host/scope/trigger.hpp"
+
+namespace servodrome::host::scope {
+
+struct RecorderOptions {
+  std::optional<Time> duration{};  // from the trigger on, or from the first sample; nothing: until finish()
+  Time pre{};                      // what is kept from before the trigger
+  std::optional<Trigger> trigger{};
+  std::size_t most_values = 20'000'000;  // 160 MB; then it is done
+};
+
+// Keeps what a sampler brings. Without a trigger from the first sample on.
+class Recorder {
+ public:
+  // Samples come from now on, as long as it lives. `sampler` outlives this.
+  Recorder(Sampler& sampler, const RecorderOptions& options);
+  // By take() alone.
+  Recorder(std::vector<Channel> channels, std::vector<std::size_t> groups, std::size_t group_count,
+           const RecorderOptions& options);
+  ~Recorder();
+  Recorder(const Recorder&) = delete;
+  Recorder& operator=(const Recorder&) = delete;
+
+  void take(const Sample& sample);
+  bool waits_for_trigger() const { return options_.trigger && !triggered_; }
+  bool done() const { return done_; }
+  bool is_full() const { return full_; }
+  std::size_t rows() const { return values_.size() / channels_.size(); }
+
+  // What there is; of one that was not triggered, what would have been kept before it.
+  Recording recording() const;
+
+ private:
+  void forget_before(Time time);
+
+  Sampler* sampler_ = nullptr;
+  RecorderOptions options_;
+  std::vector<Channel> channels_;
+  std::vector<std::size_t> groups_;
+  std::size_t group_count_;
+  std::deque<Time> times_;
+  std::deque<double> values_;
+  std::optional<double> before_{};  // of the trigger's channel
+  std::optional<Time> zero_{};
+  bool triggered_ = false;
+  bool done_ = false;
+  bool full_ = false;
+  std::deque<std::uint64_t> missed_;  // until each row
+};
+
+}  // namespace servodrome::host::scope

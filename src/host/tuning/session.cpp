@@ -1,0 +1,120 @@
+#include "host/tuning/session.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+namespace servodrome::host::tuning {
+namespace {
+
+constexpr double first_bandwidth_hz = 50.0;  // that a measurement is laid out for when none is asked for
+constexpr double most_bandwidth_hz = 400.0;
+constexpr double share_of_possible = 0.6;
+constexpr double close_enough = 0.05;
+constexpr int most_corrections = 3;
+
+Request request_of(double bandwidth_hz, double delay_s, const TuningDialect& dialect) {
+  return {.bandwidth_hz = bandwidth_hz, .delay_s = delay_s, .notch = dialect.notch};
+}
+
+Proposal proposal_for(const Measurement& measured, const Request& request, const std::string& where) {
+  const auto proposal = propose(measured.mechanics, request);
+  if (proposal) return *proposal;
+  const double possible = greatest_bandwidth(measured.mechanics, request);
+  std::string why = fmt::format("the loop's delay of {:.2f} ms", 1e3 * request.delay_s);
+  if (measured.mechanics.resonance) {
+    why += fmt::format(" and the resonance at {:.0f} Hz", measured.mechanics.resonance->resonance_hz);
+  }
+  if (possible < 1.0) throw HostError(fmt::format("{} allow no bandwidth at all", why), where, "look at the coupling");
+  throw HostError(fmt::format("{:g} Hz are not possible with 45 degrees of phase margin: {} do not allow it",
+                              request.bandwidth_hz, why),
+                  where, fmt::format("ask for --bandwidth {:.0f} or less", std::floor(possible)));
+}
+
+}  // namespace
+
+std::string put_back_gains(ObjectClient& objects, std::span<const GainValue> gains) {
+  std::string left;
+  for (const GainValue& gain : gains) {
+    try {
+      write_gains(objects, std::span(&gain, 1));
+    } catch (const HostError&) {
+      left += fmt::format("{}{} {} was {}", left.empty() ? "" : ", ", host::text_of(gain.gain->object), gain.gain->name,
+                          gain.number);
+    }
+  }
+  if (left.empty()) return "the old gains are back";
+  return fmt::format("the old gains could not be put back, and the new ones may be in force until it restarts: {}",
+                     left);
+}
+
+std::string text_of(const GainValue& before, const GainValue& after) {
+  return fmt::format("{} {}: {} -> {} {}", host::text_of(after.gain->object), after.gain->name, before.number,
+                     after.number, after.gain->unit_text);
+}
+
+SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,
+                   const SessionRequest& request) {
+  SessionResult result;
+  result.gains_before = read_gains(objects, dialect);
+  const auto notch = controller_of(result.gains_before, dialect, units, 0.0).notch;
+  result.before = tuner.measure(request.bandwidth_hz.value_or(first_bandwidth_hz), notch);
+  const double delay_s = result.before.controller.controller.delay_s;
+  result.bandwidth_hz = request.bandwidth_hz.value_or(
+      share_of_possible * greatest_bandwidth(result.before.mechanics, request_of(most_bandwidth_hz, delay_s, dialect)));
+  result.proposal = proposal_for(result.before, request_of(result.bandwidth_hz, delay_s, dialect), objects.where());
+  result.predicted = result.proposal;
+  if (dialect.gains.empty()) {
+    if (request.apply) {
+      throw HostError("where its gains are is not known", objects.where(),
+                      "set them by hand as --propose gives them, in SI units");
+    }
+    return result;
+  }
+  const auto round = [&](const Proposal& proposal) {
+    result.gains = numbers_of(proposal, dialect, units, objects.where());
+    result.predicted = predict(controller_of(result.gains, dialect, units, delay_s), result.before.mechanics);
+  };
+  round(result.proposal);
+  if (!request.apply) return result;
+  if (request.steps) result.step_before = tuner.step();
+
+  std::string back;
+  try {
+    Proposal aimed = result.proposal;
+    for (int correction = 0;; ++correction) {
+      write_gains(objects, result.gains);
+      result.after = tuner.measure(result.bandwidth_hz, aimed.velocity.notch);
+      const Measurement& after = *result.after;
+      const double ratio = after.bandwidth_hz.value_or(0.0) / result.bandwidth_hz;
+      if (std::abs(ratio - 1.0) < close_enough || correction == most_corrections) break;
+      if (ratio <= 0.0) break;
+      // The bandwidth goes with the gain, nearly.
+      const auto before = result.gains;
+      const double factor = std::clamp(1.0 / ratio, 0.5, 2.0);
+      aimed.velocity.kp *= factor;
+      aimed.velocity.ki *= factor;
+      round(aimed);
+      const bool same = std::equal(before.begin(), before.end(), result.gains.begin(),
+                                   [](const GainValue& a, const GainValue& b) { return a.number == b.number; });
+      if (same) break;
+    }
+    const double measured = result.after->bandwidth_hz.value_or(0.0);
+    const double margin = result.after->margins.phase_margin_deg.value_or(0.0);
+    if (std::abs(measured / result.bandwidth_hz - 1.0) > promised_tolerance || margin < promised_phase_margin) {
+      throw HostError(fmt::format("measured with the new gains: bandwidth {:.1f} Hz for {:.1f} Hz promised, phase "
+                                  "margin {:.0f} degrees",
+                                  measured, result.bandwidth_hz, margin),
+                      objects.where(), "ask for a lower --bandwidth");
+    }
+    if (request.steps) result.step_after = tuner.step();
+  } catch (const Cancelled&) {
+    throw Cancelled("interrupted", objects.where(), put_back_gains(objects, result.gains_before));
+  } catch (const HostError& error) {
+    throw HostError(error.happened(), error.where(),
+                    fmt::format("{}; {}", error.remedy(), put_back_gains(objects, result.gains_before)));
+  }
+  return result;
+}
+
+}  // namespace servodrome::host::tuning
