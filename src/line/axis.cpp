@@ -15,24 +15,24 @@ namespace {
 // A slave controller with its two PHYs, one way.
 constexpr Time controller_delay{600};
 
-constexpr std::uint32_t store_bytes = 32 * 1024;  // two banks, each several times what a drive's saved objects take
-
 // The non-volatile memory of a drive that was given no file: outlives a power cycle, not the line.
 class KeptInMemory final : public dictionary::Medium {
  public:
+  explicit KeptInMemory(std::uint32_t bytes) : memory_(new std::byte[bytes]{}), medium_({memory_.get(), bytes}) {}
+
   std::uint32_t size() const override { return medium_.size(); }
   bool read(std::uint32_t address, std::span<std::byte> bytes) override { return medium_.read(address, bytes); }
   bool write(std::uint32_t address, std::span<const std::byte> bytes) override { return medium_.write(address, bytes); }
   bool flush() override { return medium_.flush(); }
 
  private:
-  std::array<std::byte, store_bytes> memory_{};
-  dictionary::RamMedium medium_{memory_};
+  std::unique_ptr<std::byte[]> memory_;
+  dictionary::RamMedium medium_;
 };
 
-std::shared_ptr<dictionary::Medium> open_store(const std::string& path) {
-  if (path.empty()) return std::make_shared<KeptInMemory>();
-  return std::make_shared<links::FileMedium>(path, store_bytes);
+std::shared_ptr<dictionary::Medium> open_store(const std::string& path, std::uint32_t bytes) {
+  if (path.empty()) return std::make_shared<KeptInMemory>(bytes);
+  return std::make_shared<links::FileMedium>(path, bytes);
 }
 
 }  // namespace
@@ -42,7 +42,7 @@ Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
       bus_(buses.can),
       ethercat_(buses.ethercat),
       serial_(buses.serial),
-      store_(open_store(settings.store)),
+      store_(open_store(settings.store, settings.product->store_bytes)),
       plant_(settings.plant) {
   products::Settings device_settings;
   device_settings.node_id = settings.node_id;
@@ -55,7 +55,7 @@ Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
   if (serial_ != nullptr) {
     device_settings.serial = {settings.serial->station, serial_->format(), settings.serial->protocol,
                               buses.serial_silence};
-    serial_port_ = serial_->attach(station_);
+    serial_port_ = serial_->attach(station_, links::SerialSender::drive);
     serial_format_ = serial_->format();
   }
   if (ethercat_ != nullptr) {

@@ -76,6 +76,7 @@ class Axis final : public links::Receiver {
   const drive::Actuation& actuation() const { return actuation_; }
   links::PortId port() const { return port_; }         // of the CAN bus, if it has one
   std::size_t position() const { return slave_ + 1; }  // on the EtherCAT segment, if it has one; 1 is the first
+  links::SerialPortId serial_line_port() const { return serial_port_; }  // of the RS485 line, if it has one
   // The drive's RS485 port; nullptr: it has none, it is not connected or it has no power.
   products::SerialPort* serial_port() const {
     return powered_ && serial_ != nullptr ? device_->serial_port() : nullptr;

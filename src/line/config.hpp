@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -60,10 +61,11 @@ struct AxisSerialSettings {
 struct AxisSettings {
   std::string name;
   const Product* product = nullptr;
-  std::string model;               // name of one of the product's models; empty: its default, if it has any
-  std::optional<std::size_t> bus;  // index into LineSettings::buses: a CAN bus
-  std::uint8_t node_id = 0;        // 0: the product's factory value
-  std::uint32_t bit_rate = 0;      // bit/s; 0: the bus's
+  std::shared_ptr<const Product> described;  // keeps `product` where it is made of a maker's description
+  std::string model;                         // name of one of the product's models; empty: its default, if it has any
+  std::optional<std::size_t> bus;            // index into LineSettings::buses: a CAN bus
+  std::uint8_t node_id = 0;                  // 0: the product's factory value
+  std::uint32_t bit_rate = 0;                // bit/s; 0: the bus's
   std::optional<AxisEthercatSettings> ethercat;
   std::optional<AxisSerialSettings> serial;
   std::uint32_t serial_number = 1;  // 1018h:04

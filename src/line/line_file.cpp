@@ -7,10 +7,12 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
+#include <map>
 #include <set>
 
 #include "line/axis_address.hpp"
 #include "line/axis_plant.hpp"
+#include "line/described_product.hpp"
 #include "line/model_plant.hpp"
 #include "line/nearest_name.hpp"
 #include "line/table_reader.hpp"
@@ -221,6 +223,7 @@ class LineFileReader {
   }
 
   void read_product(TableReader& reader, AxisSettings& axis) {
+    if (reader.node("description") != nullptr) return read_description(reader, axis);
     std::string product;
     reader.read("product", product);
     axis.product = find_product(products_, product);
@@ -229,6 +232,33 @@ class LineFileReader {
     for (const Product& known : products_) names.push_back(known.name);
     reader.complain("product", product.empty() ? "is missing" : fmt::format("there is no product \"{}\"", product),
                     suggestion(product, names));
+  }
+
+  // A drive out of a maker's description; axes of the same file share what it comes to.
+  void read_description(TableReader& reader, AxisSettings& axis) {
+    std::string file;
+    std::string device;
+    reader.read("description", file);
+    reader.read("device", device);
+    if (reader.node("product") != nullptr) {
+      reader.complain("product", "there is a description as well", "leave out one of the two");
+    }
+    if (file.empty()) return;
+    const std::string path = (folder_ / file).lexically_normal().string();
+    const auto known = descriptions_.find({path, device});
+    if (known != descriptions_.end()) {
+      axis.described = known->second;
+    } else {
+      try {
+        axis.described = describe_product(path, device);
+      } catch (const describe::DeviceFileError& error) {
+        reader.complain("description", fmt::format("{}: {}", error.where(), error.problem()), error.remedy());
+        return;
+      }
+      descriptions_[{path, device}] = axis.described;
+    }
+    axis.product = axis.described.get();
+    fit_encoder(*axis.product, axis.plant);
   }
 
   // A model brings its motor; what the file says of the motor comes on top.
@@ -255,6 +285,7 @@ class LineFileReader {
   FileReport report_;
   LineSettings settings_;
   std::set<std::string> taken_links_;
+  std::map<std::pair<std::string, std::string>, std::shared_ptr<const Product>> descriptions_;  // by file and device
 };
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "links/ethercat/link_name.hpp"
 #include "links/ethercat/log.hpp"
 #include "links/serial/link_name.hpp"
+#include "links/serial/log.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -23,6 +24,7 @@ constexpr auto log_flush_time = 100ms;
 // While frames come on an Ethernet interface: how late other links, the API and what a CAN bus does by itself can be.
 constexpr Time time_between_turns = 250us;
 constexpr auto attention_period = 20ms;
+constexpr auto breath = 1ms;           // between two looks whether the stream has been read
 constexpr auto pacing_period = 5ms;    // between two passages of virtual time that passes by itself
 constexpr auto longest_pacing = 20ms;  // of real time that one may take
 constexpr Time pacing_stride = 10ms;   // of line time, between two looks at the clock
@@ -64,11 +66,13 @@ LineServer::LineServer(const LineSettings& settings)
     }
   }
   if (settings.api.enabled) {
-    scope_ = std::make_unique<bench::Scope>(line_);
-    web_sockets_ = std::make_unique<bench::WebSockets>(*scope_);
-    more_routes_.push_back({bench::recording_routes(), scope_.get()});
+    scope_ = std::make_unique<bench::LineScope>(line_);
+    web_sockets_ = std::make_unique<bench::WebSockets>(scope_->scope());
+    more_routes_.push_back({bench::recording_routes(), &scope_->scope()});
     bench::HttpHandlers handlers;
-    handlers.answer = [this](const bench::Request& request) { return answer(request); };
+    handlers.answer = [this](bench::Request&& request, const bench::HttpHandlers::Reply& reply) {
+      carry_out(std::make_shared<bench::Response>(answer(request)), reply);
+    };
     handlers.upgrade_address = bench::WebSockets::address;
     handlers.refuse_upgrade = [this] { return web_sockets_->refuse(); };
     handlers.upgrade = [this](bench::Upgrade&& upgrade) {
@@ -98,6 +102,7 @@ modbus::Server* LineServer::Units::find(std::uint8_t unit) {
 
 LineServer::~LineServer() {
   for (const Log& log : logs_) log.detach();
+  logs_.clear();
 }
 
 void LineServer::log(NamedBus& bus, const std::string& path, std::function<void()> on_failure) {
@@ -108,6 +113,14 @@ void LineServer::log(NamedBus& bus, const std::string& path, std::function<void(
 
 void LineServer::log(NamedEthercatBus& bus, const std::string& path, std::function<void()> on_failure) {
   attach_log(logs_, std::make_shared<links::EthercatLog>(file_of(path), epoch_), bus.bus, std::move(on_failure));
+}
+
+void LineServer::log(NamedSerialBus& bus, const std::string& path, std::function<void()> on_failure) {
+  const bool pcap = path.ends_with(".pcap") || path.ends_with(".pcapng");
+  const auto file = std::make_shared<links::SerialLog>(
+      file_of(path), pcap ? links::SerialLog::Format::pcapng : links::SerialLog::Format::text, bus.settings.name,
+      bus.line, epoch_);
+  logs_.push_back({[file] { file->flush(); }, [file] { return file->failed(); }, [] {}, std::move(on_failure)});
 }
 
 void LineServer::run() {
@@ -216,7 +229,7 @@ bench::Response LineServer::answer(const bench::Request& request) {
   const std::string_view target = request.target;
   if (!target.starts_with("/api/") && target.substr(0, target.find('?')) != api) return page_.answer(request);
   catch_up();
-  bench::Response response = bench::handle(line_, request, more_routes_);
+  bench::Response response = bench::begin(line_, request, more_routes_);
   if (real_) {
     wake();
   } else {
@@ -224,6 +237,25 @@ bench::Response LineServer::answer(const bench::Request& request) {
     if (line_.speed() != pace_) pace();
   }
   return response;
+}
+
+// Piece by piece, with everything else in between. Readers of the stream that have not kept up with one are given time
+// before the next.
+void LineServer::carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply) {
+  if (!response->piece) {
+    reply(std::move(*response));
+    return;
+  }
+  if (scope_->scope().waits_for_readers(std::chrono::steady_clock::now())) {
+    const auto timer = std::make_shared<boost::asio::steady_timer>(io_, breath);
+    timer->async_wait([this, timer, response, reply](const boost::system::error_code& code) {
+      if (!code) carry_out(response, reply);
+    });
+    return;
+  }
+  if (response->piece(*response)) response->piece = {};
+  flush_logs();
+  boost::asio::post(io_, [this, response, reply] { carry_out(response, reply); });
 }
 
 // What clients of the stream get by the clock on the wall, as long as there are any.
@@ -234,7 +266,7 @@ void LineServer::attend() {
   attention_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;
     catch_up();
-    scope_->attend(std::chrono::steady_clock::now());
+    scope_->scope().attend(std::chrono::steady_clock::now());
     attend();
   });
 }

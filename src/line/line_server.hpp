@@ -12,7 +12,7 @@
 #include "line/bench/access.hpp"
 #include "line/bench/http_server.hpp"
 #include "line/bench/routes.hpp"
-#include "line/bench/scope/scope.hpp"
+#include "line/bench/scope/line_scope.hpp"
 #include "line/bench/scope/web_sockets.hpp"
 #include "line/bench/static_files.hpp"
 #include "line/line.hpp"
@@ -36,18 +36,23 @@ class LineServer final : private links::LineHost {
   LineServer(const LineServer&) = delete;
   LineServer& operator=(const LineServer&) = delete;
 
-  // Logs a bus: candump format, or pcap if the name ends so; an EtherCAT segment always as pcap. "-" is standard
-  // output. Throws links::LinkError. `on_failure` is called once if the log ends before the line does, as on a full
-  // disk.
+  // Logs a bus: candump format, or pcap if the name ends so; an EtherCAT segment always as pcap; an RS485 line as text
+  // of that form, or pcapng. "-" is standard output. Throws links::LinkError. `on_failure` is called once if the log
+  // ends before the line does, as on a full disk.
   void log(NamedBus& bus, const std::string& path, std::function<void()> on_failure = {});
   void log(NamedEthercatBus& bus, const std::string& path, std::function<void()> on_failure = {});
+  void log(NamedSerialBus& bus, const std::string& path, std::function<void()> on_failure = {});
 
   // Serves more of the API than the line's own; the group's context outlives the server.
   void add_routes(const bench::RouteGroup& group) { more_routes_.push_back(group); }
 
   // Tells everybody who listens to the stream: {"event": event}.
   void publish(const bench::Json& event) {
-    if (scope_) scope_->publish(event);
+    if (scope_) scope_->scope().publish(event);
+  }
+  // nullptr: there is no such recording.
+  std::shared_ptr<const bench::Recording> recording(std::uint32_t id) const {
+    return scope_ ? scope_->scope().recordings().find(id) : nullptr;
   }
   // There is a studio page to be served.
   bool has_page() const { return http_ && page_.has_page(); }
@@ -59,6 +64,8 @@ class LineServer final : private links::LineHost {
 
   Line& line() { return line_; }
   boost::asio::io_context& io() { return io_; }
+  // Wall-clock time of the line's time 0.
+  Time wall_epoch() const { return epoch_; }
   // The port of the bench API, 0 without one.
   std::uint16_t api_port() const { return http_ ? http_->port() : std::uint16_t{0}; }
   const std::string& token() const { return access_.token; }
@@ -92,6 +99,7 @@ class LineServer final : private links::LineHost {
 
   void open_serial_links();
   bench::Response answer(const bench::Request& request);
+  void carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply);
   void serve_frames();
   void serve_busy(const std::vector<links::EthercatLink*>& busy);
   void schedule();
@@ -112,7 +120,7 @@ class LineServer final : private links::LineHost {
   Line line_;
   std::vector<Log> logs_;
   bench::StaticFiles page_;
-  std::unique_ptr<bench::Scope> scope_;
+  std::unique_ptr<bench::LineScope> scope_;
   std::unique_ptr<bench::WebSockets> web_sockets_;
   std::vector<bench::RouteGroup> more_routes_;
   std::unique_ptr<bench::HttpServer> http_;

@@ -215,7 +215,7 @@ std::span<const Product> all_products() { return products; }
 
 std::span<const std::byte> data_sheet(const Product& product) {
   static std::map<std::string_view, std::string> sheets;
-  if (product.describe == nullptr || product.fieldbus != Fieldbus::can) return {};
+  if (product.describe == nullptr || product.fieldbus != Fieldbus::can || product.blueprint != nullptr) return {};
   std::string& sheet = sheets[product.name];
   if (sheet.empty()) sheet = describe::eds(product.describe());
   return std::as_bytes(std::span(sheet));

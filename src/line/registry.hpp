@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string_view>
@@ -8,6 +9,10 @@
 #include "describe/description.hpp"
 #include "products/device.hpp"
 #include "products/model.hpp"
+
+namespace servodrome::described {
+struct Blueprint;
+}
 
 // The products that can stand on a line.
 namespace servodrome::line {
@@ -33,15 +38,17 @@ enum class Fieldbus : std::uint8_t { can, ethercat };
 struct Product {
   std::string_view name;   // as line files and commands call it
   std::string_view title;  // one line for people
-  std::shared_ptr<products::Device> (*make)(const products::Settings& settings);
+  std::function<std::shared_ptr<products::Device>(const products::Settings& settings)> make;
   std::uint8_t factory_node_id = 1;
   std::uint8_t input_wires = 6;  // DI0 ..
   SwitchWiring wiring{};
-  describe::Description (*describe)() = nullptr;  // for data sheets and references
-  const SerialInterface* serial = nullptr;        // nullptr: it has no RS485 port
-  std::span<const products::Model> models{};      // sizes with motors of their own; empty: any motor
+  std::function<describe::Description()> describe{};  // for data sheets and references
+  const SerialInterface* serial = nullptr;            // nullptr: it has no RS485 port
+  std::span<const products::Model> models{};          // sizes with motors of their own; empty: any motor
   std::string_view default_model{};
   Fieldbus fieldbus = Fieldbus::can;
+  std::uint32_t store_bytes = 32 * 1024;  // of its memory: two banks, each several times what its saved objects take
+  const described::Blueprint* blueprint = nullptr;  // of a drive that is made of a maker's description
 };
 
 std::span<const Product> all_products();

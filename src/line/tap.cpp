@@ -91,12 +91,7 @@ Channel object_channel(Axis& axis, const dictionary::Entry& object) {
 }
 
 Tap::Tap(const Channel& channel, std::int64_t stride)
-    : channel_(channel),
-      stride_(stride),
-      first_((channel.axis->ticks() / stride + 1) * stride),
-      due_(first_),
-      slot_(static_cast<std::size_t>(first_ / stride) % kept),
-      ring_(kept) {
+    : Samples(stride, (channel.axis->ticks() / stride + 1) * stride), channel_(channel) {
   channel_.axis->attach(*this);
 }
 

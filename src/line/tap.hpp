@@ -40,39 +40,56 @@ std::span<const Signal> signals();
 Channel signal_channel(Axis& axis, std::string_view name);
 Channel object_channel(Axis& axis, const dictionary::Entry& object);
 
-// Values of a channel at all ticks that are multiples of the stride, from its making on. It keeps the latest few, which
-// whoever wants them fetches in time. Nothing is allocated while it runs.
-class Tap {
+// Values at all ticks that are multiples of a stride. It keeps the latest few, which whoever wants them fetches in
+// time.
+class Samples {
  public:
   static constexpr std::size_t kept = 512;  // values
 
-  // `stride` in ticks, from 1.
-  Tap(const Channel& channel, std::int64_t stride);
-  ~Tap();
-  Tap(const Tap&) = delete;
-  Tap& operator=(const Tap&) = delete;
+  // `stride` in ticks, from 1; `first`, a multiple of it: of the first value there will be.
+  Samples(std::int64_t stride, std::int64_t first)
+      : stride_(stride),
+        first_(first),
+        due_(first),
+        slot_(static_cast<std::size_t>(first / stride) % kept),
+        ring_(kept) {}
+  virtual ~Samples() = default;
+  Samples(const Samples&) = delete;
+  Samples& operator=(const Samples&) = delete;
 
-  const Channel& channel() const { return channel_; }
   std::int64_t stride() const { return stride_; }
   std::int64_t first() const { return first_; }  // tick of the first value there ever was
   std::int64_t due() const { return due_; }      // tick of the next value
   // The value of a tick before `due`: a multiple of the stride, one of the `kept` latest.
   double at(std::int64_t tick) const { return ring_[static_cast<std::size_t>(tick / stride_) % kept]; }
 
-  // By the axis, at tick `due`.
-  void take() {
-    ring_[slot_] = channel_.value();
+  // The value of tick `due`.
+  void put(double value) {
+    ring_[slot_] = value;
     slot_ = (slot_ + 1) % kept;
     due_ += stride_;
   }
 
  private:
-  Channel channel_;
   std::int64_t stride_;
   std::int64_t first_;
   std::int64_t due_;
   std::size_t slot_;
   std::vector<double> ring_;
+};
+
+// The values of a channel of a line's axis, from its making on. Nothing is allocated while it runs.
+class Tap final : public Samples {
+ public:
+  Tap(const Channel& channel, std::int64_t stride);
+  ~Tap() override;
+
+  const Channel& channel() const { return channel_; }
+  // By the axis, at tick `due`.
+  void take() { put(channel_.value()); }
+
+ private:
+  Channel channel_;
 };
 
 }  // namespace servodrome::line

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <new>
 
+#include "line/bench/scope/line_scope.hpp"
 #include "line/line.hpp"
 #include "line/line_file.hpp"
 #include "links/can/memory_port.hpp"
@@ -83,6 +84,32 @@ TEST(Allocation, NothingIsAllocatedWhileALineRuns) {
   EXPECT_EQ(allocations - before, 0U);
   EXPECT_GT(received, 500U);
   EXPECT_NE(line.axes()[0]->plant().position_counts(), 0);
+}
+
+// Streams and recordings look at every tick; what they need they have before.
+TEST(Allocation, NothingIsAllocatedWhileALineIsLookedAt) {
+  const LineFile file = parse_line_file(default_line_text(), "default.toml", all_products());
+  ASSERT_TRUE(file.diagnostics.empty());
+  Line line(file.settings);
+  bench::LineScope looking(line);
+  bench::LineSource source(line);
+  bench::Recordings& recordings = looking.scope().recordings();
+  const std::string axis = line.axes()[0]->settings().name;
+  const auto recording = [&](const std::string& what, const std::string& trigger) -> const bench::Recording& {
+    return recordings.add(source, R"({"channels": [{"axis": ")" + axis + R"(", )" + what +
+                                      R"(}], "duration_ms": 400,)" + R"("pre_ms": 100, "trigger": )" + trigger + "}");
+  };
+  const auto& done = recording(R"("signal": "velocity_rpm")", R"({"kind": "now"})");
+  const auto& armed = recording(R"("object": "6041:00")", R"({"kind": "level", "level": 1e9})");
+  const std::shared_ptr<Samples> tap = source.signal(axis, "position_counts").open(1);
+  line.run_until(std::chrono::milliseconds(300));  // the drives have started, and that was told
+
+  const std::uint64_t before = allocations;
+  line.run_until(std::chrono::milliseconds(1300));
+  EXPECT_EQ(allocations - before, 0U);
+  EXPECT_EQ(done.state(), bench::RecordingState::done);
+  EXPECT_EQ(armed.state(), bench::RecordingState::armed);
+  EXPECT_EQ(tap->due(), 1300 * 16 + 1);
 }
 
 // Asks the drive of an RS485 line for its statusword, time and again.

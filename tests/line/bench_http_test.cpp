@@ -1,6 +1,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/read.hpp>
+#include <boost/asio/read_until.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
@@ -115,6 +116,18 @@ class Client {
     std::string text = method + " " + target + " HTTP/1.1\r\n";
     for (const auto& [name, value] : fields) text += name + ": " + value + "\r\n";
     return raw(text + "\r\n" + body);
+  }
+  // Sends bytes, and reads up to and with an ending.
+  std::string until(const std::string& bytes, const std::string& ending) {
+    boost::asio::write(stream_, boost::asio::buffer(bytes));
+    std::string text = beast::buffers_to_string(buffer_.data());
+    buffer_.consume(buffer_.size());
+    const std::size_t size = boost::asio::read_until(stream_.socket(), boost::asio::dynamic_buffer(text), ending);
+    // What came behind it is read by who asks next.
+    const auto room = buffer_.prepare(text.size() - size);
+    std::memcpy(room.data(), text.data() + size, text.size() - size);
+    buffer_.commit(text.size() - size);
+    return text.substr(0, size);
   }
   bool closed_by_peer() {
     char byte = 0;
@@ -269,10 +282,92 @@ TEST(BenchHttp, ALongCsvComesInChunks) {
   EXPECT_EQ(field(csv, "Transfer-Encoding"), "chunked");
   EXPECT_EQ(field(csv, "Content-Type"), "text/csv; charset=utf-8");
   EXPECT_EQ(std::count(csv.body().begin(), csv.body().end(), '\n'), 16001);
-  EXPECT_EQ(client.ask("GET", "/api/v1/recordings/1/data").body().size(), 24U + 16000 * 8);
+  const auto data = client.ask("GET", "/api/v1/recordings/1/data");
+  EXPECT_EQ(field(data, "Transfer-Encoding"), "chunked");
+  EXPECT_EQ(data.body().size(), 24U + 16000 * 8);
   // HTTP 1.0 knows no chunks.
   const auto whole = client.raw("GET /api/v1/recordings/1/data.csv HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n");
   EXPECT_EQ(whole.body(), csv.body());
+}
+
+TEST(BenchHttp, DataInPartsIsEachChannelInOrder) {
+  Running running;
+  Client client(running.port());
+  client.ask("PUT", "/api/v1/axes/x/plant", {}, R"({"position_counts":-70000})");
+  client.ask("POST", "/api/v1/recordings", {},
+             R"({"channels":[{"axis":"x","signal":"supply_v"},{"axis":"x","signal":"position_counts"},)"
+             R"({"axis":"x","object":"6041:00"}],"rate_hz":16000,"duration_ms":1000})");
+  client.ask("POST", "/api/v1/clock/advance", {}, R"({"ms":1100})");
+  const std::string data = client.ask("GET", "/api/v1/recordings/1/data").body();
+  bench::FrameHeader header;
+  ASSERT_GE(data.size(), sizeof header);
+  std::memcpy(&header, data.data(), sizeof header);
+  EXPECT_EQ(header.samples, 16000U);
+  EXPECT_EQ(header.channels, 3U);
+  ASSERT_EQ(data.size(), sizeof header + std::size_t{16000} * 3 * sizeof(double));
+  std::vector<double> values(std::size_t{16000} * 3);
+  std::memcpy(values.data(), data.data() + sizeof header, values.size() * sizeof(double));
+  std::string expected;
+  for (std::size_t n = 0; n < 16000; ++n) {
+    expected += fmt::format("{},{},{}\n", values[n], values[16000 + n], values[32000 + n]);
+  }
+  // The table has them in rows, behind tick and time.
+  std::istringstream csv(client.ask("GET", "/api/v1/recordings/1/data.csv").body());
+  std::string row;
+  std::string found;
+  std::getline(csv, row);
+  while (std::getline(csv, row)) {
+    row.pop_back();  // CR
+    found += row.substr(row.find(',', row.find(',') + 1) + 1) + "\n";
+  }
+  EXPECT_TRUE(found == expected) << found.substr(0, 200) << expected.substr(0, 200);
+}
+
+TEST(BenchHttp, AHeadIsAnAnswerWithoutItsBody) {
+  const Page page;
+  Running running(page.folder());
+  Client client(running.port());
+  for (const char* target : {"/api/v1/version", "/", "/api/v1/nothing"}) {
+    const auto whole = client.ask("GET", target);
+    const std::string head =
+        client.until(fmt::format("HEAD {} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", target), "\r\n\r\n");
+    EXPECT_THAT(head, HasSubstr(fmt::format("Content-Length: {}\r\n", whole.body().size()))) << target;
+    EXPECT_THAT(head, testing::StartsWith(fmt::format("HTTP/1.1 {} ", whole.result_int())));
+    // Nothing is left behind it: the next answer begins with its own header.
+    EXPECT_EQ(client.ask("GET", "/api/v1/version").result_int(), 200U) << target;
+  }
+}
+
+TEST(BenchHttp, WhoAsksWhetherItsBodyIsWantedIsToldToSendIt) {
+  Running running;
+  Client client(running.port());
+  const std::string head = "POST /api/v1/clock/advance HTTP/1.1\r\nHost: 127.0.0.1\r\nExpect: 100-continue\r\n";
+  EXPECT_EQ(client.until(head + "Content-Length: 8\r\n\r\n", "\r\n\r\n"), "HTTP/1.1 100 Continue\r\n\r\n");
+  EXPECT_EQ(client.raw(R"({"ms":5})").result_int(), 200U);
+  EXPECT_EQ(json::parse(client.ask("GET", "/api/v1/clock").body())["ticks"], 80);
+  // One that is too long is refused before it is sent.
+  EXPECT_EQ(client.raw(head + "Content-Length: 1000000\r\n\r\n").result_int(), 413U);
+}
+
+TEST(BenchHttp, ADownloadIsNotCutToMakeRoom) {
+  Running running;
+  Client first(running.port());
+  first.ask("POST", "/api/v1/recordings", {},
+            R"({"channels":[{"axis":"x","signal":"velocity_rpm"}],"rate_hz":16000,"duration_ms":30000})");
+  first.ask("POST", "/api/v1/clock/advance", {}, R"({"ms":30100})");
+  // It has asked longest ago, and reads nothing yet: the table does not fit into what the system keeps for it.
+  const std::string status =
+      first.until("GET /api/v1/recordings/1/data.csv HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "\r\n");
+  EXPECT_EQ(status, "HTTP/1.1 200 OK\r\n");
+  std::vector<std::unique_ptr<Client>> others;
+  for (int n = 0; n < 80; ++n) {
+    others.push_back(std::make_unique<Client>(running.port()));
+    EXPECT_EQ(others.back()->ask("GET", "/api/v1/version").result_int(), 200U);
+  }
+  EXPECT_TRUE(others.front()->closed_by_peer());
+  const std::string rest = first.until("", "\r\n0\r\n\r\n");
+  EXPECT_EQ(std::count(rest.begin(), rest.end(), '\r'), std::count(rest.begin(), rest.end(), '\n'));
+  EXPECT_GT(std::count(rest.begin(), rest.end(), '\n'), 480'000);
 }
 
 TEST(BenchHttp, ClientsAreServedAgainAfterFileDescriptorsRanOut) {
@@ -507,6 +602,53 @@ TEST(BenchSocket, AClientThatReadsNothingDelaysNobody) {
     coarsest = std::max(coarsest, header.stride);
   }
   EXPECT_GT(coarsest, 1U);
+}
+
+TEST(BenchSocket, ALongAdvanceIsSeenInFullByWhoReadsIt) {
+  Running running;
+  Socket socket(running.port());
+  ASSERT_EQ(socket.open(), 101U);
+  socket.text();
+  std::string channels;
+  for (int n = 0; n < 16; ++n) channels += std::string(n == 0 ? "" : ",") + R"({"axis":"x","signal":"velocity_rpm"})";
+  socket.write(R"({"subscribe":{"id":1,"channels":[)" + channels + R"(],"rate_hz":16000}})");
+  EXPECT_TRUE(socket.text().contains("subscribed"));
+  std::thread advances([&] { Client(running.port()).ask("POST", "/api/v1/clock/advance", {}, R"({"ms":10000})"); });
+  std::uint64_t next = 1;
+  while (next <= 160'000) {
+    const std::string frame = socket.read();
+    if (socket.code) break;
+    if (socket.is_text()) continue;
+    bench::FrameHeader header;
+    std::memcpy(&header, frame.data(), sizeof header);
+    EXPECT_EQ(header.stride, 1U);
+    if (header.first_tick != next || header.stride != 1) break;
+    next += header.samples;
+  }
+  advances.join();
+  EXPECT_EQ(next, 160'001U);
+}
+
+TEST(BenchSocket, WhoIsSentAwayAndReadsNothingIsCutHoweverMuchItSends) {
+  Running running;
+  Socket socket(running.port());
+  ASSERT_EQ(socket.open(), 101U);
+  socket.text();
+  std::string channels;
+  for (int n = 0; n < 16; ++n) channels += std::string(n == 0 ? "" : ",") + R"({"axis":"x","signal":"velocity_rpm"})";
+  socket.write(R"({"subscribe":{"id":1,"channels":[)" + channels + R"(],"rate_hz":16000}})");
+  EXPECT_TRUE(socket.text().contains("subscribed"));
+  // More than the system keeps for it.
+  Client(running.port()).ask("POST", "/api/v1/clock/advance", {}, R"({"ms":15000})");
+  const std::string end = R"({"unsubscribe":{"id":99}})";
+  for (int n = 0; n < 300; ++n) socket.socket().write(boost::asio::buffer(end), socket.code);  // too many: it is to go
+  // It does not hear it, and goes on.
+  const auto began = std::chrono::steady_clock::now();
+  while (!socket.code && std::chrono::steady_clock::now() - began < 60s) {
+    socket.socket().write(boost::asio::buffer(end), socket.code);
+    std::this_thread::sleep_for(20ms);
+  }
+  EXPECT_TRUE(socket.code) << "it is still connected";
 }
 
 TEST(BenchClock, VirtualTimePassesAtTheSpeedThatWasSet) {

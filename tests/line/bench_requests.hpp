@@ -1,5 +1,6 @@
 #pragma once
 
+#include <fmt/format.h>
 #include <random>
 #include <string>
 
@@ -26,7 +27,50 @@ class RequestGenerator {
     return request;
   }
 
+  // Of a client of the stream, more often right than not.
+  std::string message() {
+    static constexpr std::array rates{"1", "1000", "16000", "0", "-1", "1e9", "\"x\""};
+    std::string text;
+    switch (pick(4)) {
+      case 0: text = fmt::format(R"({{"unsubscribe":{{"id":{}}}}})", pick(12)); break;
+      case 1: text = fmt::format(R"({{"watch":{{"axes":{}}}}})", one_of(rates)); break;
+      default:
+        text = fmt::format(R"({{"subscribe":{{"id":{},"channels":[{}],"rate_hz":{}}}}})", pick(12), channels(),
+                           one_of(rates));
+        break;
+    }
+    if (pick(10) == 0) spoil(text);
+    return text;
+  }
+
  private:
+  std::string channels() {
+    static constexpr std::array what{R"("signal":"velocity_rpm")", R"("signal":"state")",   R"("signal":"DI0")",
+                                     R"("signal":"nothing")",      R"("object":"6041:00")", R"("object":"6064")",
+                                     R"("object":"1008:00")",      R"("object":"zz:99")",   R"("object":"0x6081:0")",
+                                     R"("signal":"DI99999")",      R"("object":7)",         R"("x":1)"};
+    static constexpr std::array axes{"left", "right", "middle"};
+    std::string list;
+    for (std::size_t n = pick(4) == 0 ? 17 : pick(4); n-- > 0;) {
+      list += fmt::format(R"({}{{"axis":"{}",{}}})", list.empty() ? "" : ",", one_of(axes), one_of(what));
+    }
+    return list;
+  }
+
+  std::string recording() {
+    static constexpr std::array triggers{R"({"kind":"now"})",
+                                         R"({"kind":"edge","channel":0,"level":0})",
+                                         R"({"kind":"level","channel":3,"level":1})",
+                                         R"({"kind":"fault"})",
+                                         R"({"kind":"state","axis":"left","state":"x"})",
+                                         R"({"kind":"state"})",
+                                         R"({"kind":7})",
+                                         R"({})"};
+    static constexpr std::array durations{"0", "1", "20", "3600000", "-1", "1e300"};
+    return fmt::format(R"({{"channels":[{}],"rate_hz":{},"duration_ms":{},"pre_ms":{},"trigger":{}}})", channels(),
+                       1 + pick(16000), one_of(durations), one_of(durations), one_of(triggers));
+  }
+
   std::size_t pick(std::size_t count) { return static_cast<std::size_t>(random_() % count); }
   template <std::size_t Count>
   std::string one_of(const std::array<const char*, Count>& words) {
@@ -53,7 +97,9 @@ class RequestGenerator {
         Example{bench::Method::post, "/buses/can0/disturb", {"drop", "seed", "axis", "cut"}},
         Example{bench::Method::delete_, "/buses/can0/disturb", {"drop", "drop", "drop", "drop"}},
         Example{bench::Method::post, "/buses/rs/disturb", {"drop", "seed", "corrupt", "cut"}},
+        Example{bench::Method::post, "/recordings", {"channels", "rate_hz", "duration_ms", "trigger"}},
     };
+    if (pick(16) == 0) return {.method = bench::Method::post, .target = "/api/v1/recordings", .body = recording()};
     const Example& example = examples[pick(examples.size())];
     bench::Request request{.method = example.method, .target = std::string("/api/v1") + example.target};
     if (pick(8) != 0) request.body = "{\"" + one_of(example.keys) + "\":" + value() + "}";
@@ -71,8 +117,12 @@ class RequestGenerator {
                                        "/api/v1/buses/rs",   "/api/v1/buses/x/disturb",
                                        "/api/v1/clock",      "/api/v1/clock/advance",
                                        "/api/v1/version",    "/",
-                                       "/api/v2/axes",       "/api/v1/clock?x=1"};
+                                       "/api/v2/axes",       "/api/v1/clock?x=1",
+                                       "/api/v1/line",       "/api/v1/recordings",
+                                       "/api/v1/stream",     "/api/v1/recordings/x"};
+    static constexpr std::array of_recording{"", "/stop", "/data", "/data.csv", "/x"};
     if (pick(3) == 0) return one_of(others);
+    if (pick(8) == 0) return fmt::format("/api/v1/recordings/{}{}", pick(200), one_of(of_recording));
     const std::string axis = "/api/v1/axes/" + one_of(axes);
     if (pick(2) == 0) return axis + one_of(what);
     return axis + "/objects/" + one_of(indexes) + "/" + one_of(subs);

@@ -7,7 +7,7 @@
 
 #include "line/bench/api.hpp"
 #include "line/bench/scope/frame.hpp"
-#include "line/bench/scope/scope.hpp"
+#include "line/bench/scope/line_scope.hpp"
 #include "support.hpp"
 
 namespace servodrome::line::bench {
@@ -77,11 +77,11 @@ class Inbox final : public Outbox {
 // A line with a motion in it: "left" turns under a load torque that a script changes, "right" stands.
 struct Bench {
   explicit Bench(bool with_scope = true) : line(settings_of(two_axes)) {
-    if (with_scope) scope = std::make_unique<Scope>(line);
+    if (with_scope) scope = std::make_unique<LineScope>(line);
   }
 
   json ask(Method method, const std::string& target, const std::string& body = {}, unsigned status = 200) {
-    const std::array groups{RouteGroup{recording_routes(), scope.get()}};
+    const std::array groups{RouteGroup{recording_routes(), scope ? &scope->scope() : nullptr}};
     const Response response = handle(line, {.method = method, .target = "/api/v1" + target, .body = body}, groups);
     EXPECT_EQ(response.status, status) << target << " " << response.body;
     std::string text = response.body;
@@ -98,7 +98,7 @@ struct Bench {
   std::uint64_t tick() const { return static_cast<std::uint64_t>(line.now() / tick_length); }
 
   Line line;
-  std::unique_ptr<Scope> scope;
+  std::unique_ptr<LineScope> scope;
   std::string raw;
 };
 
@@ -111,11 +111,11 @@ const std::string subscribe_16k = R"({"subscribe":{"id":1,"channels":[{"axis":"l
 TEST(BenchStream, SaysHelloWithAnIdentifierOfTheRun) {
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   const json hello = inbox.of("hello").at(0);
   EXPECT_EQ(hello["tick"], 0);
   EXPECT_EQ(hello["start"].get<std::string>().size(), 16U);
-  EXPECT_NE(hello["start"], Bench().scope->greeting()["start"].get<std::string>());
+  EXPECT_NE(hello["start"], Bench().scope->scope().greeting()["start"].get<std::string>());
 }
 
 // Positions and velocities of `left` after each tick, looked at from outside, one tick at a time.
@@ -136,7 +136,7 @@ TEST(BenchStream, AStreamAt16kHzHasEachTickOnceAndChangesNothing) {
   const auto expected = watched_by_hand();
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   session.receive(subscribe_16k, noon);
   const json subscribed = inbox.of("subscribed").at(0);
   EXPECT_EQ(subscribed["rate_hz"], 16000);
@@ -163,7 +163,7 @@ TEST(BenchStream, AStreamAt16kHzHasEachTickOnceAndChangesNothing) {
 TEST(BenchStream, ASlowerRateHasTheSameValuesAtItsTicks) {
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   session.receive(subscribe_16k, noon);
   session.receive(R"({"subscribe":{"id":7,"channels":[{"axis":"left","signal":"position_counts"}],"rate_hz":900}})",
                   noon);
@@ -182,7 +182,7 @@ TEST(BenchStream, ASlowerRateHasTheSameValuesAtItsTicks) {
 TEST(BenchStream, GoesOnThroughAPowerCycle) {
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   bench.pass(20ms);
   session.receive(subscribe_16k, noon);
   bench.pass(10ms);
@@ -203,7 +203,7 @@ TEST(BenchStream, GoesOnThroughAPowerCycle) {
 TEST(BenchStream, EndsWithTheSubscriptionOrTheClient) {
   Bench bench;
   Inbox inbox;
-  auto session = std::make_unique<StreamSession>(*bench.scope, inbox);
+  auto session = std::make_unique<StreamSession>(bench.scope->scope(), inbox);
   session->receive(subscribe_16k, noon);
   bench.pass(10ms);
   session->receive(R"({"unsubscribe":{"id":1}})", noon);
@@ -219,7 +219,7 @@ TEST(BenchStream, EndsWithTheSubscriptionOrTheClient) {
   EXPECT_EQ(inbox.samples(1).size(), 320U);
   // A page that connects anew.
   Inbox second;
-  StreamSession again(*bench.scope, second);
+  StreamSession again(bench.scope->scope(), second);
   EXPECT_EQ(second.of("hello").at(0)["start"], inbox.of("hello").at(0)["start"]);
   again.receive(subscribe_16k, noon);
   bench.pass(10ms);
@@ -231,8 +231,8 @@ TEST(BenchStream, ASlowClientLosesResolutionAndIsGivenUpInTheEnd) {
   Bench bench;
   Inbox slow;
   Inbox quick;
-  StreamSession slow_session(*bench.scope, slow);
-  StreamSession quick_session(*bench.scope, quick);
+  StreamSession slow_session(bench.scope->scope(), slow);
+  StreamSession quick_session(bench.scope->scope(), quick);
   slow_session.receive(subscribe_16k, noon);
   quick_session.receive(subscribe_16k, noon);
   slow.stuck = true;
@@ -244,7 +244,8 @@ TEST(BenchStream, ASlowClientLosesResolutionAndIsGivenUpInTheEnd) {
   // It reads again: the resolution comes back after a while on the wall.
   slow.stuck = false;
   slow.waiting = 0;
-  Subscription subscription(9, {bench.scope->taps().open(signal_channel(*bench.line.axes()[0], "velocity_rpm"), 1)});
+  Subscription subscription(
+      9, {bench.scope->source().taps().open(signal_channel(*bench.line.axes()[0], "velocity_rpm"), 1)});
   for (const std::size_t queued : {600'000U, 1'200'000U, 1'800'000U}) subscription.adapt(queued, noon);
   EXPECT_EQ(subscription.stride(), 8);
   subscription.adapt(0, noon + 500ms);
@@ -265,7 +266,7 @@ TEST(BenchStream, ASlowClientLosesResolutionAndIsGivenUpInTheEnd) {
 TEST(BenchStream, WatchTellsTheAxesThatChanged) {
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   bench.pass(50ms);
   session.receive(R"({"watch":{"axes":20}})", noon);
   session.attend(noon);
@@ -291,7 +292,7 @@ TEST(BenchStream, WatchTellsTheAxesThatChanged) {
 TEST(BenchStream, RefusesWhatIsNoMessage) {
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   const std::string many = [] {
     std::string list;
     for (int i = 0; i < 17; ++i) list += std::string(i == 0 ? "" : ",") + R"({"axis":"left","signal":"DI0"})";
@@ -333,7 +334,7 @@ TEST(BenchStream, RefusesWhatIsNoMessage) {
 TEST(BenchStream, BoundsWhatAClientMayAskFor) {
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   const auto subscribe = [&](int id) {
     session.receive(R"({"subscribe":{"id":)" + std::to_string(id) +
                         R"(,"channels":[{"axis":"left","signal":"DI0"}],"rate_hz":16000}})",
@@ -364,13 +365,14 @@ TEST(BenchStream, TapsOfAllClientsTogetherAreBounded) {
   }
   ASSERT_GT(channels.size(), 520U);
   const auto open_all = [&] {
-    for (const Channel& channel : channels) taps.push_back(bench.scope->taps().open(channel, 1));
+    for (const Channel& channel : channels) taps.push_back(bench.scope->source().taps().open(channel, 1));
   };
   EXPECT_THROW(open_all(), ApiError);
   EXPECT_GT(taps.size(), 480U);
-  EXPECT_EQ(bench.scope->taps().open(channels.front(), 1), taps.front()) << "another who wants the same costs nothing";
+  EXPECT_EQ(bench.scope->source().taps().open(channels.front(), 1), taps.front())
+      << "another who wants the same costs nothing";
   taps.clear();
-  EXPECT_NO_THROW(bench.scope->taps().open(channels.back(), 1));
+  EXPECT_NO_THROW(bench.scope->source().taps().open(channels.back(), 1));
 }
 
 // --- Recordings
@@ -393,7 +395,7 @@ TEST(BenchRecordings, AnEdgeIsFoundToTheTickWithWhatWasBefore) {
   ASSERT_GT(trigger, 1600U);
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   session.receive(subscribe_16k, noon);
   const json made = bench.ask(Method::post, "/recordings", on_10_rpm, 201);
   EXPECT_EQ(made["state"], "armed");
@@ -495,7 +497,7 @@ TEST(BenchRecordings, LevelsAndStatesTrigger) {
 TEST(BenchRecordings, AFaultLeavesItsMomentBehind) {
   Bench bench;
   Inbox inbox;
-  StreamSession session(*bench.scope, inbox);
+  StreamSession session(bench.scope->scope(), inbox);
   bench.pass(1s);
   bench.ask(Method::post, "/recordings",
             R"({"channels":[{"axis":"right","signal":"supply_v"}],"duration_ms":20,"pre_ms":10,

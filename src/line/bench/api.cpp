@@ -50,6 +50,15 @@ std::optional<std::vector<std::string_view>> match(std::string_view pattern, std
 
 Response answer_of(Call& call, const Route& route) {
   const Json body = route.act(call);
+  if (call.piece) {
+    Response response;
+    response.piece = [piece = std::move(call.piece)](Response& answer) {
+      const Json json = piece();
+      if (!json.is_null()) answer.body = to_text(json);
+      return !json.is_null();
+    };
+    return response;
+  }
   if (call.content)
     return {200, std::move(call.content->bytes), {}, std::move(call.content->type), std::move(call.content->more)};
   return {body.is_null() ? 204U : route.status, body.is_null() ? std::string() : to_text(body), {}};
@@ -78,15 +87,11 @@ void search(Search& search, const RouteGroup& group) {
   }
 }
 
-Response dispatch(Line& line, const Request& request, std::span<const RouteGroup> more) {
+Response dispatch(Line& line, const Request& request, std::span<const RouteGroup> groups) {
   const std::string_view target = request.target;
   const std::size_t end = std::min(target.find('?'), target.size());
   Search wanted{line, request, target.substr(0, end), target.substr(std::min(end + 1, target.size()))};
-  for (const auto group : line_groups) {
-    search(wanted, {group()});
-    if (wanted.response) return std::move(*wanted.response);
-  }
-  for (const RouteGroup& group : more) {
+  for (const RouteGroup& group : groups) {
     search(wanted, group);
     if (wanted.response) return std::move(*wanted.response);
   }
@@ -120,12 +125,27 @@ std::optional<std::string_view> query_value(const Call& call, std::string_view k
   return std::nullopt;
 }
 
-Response handle(Line& line, const Request& request, std::span<const RouteGroup> more) {
+Response begin(Line& line, const Request& request, std::span<const RouteGroup> more) {
+  std::vector<RouteGroup> groups;
+  for (const auto group : line_groups) groups.push_back({group()});
+  groups.insert(groups.end(), more.begin(), more.end());
+  return begin_in(line, request, groups);
+}
+
+Response begin_in(Line& line, const Request& request, std::span<const RouteGroup> groups) {
   try {
-    return dispatch(line, request, more);
+    return dispatch(line, request, groups);
   } catch (const ApiError& error) {
     return error_response(error);
   }
+}
+
+Response handle(Line& line, const Request& request, std::span<const RouteGroup> more) {
+  Response response = begin(line, request, more);
+  for (const Response::Piece piece = std::move(response.piece); piece && !piece(response);) {
+  }
+  response.piece = {};
+  return response;
 }
 
 }  // namespace servodrome::line::bench

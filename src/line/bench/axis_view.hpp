@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "drive/faults.hpp"
@@ -14,6 +15,13 @@ Json view_of(const Line& line, Axis& axis);
 
 // "profile_position"
 const char* mode_name(drive::Mode mode);
+
+// What GET /api/v1/axes/{axis}/states says of a drive in a state, by the transitions that it accepts.
+Json states_view(drive::PowerState state, const drive::Policy& policy,
+                 const std::function<bool(const drive::Transition&)>& accepts);
+
+// What GET /api/v1/axes/{axis}/homing says of a product. `reversed`: 607Eh turns the directions round.
+Json homing_view(const drive::Policy& policy, bool reversed);
 
 // What GET /api/v1/clock says.
 Json clock_view(const Line& line);

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -9,6 +10,7 @@ namespace servodrome::line::bench {
 namespace {
 
 constexpr double longest_advance_ms = 60'000;  // a request must come to an end
+constexpr Time piece_of_advance = std::chrono::milliseconds(20);
 
 }  // namespace
 
@@ -38,8 +40,14 @@ Json advance(Call& call) {
   if (call.line.clock_mode() == ClockMode::real) {
     throw ApiError{409, "the line runs in real time", "clock", "start it with `servodrome up --virtual`"};
   }
-  call.line.run_until(call.line.now() + Time(std::llround(ms * 1e6)));
-  return show_clock(call);
+  // In pieces, so that who reads a stream is sent what there is before there is more.
+  call.piece = [&line = call.line, left = Time(std::llround(ms * 1e6))]() mutable -> Json {
+    const Time piece = std::min(left, piece_of_advance);
+    line.run_until(line.now() + piece);
+    left -= piece;
+    return left > Time{} ? Json(nullptr) : clock_view(line);
+  };
+  return nullptr;
 }
 
 Json set_speed(Call& call) {
@@ -56,10 +64,22 @@ Json set_speed(Call& call) {
 
 Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", SERVODROME_VERSION}, {"api", 1}}; }
 
+Json show_line(Call& call) {
+  Json buses = Json::array();
+  for (const auto& bus : call.line.buses()) buses.push_back(bus->settings.name);
+  for (const auto& bus : call.line.serial_buses()) buses.push_back(bus->settings.name);
+  for (const auto& bus : call.line.ethercat_buses()) buses.push_back(bus->settings.name);
+  Json names = Json::array();
+  for (const Signal& signal : signals()) names.push_back(signal.name);
+  Json missing = Json::object();
+  if (call.line.clock_mode() == ClockMode::real) missing["virtual_time"] = "the line runs in real time";
+  return Json{
+      {"kind", "virtual"}, {"buses", std::move(buses)}, {"signals", std::move(names)}, {"missing", std::move(missing)}};
+}
+
 constexpr std::array clock_table{
-    Route{Method::get, "/api/v1/clock", show_clock},
-    Route{Method::put, "/api/v1/clock", set_speed},
-    Route{Method::post, "/api/v1/clock/advance", advance},
+    Route{Method::get, "/api/v1/line", show_line},       Route{Method::get, "/api/v1/clock", show_clock},
+    Route{Method::put, "/api/v1/clock", set_speed},      Route{Method::post, "/api/v1/clock/advance", advance},
     Route{Method::get, "/api/v1/version", show_version},
 };
 

@@ -3,6 +3,7 @@
 
 #include "drive/drive.hpp"
 #include "drive/homing/cia402_methods.hpp"
+#include "line/bench/axis_view.hpp"
 #include "line/bench/routes.hpp"
 
 // The homing methods of a drive, leg by leg, from the table that its homing runs by.
@@ -99,9 +100,16 @@ Json view_of(const drive::Method& method) {
 }
 
 Json show_homing(Call& call) {
-  Axis& axis = axis_argument(call);
-  const drive::Drive& drive = axis.device().drive();
-  const std::span<const drive::Method> table = drive.policy().homing_methods;
+  const drive::Drive& drive = axis_argument(call).device().drive();
+  return homing_view(drive.policy(), drive.axis().units.position_inverted);
+}
+
+constexpr std::array homing_table{Route{Method::get, "/api/v1/axes/{}/homing", show_homing}};
+
+}  // namespace
+
+Json homing_view(const drive::Policy& policy, bool reversed) {
+  const std::span<const drive::Method> table = policy.homing_methods;
   Json methods = Json::array();
   for (int number = INT8_MIN; number <= INT8_MAX; ++number) {
     const auto narrow = static_cast<std::int8_t>(number);
@@ -111,12 +119,8 @@ Json show_homing(Call& call) {
       methods.push_back({{"method", number}, {"supported", false}, {"legs", Json::array()}});
     }
   }
-  return Json{{"reversed", drive.axis().units.position_inverted}, {"methods", std::move(methods)}};
+  return Json{{"reversed", reversed}, {"methods", std::move(methods)}};
 }
-
-constexpr std::array homing_table{Route{Method::get, "/api/v1/axes/{}/homing", show_homing}};
-
-}  // namespace
 
 std::span<const Route> homing_routes() { return homing_table; }
 

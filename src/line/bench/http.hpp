@@ -27,12 +27,17 @@ struct Request {
 using More = std::function<std::string()>;
 
 struct Response {
+  // Carries out a piece of a request that takes long, so that other things are done between the pieces. True: that was
+  // the last, and the response is what is to be answered.
+  using Piece = std::function<bool(Response&)>;
+
   unsigned status = 200;
   std::string body;                                           // empty for 204
   std::string allow{};                                        // of a 405: the methods the address has
   std::string content_type{"application/json"};               // of a body
   More more{};                                                // of a body that does not end with `body`
   std::vector<std::pair<std::string, std::string>> fields{};  // more of the header
+  Piece piece{};                                              // the request is not carried out yet
 };
 
 }  // namespace servodrome::line::bench

@@ -22,7 +22,8 @@ constexpr auto idle_time = std::chrono::seconds(60);
 
 Method method_of(http::verb verb) {
   switch (verb) {
-    case http::verb::get: return Method::get;
+    case http::verb::get:
+    case http::verb::head: return Method::get;  // the same without the body (RFC 9110 9.3.2)
     case http::verb::put: return Method::put;
     case http::verb::post: return Method::post;
     case http::verb::delete_: return Method::delete_;
@@ -87,23 +88,52 @@ HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket) : server_
 }
 
 void HttpConnection::read() {
-  reading_since_ = std::chrono::steady_clock::now();
+  waits_since_ = std::chrono::steady_clock::now();
   parser_.emplace();
   parser_->header_limit(largest_header);
   parser_->body_limit(largest_body);
   stream_.expires_after(idle_time);
-  http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](error_code code, std::size_t) {
-    if (self->server_ == nullptr) return;
-    if (code == http::error::end_of_stream || code == boost::asio::error::eof ||
-        code == boost::asio::error::connection_reset || code == beast::error::timeout ||
-        code == http::error::partial_message) {
-      self->close();
-    } else if (code) {
-      self->answer(refusal_of(code, largest_header, largest_body), 11, false);
+  http::async_read_header(stream_, buffer_, *parser_, [self = shared_from_this()](error_code code, std::size_t) {
+    if (code || self->server_ == nullptr || self->parser_->is_done()) {
+      self->has_read(code);
     } else {
-      self->serve();
+      self->read_body();
     }
   });
+}
+
+// A client may ask whether its body is wanted before it sends it (RFC 9110 10.1.1). One that is too long was refused
+// with its header.
+void HttpConnection::read_body() {
+  constexpr std::string_view go_on = "HTTP/1.1 100 Continue\r\n\r\n";
+  const auto read = [self = shared_from_this()](error_code code) {
+    if (code || self->server_ == nullptr) {
+      self->has_read(code);
+      return;
+    }
+    http::async_read(self->stream_, self->buffer_, *self->parser_,
+                     [self](error_code its_code, std::size_t) { self->has_read(its_code); });
+  };
+  if (beast::iequals(parser_->get()[http::field::expect], "100-continue")) {
+    boost::asio::async_write(stream_, boost::asio::buffer(go_on), [read](error_code code, std::size_t) { read(code); });
+  } else {
+    read({});
+  }
+}
+
+void HttpConnection::has_read(const error_code& code) {
+  if (server_ == nullptr) return;
+  waits_since_.reset();
+  wants_head_ = false;
+  if (code == http::error::end_of_stream || code == boost::asio::error::eof ||
+      code == boost::asio::error::connection_reset || code == beast::error::timeout ||
+      code == http::error::partial_message) {
+    close();
+  } else if (code) {
+    answer(refusal_of(code, largest_header, largest_body), 11, false);
+  } else {
+    serve();
+  }
 }
 
 void HttpConnection::disconnect() {
@@ -130,6 +160,7 @@ void HttpConnection::serve() {
   auto message = parser_->release();
   const unsigned version = message.version();
   const bool keep_alive = message.keep_alive();
+  wants_head_ = message.method() == http::verb::head;
   if (auto refusal = refusal_of_address(message)) {
     answer(std::move(*refusal), version, false);
     return;
@@ -138,9 +169,14 @@ void HttpConnection::serve() {
     upgrade(std::move(message));
     return;
   }
-  const Request request = request_of(std::move(message), from_loopback_);
-  auto refusal = refuse(server_->access_, request);
-  answer(refusal ? std::move(*refusal) : server_->handlers_.answer(request), version, keep_alive);
+  Request request = request_of(std::move(message), from_loopback_);
+  if (auto refusal = refuse(server_->access_, request)) {
+    answer(std::move(*refusal), version, keep_alive);
+    return;
+  }
+  server_->handlers_.answer(std::move(request), [self = shared_from_this(), version, keep_alive](Response&& response) {
+    if (self->server_ != nullptr) self->answer(std::move(response), version, keep_alive);
+  });
 }
 
 // Browsers let any page open a WebSocket to anywhere, so whoever opens one has to be allowed to write.
@@ -179,9 +215,11 @@ void HttpConnection::answer(Response&& response, unsigned version, bool keep_ali
   more_ = std::move(response.more);
   part_ = more_ ? std::exchange(response.body, {}) : std::string();
   message_ = message_of(std::move(response), version, keep_alive, more_ != nullptr);
+  const bool head_only = std::exchange(wants_head_, false);
+  if (head_only) more_ = {};
   stream_.expires_after(idle_time);
   const auto written = [self = shared_from_this()](error_code code, std::size_t) { self->written(code); };
-  if (more_) {
+  if (more_ || head_only) {
     head_.emplace(message_);
     http::async_write_header(stream_, *head_, written);
   } else {

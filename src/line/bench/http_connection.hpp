@@ -20,8 +20,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   HttpConnection(HttpServer& server, boost::asio::ip::tcp::socket socket);
 
   void read();
-  // When it began to wait for the request that is not there yet.
-  std::chrono::steady_clock::time_point reading_since() const { return reading_since_; }
+  // When it began to wait for the request that is not there yet; nothing while one is being answered.
+  std::optional<std::chrono::steady_clock::time_point> waits_since() const { return waits_since_; }
   // No call of the server after this.
   void disconnect();
 
@@ -31,6 +31,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   using Message = boost::beast::http::request<boost::beast::http::string_body>;
 
+  void read_body();
+  void has_read(const boost::system::error_code& code);
   void serve();
   std::optional<Response> refusal_of_address(const Message& message) const;
   void upgrade(Message&& message);
@@ -39,7 +41,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void close();
 
   HttpServer* server_;
-  std::chrono::steady_clock::time_point reading_since_;
+  std::optional<std::chrono::steady_clock::time_point> waits_since_;
   boost::beast::tcp_stream stream_;
   boost::beast::flat_buffer buffer_{largest_header + largest_body};
   std::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;
@@ -48,6 +50,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   More more_;                                                                                     // of it, what follows
   std::string part_;                                                                              // that is being sent
   bool from_loopback_ = false;
+  bool wants_head_ = false;  // the request is a HEAD: an answer without its body
 };
 
 }  // namespace servodrome::line::bench

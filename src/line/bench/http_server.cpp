@@ -56,14 +56,17 @@ std::uint16_t HttpServer::port() const {
   return acceptor_.local_endpoint(ignored).port();
 }
 
-// Connections that send nothing do not keep others out.
-void HttpServer::make_room() {
-  const auto longest = std::min_element(connections_.begin(), connections_.end(), [](const auto& a, const auto& b) {
-    return a->reading_since() < b->reading_since();
-  });
-  if (longest == connections_.end()) return;
+// Connections that send nothing do not keep others out; one that is being answered, such as a long download, stays.
+bool HttpServer::make_room() {
+  const auto waits_longer = [](const auto& a, const auto& b) {
+    if (!a->waits_since() || !b->waits_since()) return a->waits_since().has_value();
+    return *a->waits_since() < *b->waits_since();
+  };
+  const auto longest = std::min_element(connections_.begin(), connections_.end(), waits_longer);
+  if (longest == connections_.end() || !(*longest)->waits_since()) return false;
   (*longest)->disconnect();
   connections_.erase(longest);
+  return true;
 }
 
 void HttpServer::accept() {
@@ -73,7 +76,10 @@ void HttpServer::accept() {
       accept_later(code);
       return;
     }
-    if (connections_.size() == most_connections) make_room();
+    if (connections_.size() == most_connections && !make_room()) {
+      accept();
+      return;  // and `socket` is closed
+    }
     const auto connection = std::make_shared<HttpConnection>(*this, std::move(socket));
     connections_.insert(connection);
     connection->read();

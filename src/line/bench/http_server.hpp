@@ -17,9 +17,12 @@ namespace servodrome::line::bench {
 class HttpConnection;
 struct Upgrade;
 
-// What a server does with what it reads; all of it at once.
+// What a server does with what it reads.
 struct HttpHandlers {
-  std::function<Response(const Request&)> answer;
+  using Reply = std::function<void(Response&&)>;
+
+  // Calls `reply` once, in the thread of `io`, at once or later.
+  std::function<void(Request&& request, Reply reply)> answer;
   // The one address where a WebSocket may begin. Nobody may who may not write.
   std::string upgrade_address{};
   std::function<std::optional<Response>()> refuse_upgrade{};
@@ -27,8 +30,8 @@ struct HttpHandlers {
 };
 
 // HTTP/1.1 on a TCP port, with keep-alive. Requests of at most 8 KiB of header and 256 KiB of body; at most 64
-// connections, of which the one that was silent longest makes room for a new one; one that is silent for a minute is
-// closed. All in the thread of `io`.
+// connections, of which the one that was silent longest makes room for a new one (none that is being answered does);
+// one that is silent for a minute is closed. All in the thread of `io`.
 class HttpServer {
  public:
   // Listens at once. Throws links::LinkError when it cannot.
@@ -47,7 +50,8 @@ class HttpServer {
 
   void accept();
   void accept_later(const boost::system::error_code& why);
-  void make_room();
+  // False: everybody is being answered.
+  bool make_room();
 
   boost::asio::ip::tcp::acceptor acceptor_;
   boost::asio::steady_timer retry_;

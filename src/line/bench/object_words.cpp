@@ -233,12 +233,12 @@ constexpr std::array words_of{
 
 }  // namespace
 
-void add_words(Json& object, Axis& axis, const dictionary::Entry& entry) {
-  const std::string_view text = describe::find_object_text(axis.settings().product->name, entry.index, entry.sub);
+void add_words(Json& object, std::string_view product, const Policy& policy, const dictionary::Entry& entry) {
+  const std::string_view text = describe::find_object_text(product, entry.index, entry.sub);
   if (!text.empty()) object["text"] = text;
   for (const WordsOf& row : words_of) {
     if (row.index != entry.index || !row.is_there(entry.sub)) continue;
-    object[row.key] = row.words(axis.device().drive().policy());
+    object[row.key] = row.words(policy);
   }
 }
 

@@ -20,13 +20,17 @@ struct Content {
   More more{};  // of a long one: what follows
 };
 
+// Carries out a piece of a request; null: there is more to be done.
+using JsonPiece = std::function<Json()>;
+
 struct Call {
-  Line& line;
+  Line& line;                               // of a server of real drives one without axes
   std::vector<std::string_view> arguments;  // what stood for the {} of the pattern
   const std::string& body;
   std::string_view query{};          // what stood behind the ? of the address, as it was sent
   void* context = nullptr;           // of the route's group
   std::optional<Content> content{};  // if the handler sets it, it is sent instead of the JSON
+  JsonPiece piece{};                 // if the handler sets it, its last answer is sent instead of the handler's
 };
 
 struct Route {

@@ -1,6 +1,7 @@
 #include <array>
 
 #include "drive/drive.hpp"
+#include "line/bench/axis_view.hpp"
 #include "line/bench/routes.hpp"
 
 // Where a drive stands in its power state machine, and where a master can take it from there.
@@ -39,9 +40,18 @@ Json show_states(Call& call) {
                    "switch it on: POST .../power {\"action\": \"on\"}"};
   }
   const drive::Drive& drive = axis.device().drive();
+  return states_view(drive.state(), drive.policy(), [&drive](const auto& its) { return drive.accepts(its); });
+}
+
+constexpr std::array state_table{Route{Method::get, "/api/v1/axes/{}/states", show_states}};
+
+}  // namespace
+
+Json states_view(PowerState state, const drive::Policy& policy,
+                 const std::function<bool(const drive::Transition&)>& accepts) {
   Json transitions = Json::array();
-  for (const drive::Transition& transition : drive.policy().transitions) {
-    if (!drive.accepts(transition) || !is_the_usual(transition)) continue;
+  for (const drive::Transition& transition : policy.transitions) {
+    if (!accepts(transition) || !is_the_usual(transition)) continue;
     for (const CommandWord& row : command_words) {
       if (row.command != transition.command) continue;
       transitions.push_back({{"number", transition.number},
@@ -50,18 +60,14 @@ Json show_states(Call& call) {
                              {"controlword", row.controlword}});
     }
   }
-  if (drive.state() == PowerState::fault) {  // by the rising edge of bit 7, once the cause has gone
+  if (state == PowerState::fault) {  // by the rising edge of bit 7, once the cause has gone
     transitions.push_back({{"number", fault_reset},
                            {"name", "fault reset"},
                            {"to", drive::name(PowerState::switch_on_disabled)},
                            {"controlword", drive::controlword::fault_reset}});
   }
-  return Json{{"state", drive::name(drive.state())}, {"transitions", std::move(transitions)}};
+  return Json{{"state", drive::name(state)}, {"transitions", std::move(transitions)}};
 }
-
-constexpr std::array state_table{Route{Method::get, "/api/v1/axes/{}/states", show_states}};
-
-}  // namespace
 
 std::span<const Route> state_routes() { return state_table; }
 

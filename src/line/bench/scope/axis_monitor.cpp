@@ -9,7 +9,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-static_assert(AxisMonitor::samples_before + 1 <= static_cast<std::int64_t>(Tap::kept));
+static_assert(AxisMonitor::samples_before + 1 <= static_cast<std::int64_t>(Samples::kept));
 
 // Demand and actual value as the drive has them, where it does.
 constexpr std::array<std::uint16_t, 2> positions{0x6062, 0x6064};
@@ -18,22 +18,22 @@ constexpr std::array moment_signals{"position_counts", "velocity_rpm",    "torqu
 
 }  // namespace
 
-AxisMonitor::AxisMonitor(Axis& axis, TapTable& taps, Publish publish)
+AxisMonitor::AxisMonitor(Axis& axis, LineSource& source, Publish publish)
     : axis_(axis),
       publish_(std::move(publish)),
-      state_(taps.open(signal_channel(axis, "state"), stride)),
-      fault_code_(taps.open(signal_channel(axis, "fault_code"), stride)),
+      state_(source.signal(axis, "state").open(stride)),
+      fault_code_(source.signal(axis, "fault_code").open(stride)),
       first_(state_->due()),
       next_(first_),
       known_power_(axis.powered()) {
   for (const std::uint16_t index : positions) {
     const dictionary::Entry* entry = axis.device().dictionary().find(index, 0);
     if (entry != nullptr && object_channel(axis, *entry).read != nullptr) {
-      channels_.push_back(named_object(axis, index, 0));
+      channels_.push_back(source.object(axis, index, 0));
     }
   }
-  for (const char* name : moment_signals) channels_.push_back(named_signal(axis, name));
-  for (const NamedChannel& channel : channels_) taps_.push_back(taps.open(channel.channel, stride));
+  for (const char* name : moment_signals) channels_.push_back(source.signal(axis, name));
+  for (const NamedChannel& channel : channels_) taps_.push_back(channel.open(stride));
   if (known_power_) known_state_ = static_cast<int>(axis.device().drive().state());
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "line/bench/scope/line_source.hpp"
 #include "line/bench/scope/recordings.hpp"
 
 namespace servodrome::line::bench {
@@ -18,7 +19,7 @@ class AxisMonitor {
 
   using Publish = std::function<void(Json event)>;
 
-  AxisMonitor(Axis& axis, TapTable& taps, Publish publish);
+  AxisMonitor(Axis& axis, LineSource& source, Publish publish);
 
   // Everything before tick `end`.
   void take(std::int64_t end, Recordings& recordings);
@@ -30,10 +31,10 @@ class AxisMonitor {
 
   Axis& axis_;
   Publish publish_;
-  std::shared_ptr<Tap> state_;
-  std::shared_ptr<Tap> fault_code_;
-  std::vector<NamedChannel> channels_;      // of a moment
-  std::vector<std::shared_ptr<Tap>> taps_;  // of a moment
+  std::shared_ptr<Samples> state_;
+  std::shared_ptr<Samples> fault_code_;
+  std::vector<NamedChannel> channels_;          // of a moment
+  std::vector<std::shared_ptr<Samples>> taps_;  // of a moment
   std::int64_t first_;
   std::int64_t next_;
   std::optional<int> known_state_;  // none: without power

@@ -24,6 +24,11 @@ inline void append(std::string& bytes, const void* data, std::size_t size) {
   bytes.append(static_cast<const char*>(data), size);
 }
 
+// A frame without its numbers.
+inline std::string head_of_frame(const FrameHeader& header) {
+  return {reinterpret_cast<const char*>(&header), sizeof header};
+}
+
 // The frame with room for its numbers, which `values` fills.
 inline std::string make_frame(const FrameHeader& header, double*& values) {
   std::string bytes(sizeof header + std::size_t{header.samples} * header.channels * sizeof(double), '\0');

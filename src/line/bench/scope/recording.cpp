@@ -19,17 +19,17 @@ const char* word(RecordingState state) {
 
 }  // namespace
 
-Recording::Recording(Plan plan, Trigger trigger, TapTable& taps)
+Recording::Recording(Plan plan, Trigger trigger)
     : plan_(std::move(plan)),
       trigger_(std::move(trigger)),
       values_(static_cast<std::size_t>(plan_.samples) * plan_.channels.size()),
       begin_(0),
       end_(never_ends) {
-  for (const NamedChannel& channel : plan_.channels) taps_.push_back(taps.open(channel.channel, plan_.stride));
+  for (const NamedChannel& channel : plan_.channels) taps_.push_back(channel.open(plan_.stride));
   first_ = next_ = taps_.front()->due();
 }
 
-Recording::Recording(Plan plan, std::vector<std::shared_ptr<Tap>> taps, std::int64_t first, std::int64_t trigger,
+Recording::Recording(Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first, std::int64_t trigger,
                      Fault fault)
     : plan_(std::move(plan)),
       taps_(std::move(taps)),
@@ -56,7 +56,7 @@ bool Recording::take(std::int64_t end) {
   if (state_ == RecordingState::armed) {
     if (const auto hit = trigger_->find(end)) {
       trigger_at(hit->tick);
-      if (trigger_->is_fault()) fault_ = Fault{hit->axis->settings().name, static_cast<unsigned>(hit->value)};
+      if (trigger_->is_fault()) fault_ = Fault{hit->axis, static_cast<unsigned>(hit->value)};
       trigger_.reset();
     }
   }

@@ -30,9 +30,10 @@ class Recording {
   };
 
   // Takes samples from now on. Throws ApiError when that is more than the line may be looked at.
-  Recording(Plan plan, Trigger trigger, TapTable& taps);
+  Recording(Plan plan, Trigger trigger);
   // Is triggered at a tick of the past, with `taps` that are open since before.
-  Recording(Plan plan, std::vector<std::shared_ptr<Tap>> taps, std::int64_t first, std::int64_t trigger, Fault fault);
+  Recording(Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first, std::int64_t trigger,
+            Fault fault);
 
   // Takes all there is before tick `end`. True: its state is another now.
   bool take(std::int64_t end);
@@ -57,7 +58,7 @@ class Recording {
 
   Plan plan_;
   std::optional<Trigger> trigger_;
-  std::vector<std::shared_ptr<Tap>> taps_;
+  std::vector<std::shared_ptr<Samples>> taps_;
   std::vector<double> values_;  // ring after ring
   RecordingState state_ = RecordingState::armed;
   std::optional<std::int64_t> trigger_tick_;

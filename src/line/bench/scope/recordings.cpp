@@ -22,12 +22,13 @@ constexpr std::size_t longest_name = 100;
 
 }  // namespace
 
-const Recording& Recordings::add(Line& line, TapTable& taps, const std::string& body) {
+const Recording& Recordings::add(Source& source, const std::string& body) {
   BodyReader reader(body);
   Recording::Plan plan;
   plan.name = reader.string("name").value_or("").substr(0, longest_name);
-  plan.channels = read_channels(line, reader.required("channels"));
-  plan.stride = stride_of_rate(reader.number("rate_hz", 1, ticks_per_second).value_or(ticks_per_second));
+  plan.channels = read_channels(source, reader.required("channels"));
+  plan.stride =
+      source.stride_of(reader.number("rate_hz", 1, ticks_per_second).value_or(ticks_per_second), plan.channels);
   const double rate_hz = ticks_per_second / static_cast<double>(plan.stride);
   const double duration_ms = reader.number("duration_ms", 0, longest_ms).value_or(500);
   const double before_ms = reader.number("pre_ms", 0, longest_ms).value_or(0);
@@ -38,12 +39,13 @@ const Recording& Recordings::add(Line& line, TapTable& taps, const std::string& 
                    "duration_ms is the whole recording, pre_ms the part of it before the trigger"};
   }
   static const Json now{{"kind", "now"}};
-  Trigger trigger(line, taps, reader.has("trigger") ? reader.required("trigger") : now, plan.channels);
+  Trigger trigger(source, reader.has("trigger") ? reader.required("trigger") : now, plan.channels,
+                  source.trigger_stride(plan.stride));
   reader.finish();
   const std::size_t bytes = static_cast<std::size_t>(plan.samples) * plan.channels.size() * sizeof(double);
   if (bytes > largest_bytes) too_large(plan.channels.size());
   plan.id = last_id_ + 1;
-  auto recording = std::make_shared<Recording>(std::move(plan), std::move(trigger), taps);
+  auto recording = std::make_shared<Recording>(std::move(plan), std::move(trigger));
   if (!make_room(bytes)) {
     throw ApiError{409, "the recordings that are not done take all the memory", "recordings",
                    "delete one: DELETE /api/v1/recordings/{id}"};
@@ -53,7 +55,7 @@ const Recording& Recordings::add(Line& line, TapTable& taps, const std::string& 
   return *recordings_.back();
 }
 
-void Recordings::add_moment(Recording::Plan plan, std::vector<std::shared_ptr<Tap>> taps, std::int64_t first,
+void Recordings::add_moment(Recording::Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first,
                             std::int64_t trigger, Recording::Fault fault) {
   const auto is_of_axis = [&](const auto& its) {
     return its->plan().fault_moment && its->fault() && its->fault()->axis == fault.axis;

@@ -22,9 +22,9 @@ class Recordings {
   explicit Recordings(Changed changed) : changed_(std::move(changed)) {}
 
   // As POST /api/v1/recordings asks. Throws ApiError and has changed nothing.
-  const Recording& add(Line& line, TapTable& taps, const std::string& body);
+  const Recording& add(Source& source, const std::string& body);
   // Keeps the moment of a fault; the oldest of that axis makes room.
-  void add_moment(Recording::Plan plan, std::vector<std::shared_ptr<Tap>> taps, std::int64_t first,
+  void add_moment(Recording::Plan plan, std::vector<std::shared_ptr<Samples>> taps, std::int64_t first,
                   std::int64_t trigger, Recording::Fault fault);
 
   // All samples before tick `end`.

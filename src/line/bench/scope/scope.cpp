@@ -1,9 +1,8 @@
 #include "line/bench/scope/scope.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 #include <random>
-
-#include "line/bench/axis_view.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -17,26 +16,14 @@ std::string random_name() {
 
 }  // namespace
 
-Scope::Scope(Line& line)
-    : line_(line),
-      start_(random_name()),
-      recordings_([this](const Recording& recording) {
-        Json event{{"kind", "recording"}, {"axis", nullptr}, {"tick", line_.now() / tick_length}};
+Scope::Scope(Source& source)
+    : source_(source), start_(random_name()), recordings_([this](const Recording& recording) {
+        Json event{{"kind", "recording"}, {"axis", nullptr}, {"tick", source_.tick()}};
         event["recording"] = recording.view();
         publish(event);
-      }),
-      next_look_(line.now() + period) {
-  for (const auto& axis : line_.axes()) {
-    monitors_.push_back(std::make_unique<AxisMonitor>(*axis, taps_, [this](const Json& event) { publish(event); }));
-  }
-  line_.add_follower(*this);
-}
+      }) {}
 
-Scope::~Scope() { line_.remove_follower(*this); }
-
-Json Scope::greeting() const {
-  return {{"version", SERVODROME_VERSION}, {"start", start_}, {"tick", line_.now() / tick_length}};
-}
+Json Scope::greeting() const { return {{"version", SERVODROME_VERSION}, {"start", start_}, {"tick", source_.tick()}}; }
 
 void Scope::publish(const Json& event) {
   if (sessions_.empty()) return;
@@ -46,14 +33,16 @@ void Scope::publish(const Json& event) {
 
 void Scope::remove(StreamSession& session) { std::erase(sessions_, &session); }
 
-void Scope::reached(Time now) {
-  next_look_ = now + period;
-  const std::int64_t end = now / tick_length + 1;
-  for (const auto& monitor : monitors_) monitor->take(end, recordings_);
+void Scope::advance(std::int64_t end) {
   recordings_.take(end);
   if (sessions_.empty()) return;
   const WallTime wall = std::chrono::steady_clock::now();
   for (StreamSession* session : sessions_) session->send_samples(end, wall);
+}
+
+bool Scope::waits_for_readers(WallTime now) {
+  return std::any_of(sessions_.begin(), sessions_.end(),
+                     [now](StreamSession* session) { return session->is_waited_for(now); });
 }
 
 void Scope::attend(WallTime now) {
@@ -64,8 +53,8 @@ const Scope::Views& Scope::views(WallTime now) {
   if (now - views_made_ < views_live && !views_.clock.empty()) return views_;
   views_made_ = now;
   views_.axes.clear();
-  for (const auto& axis : line_.axes()) views_.axes.push_back(to_text(view_of(line_, *axis)));
-  views_.clock = to_text(clock_view(line_));
+  for (const Json& view : source_.views()) views_.axes.push_back(to_text(view));
+  views_.clock = to_text(source_.clock());
   return views_;
 }
 

@@ -73,9 +73,9 @@ void StreamSession::obey(const std::string& message) {
 
 void StreamSession::subscribe(BodyReader& reader) {
   const auto id = static_cast<std::uint32_t>(*refers_to_);
-  const std::vector<NamedChannel> channels = read_channels(scope_.line(), reader.required("channels"));
+  const std::vector<NamedChannel> channels = read_channels(scope_.source(), reader.required("channels"));
   constexpr auto most = static_cast<double>(drive::ticks_per_second);
-  const std::int64_t stride = stride_of_rate(reader.number("rate_hz", 1, most).value_or(1000));
+  const std::int64_t stride = scope_.source().stride_of(reader.number("rate_hz", 1, most).value_or(1000), channels);
   reader.finish();
   const auto same = std::find_if(subscriptions_.begin(), subscriptions_.end(),
                                  [id](const Subscription& its) { return its.id() == id; });
@@ -83,8 +83,8 @@ void StreamSession::subscribe(BodyReader& reader) {
     throw ApiError{409, fmt::format("a connection has at most {} subscriptions", most_subscriptions), "subscribe",
                    "unsubscribe one, or subscribe with its id to replace it"};
   }
-  std::vector<std::shared_ptr<Tap>> taps;
-  for (const NamedChannel& channel : channels) taps.push_back(scope_.taps().open(channel.channel, stride));
+  std::vector<std::shared_ptr<Samples>> taps;
+  for (const NamedChannel& channel : channels) taps.push_back(channel.open(stride));
   Subscription subscription(id, std::move(taps));
   const Json answer{{"id", id},
                     {"rate_hz", most / static_cast<double>(stride)},
@@ -119,6 +119,19 @@ bool StreamSession::overloaded(WallTime now) {
   if (!full_since_) full_since_ = now;
   if (now - *full_since_ > longest_full) give_up("the client is too slow");
   return true;
+}
+
+bool StreamSession::is_waited_for(WallTime now) {
+  const std::size_t queued = outbox_.queued();
+  if (given_up_ || queued <= Subscription::easy) {
+    reads_since_.reset();
+    return false;
+  }
+  if (!reads_since_ || queued < least_queued_) {
+    reads_since_ = now;
+    least_queued_ = queued;
+  }
+  return now - *reads_since_ < patience;
 }
 
 void StreamSession::send_samples(std::int64_t end, WallTime now) {

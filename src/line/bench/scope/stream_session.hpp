@@ -23,6 +23,7 @@ class StreamSession {
   static constexpr unsigned most_messages = 200;                  // of a client, in a second
   static constexpr std::size_t most_queued = 4 * 1024 * 1024;     // bytes that wait for a client
   static constexpr auto longest_full = std::chrono::seconds(10);  // that so many wait, before it is given up
+  static constexpr auto patience = std::chrono::seconds(1);       // with one that reads nothing, in is_waited_for
   static constexpr double most_watches = 50;                      // views a second
 
   // Says hello. Both outlive it.
@@ -30,6 +31,9 @@ class StreamSession {
   ~StreamSession();
   StreamSession(const StreamSession&) = delete;
   StreamSession& operator=(const StreamSession&) = delete;
+
+  // More waits for the client than what costs no resolution, and it reads: virtual time can wait for it.
+  bool is_waited_for(WallTime now);
 
   // A message of the client. Never throws for what is in it.
   void receive(std::string_view message, WallTime now);
@@ -58,6 +62,8 @@ class StreamSession {
   WallTime next_watch_{};
   std::vector<std::string> sent_views_;
   std::string sent_clock_;
+  std::optional<WallTime> reads_since_;  // when less waited for it than ever since more than a little does
+  std::size_t least_queued_ = 0;
   bool given_up_ = false;
 };
 

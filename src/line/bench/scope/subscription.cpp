@@ -7,7 +7,7 @@
 namespace servodrome::line::bench {
 
 // Taps that others have opened before have older values: those are not this client's.
-Subscription::Subscription(std::uint32_t id, std::vector<std::shared_ptr<Tap>> taps)
+Subscription::Subscription(std::uint32_t id, std::vector<std::shared_ptr<Samples>> taps)
     : id_(id), taps_(std::move(taps)), next_tick_(taps_.front()->due()) {}
 
 std::optional<std::string> Subscription::take(std::int64_t end) {

@@ -23,7 +23,8 @@ class Subscription {
   static constexpr std::int64_t longest_stride =
       16000;  // ticks; a client that is too slow for a sample a second is gone
 
-  Subscription(std::uint32_t id, std::vector<std::shared_ptr<Tap>> taps);
+  // All of one stride.
+  Subscription(std::uint32_t id, std::vector<std::shared_ptr<Samples>> taps);
 
   std::uint32_t id() const { return id_; }
   std::int64_t first_tick() const { return next_tick_; }
@@ -38,7 +39,7 @@ class Subscription {
 
  private:
   std::uint32_t id_;
-  std::vector<std::shared_ptr<Tap>> taps_;
+  std::vector<std::shared_ptr<Samples>> taps_;
   std::int64_t next_tick_;
   std::int64_t factor_ = 1;
   std::size_t halved_at_ = 0;  // bytes that waited when the resolution was last halved

@@ -30,35 +30,34 @@ double state_of(const std::string& name) {
 
 }  // namespace
 
-Trigger::Trigger(Line& line, TapTable& taps, const Json& json, const std::vector<NamedChannel>& channels) {
+Trigger::Trigger(Source& source, const Json& json, const std::vector<NamedChannel>& channels, std::int64_t stride) {
   static constexpr std::array<std::string_view, 5> kinds{"now", "edge", "level", "state", "fault"};
   static constexpr std::array<std::string_view, 2> slopes{"rising", "falling"};
   BodyReader reader(json);
   reader.required("kind");
   kind_ = static_cast<Kind>(place_of(reader.string("kind").value_or(""), kinds, "kind"));
   switch (kind_) {
-    case Kind::now: watch(taps, channels.front().channel); break;
+    case Kind::now: watch(channels.front(), stride); break;
     case Kind::edge:
     case Kind::level: {
       const auto place = reader.integer("channel", channels.size() - 1).value_or(0);
       reader.required("level");
       level_ = reader.number("level").value_or(0);
       rising_ = place_of(reader.string("slope").value_or("rising"), slopes, "slope") == 0;
-      watch(taps, channels[place].channel);
+      watch(channels[place], stride);
       break;
     }
     case Kind::state: {
-      const auto name = reader.string("axis");
-      Axis& axis = name ? axis_of(line, *name) : *channels.front().channel.axis;
+      const std::string axis = reader.string("axis").value_or(channels.front().axis);
       if (const auto state = reader.string("state")) state_ = state_of(*state);
-      watch(taps, signal_channel(axis, "state"));
+      watch(source.signal(axis, "state"), stride);
       break;
     }
     case Kind::fault: {
       if (const auto name = reader.string("axis")) {
-        watch(taps, signal_channel(axis_of(line, *name), "fault_code"));
+        watch(source.signal(*name, "fault_code"), stride);
       } else {
-        for (const auto& axis : line.axes()) watch(taps, signal_channel(*axis, "fault_code"));
+        for (const std::string& axis : source.axes()) watch(source.signal(axis, "fault_code"), stride);
       }
       break;
     }
@@ -66,10 +65,10 @@ Trigger::Trigger(Line& line, TapTable& taps, const Json& json, const std::vector
   reader.finish();
 }
 
-void Trigger::watch(TapTable& taps, const Channel& channel) {
-  auto tap = taps.open(channel, 1);
-  const std::int64_t next = tap->due();
-  watched_.push_back({std::move(tap), next, channel.value()});
+void Trigger::watch(const NamedChannel& channel, std::int64_t stride) {
+  auto samples = channel.open(stride);
+  const std::int64_t next = samples->due();
+  watched_.push_back({channel.axis, std::move(samples), next, channel.value()});
 }
 
 // Comparisons with a value that is not a number are false: an axis without power triggers nothing.
@@ -89,10 +88,11 @@ bool Trigger::happens(double previous, double value) const {
 }
 
 std::optional<Trigger::Hit> Trigger::find(Watched& watched, std::int64_t end) const {
-  for (; watched.next < end; ++watched.next) {
-    const double value = watched.tap->at(watched.next);
-    if (happens(watched.previous, value)) return Hit{watched.next, watched.tap->channel().axis, value};
-    watched.previous = value;
+  for (; watched.next < end; watched.next += watched.samples->stride()) {
+    const double value = watched.samples->at(watched.next);
+    if (happens(watched.previous, value)) return Hit{watched.next, watched.axis, value};
+    // Between two values that were read there may be moments of which none is known.
+    if (kind_ != Kind::edge || !std::isnan(value)) watched.previous = value;
   }
   return std::nullopt;
 }

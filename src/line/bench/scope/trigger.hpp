@@ -7,22 +7,22 @@
 #include <vector>
 
 #include "line/bench/scope/channel_list.hpp"
-#include "line/bench/scope/tap_table.hpp"
 
 namespace servodrome::line::bench {
 
-// What starts a recording: watched at every tick, whatever the recording's rate.
+// What starts a recording: of a line watched at every tick, whatever the recording's rate.
 class Trigger {
  public:
   struct Hit {
     std::int64_t tick;
-    const Axis* axis;  // whose value it was
+    std::string axis;  // whose value it was
     double value;
   };
 
   // {"kind": "now"}; {"kind": "edge" | "level", "channel": 0, "level": 10, "slope": "rising" | "falling"};
   // {"kind": "state", "axis", "state"?}; {"kind": "fault", "axis"?}. Throws ApiError.
-  Trigger(Line& line, TapTable& taps, const Json& json, const std::vector<NamedChannel>& channels);
+  // `stride`: of the ticks to be watched.
+  Trigger(Source& source, const Json& json, const std::vector<NamedChannel>& channels, std::int64_t stride);
 
   // The first tick before `end` at which it happens, of those that were not looked at yet.
   std::optional<Hit> find(std::int64_t end);
@@ -31,12 +31,13 @@ class Trigger {
  private:
   enum class Kind : std::uint8_t { now, edge, level, state, fault };
   struct Watched {
-    std::shared_ptr<Tap> tap;
+    std::string axis;
+    std::shared_ptr<Samples> samples;
     std::int64_t next;  // tick to be looked at
     double previous;    // the value before it; at first that when it was armed
   };
 
-  void watch(TapTable& taps, const Channel& channel);
+  void watch(const NamedChannel& channel, std::int64_t stride);
   bool happens(double previous, double value) const;
   std::optional<Hit> find(Watched& watched, std::int64_t end) const;
 

@@ -1,6 +1,7 @@
 #include "line/bench/scope/web_sockets.hpp"
 
 #include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/websocket.hpp>
@@ -19,6 +20,7 @@ namespace websocket = boost::beast::websocket;
 using boost::system::error_code;
 
 constexpr auto handshake_time = std::chrono::seconds(10);
+constexpr auto closing_time = std::chrono::seconds(5);   // for a client to take its close frame
 constexpr auto silence_time = std::chrono::seconds(30);  // a ping goes out after half of it
 
 }  // namespace
@@ -26,7 +28,10 @@ constexpr auto silence_time = std::chrono::seconds(30);  // a ping goes out afte
 class WebSockets::Connection final : public std::enable_shared_from_this<Connection>, public Outbox {
  public:
   Connection(WebSockets& sockets, Upgrade&& upgrade)
-      : sockets_(&sockets), socket_(std::move(upgrade.stream)), request_(std::move(upgrade.request)) {
+      : sockets_(&sockets),
+        socket_(std::move(upgrade.stream)),
+        closing_timer_(socket_.get_executor()),
+        request_(std::move(upgrade.request)) {
     websocket::stream_base::timeout timeout{};
     timeout.handshake_timeout = handshake_time;
     timeout.idle_timeout = silence_time;
@@ -54,6 +59,7 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
   // No call of the owner after this.
   void disconnect() {
     sockets_ = nullptr;
+    closing_timer_.cancel();
     session_.reset();
     error_code ignored;
     beast::get_lowest_layer(socket_).socket().close(ignored);
@@ -88,6 +94,11 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
     // What waits for a client that does not read would wait for ever; the message on its way must come to its end.
     if (messages_.size() > 1) messages_.erase(messages_.begin() + 1, messages_.end());
     if (messages_.empty()) write_close();
+    // It may never read again, and yet go on sending: then no other time runs out.
+    closing_timer_.expires_after(closing_time);
+    closing_timer_.async_wait([self = shared_from_this()](error_code code) {
+      if (!code && self->sockets_ != nullptr) self->end();
+    });
   }
 
   struct Message {
@@ -136,6 +147,7 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
 
   WebSockets* sockets_;
   websocket::stream<beast::tcp_stream> socket_;
+  boost::asio::steady_timer closing_timer_;
   beast::http::request<beast::http::string_body> request_;
   beast::flat_buffer buffer_;
   std::unique_ptr<StreamSession> session_;

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "line/bench/scope/axis_monitor.hpp"
+#include "line/bench/scope/line_source.hpp"
+#include "line/bench/scope/scope.hpp"
+
+namespace servodrome::line::bench {
+
+// Who looks at a line while it runs: a scope, and what the line tells by itself. It goes along with the line's time and
+// fetches what the taps of the axes have gathered.
+class LineScope final : private Follower {
+ public:
+  static constexpr Time period = std::chrono::milliseconds(10);  // of line time between two looks
+
+  // The line outlives it.
+  explicit LineScope(Line& line);
+  ~LineScope();
+  LineScope(const LineScope&) = delete;
+  LineScope& operator=(const LineScope&) = delete;
+
+  Scope& scope() { return scope_; }
+  LineSource& source() { return source_; }
+
+ private:
+  // Follower
+  Time next_deadline() const override { return next_look_; }
+  void reached(Time now) override;
+
+  Line& line_;
+  LineSource source_;
+  Scope scope_;
+  std::vector<std::unique_ptr<AxisMonitor>> monitors_;
+  Time next_look_;
+};
+
+}  // namespace servodrome::line::bench
