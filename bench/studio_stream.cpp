@@ -8,7 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "line/bench/scope/scope.hpp"
+#include "line/bench/scope/line_scope.hpp"
 #include "line/line_file.hpp"
 
 namespace {
@@ -62,13 +62,13 @@ struct Cost {
 
 Cost measure(bool watched, int pages, bool shared) {
   Line line(parse_line_file(eight_axes(), "eight.toml", all_products()).settings);
-  std::unique_ptr<bench::Scope> scope;
+  std::unique_ptr<bench::LineScope> scope;
   std::vector<std::unique_ptr<Reader>> readers;
   std::vector<std::unique_ptr<bench::StreamSession>> sessions;
-  if (watched) scope = std::make_unique<bench::Scope>(line);
+  if (watched) scope = std::make_unique<bench::LineScope>(line);
   for (int page = 0; page < pages; ++page) {
     readers.push_back(std::make_unique<Reader>());
-    sessions.push_back(std::make_unique<bench::StreamSession>(*scope, *readers.back()));
+    sessions.push_back(std::make_unique<bench::StreamSession>(scope->scope(), *readers.back()));
     sessions.back()->receive(subscription(page, shared), std::chrono::steady_clock::now());
   }
   line.run_until(100ms);

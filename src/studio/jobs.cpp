@@ -4,8 +4,7 @@
 #include <fmt/format.h>
 #include <system_error>
 
-#include "drive/drive.hpp"
-#include "studio/service_objects.hpp"
+#include "line/axis.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -16,14 +15,7 @@ JobError error_of(const host::HostError& error) { return {error.happened(), erro
 
 }  // namespace
 
-Jobs::Jobs(line::Line& line, WallClock wall_clock) : line_(line), wall_clock_(std::move(wall_clock)) {
-  line_.add_follower(*this);
-}
-
-Jobs::~Jobs() {
-  line_.remove_follower(*this);
-  jobs_.clear();  // each ends its task
-}
+Jobs::~Jobs() { jobs_.clear(); }  // each ends its task
 
 Job* Jobs::find(std::uint64_t id) {
   const auto found = std::find_if(jobs_.begin(), jobs_.end(), [id](const Job& job) { return job.id == id; });
@@ -47,15 +39,12 @@ void Jobs::make_room() {
   jobs_.erase(over);
 }
 
-const Job& Jobs::begin(line::Axis& axis, const std::string& body) {
-  const std::string& name = axis.settings().name;
-  if (!axis.powered()) {
-    throw ApiError{409, "the axis has no power", name, "switch it on: POST .../power {\"action\": \"on\"}"};
-  }
+const Job& Jobs::begin(const std::string& name, const std::string& body) {
+  drives_.require_ready(name);
   Job job;
   job.axis = name;
   try {
-    job.order = read_order(body, [&] { return units_of(line_, axis); });
+    job.order = read_order(body, [&] { return drives_.units(name); });
   } catch (const host::HostError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }
@@ -70,30 +59,33 @@ const Job& Jobs::begin(line::Axis& axis, const std::string& body) {
     make_room();
   }
   job.id = ++last_id_;
-  job.began_tick = line_.now() / line::tick_length;
+  job.began_tick = drives_.now() / line::tick_length;
   job.sign_of_life = wall_clock_();
-  job.due = line_.now();
+  job.due = drives_.now();
   Job& kept = jobs_.emplace_back(std::move(job));
-  kept.task = std::make_unique<Task>([this, &kept, &axis] { carry_out(kept, axis); });
+  kept.task = std::make_unique<Task>([this, &kept] { carry_out(kept); });
   return kept;
 }
 
 // The body of a job's task.
-void Jobs::carry_out(Job& job, line::Axis& axis) {
+void Jobs::carry_out(Job& job) {
   const auto wait = [this, &job](host::Time until) {
     job.due = until;
     do {
       job.task->pause();
-    } while (line_.now() < until);
+    } while (drives_.now() < until);
   };
-  ServiceObjects objects(line_, axis, wait);
-  host::AxisOptions options = options_for(axis);
+  const std::unique_ptr<host::ObjectClient> objects = drives_.open(job.axis, wait);
+  host::AxisOptions options = drives_.options(job.axis);
   options.cancelled = [&job] { return job.cancelled; };
-  host::Axis402 host_axis(objects, options);
-  const host::Time began = line_.now();
+  host::Axis402 host_axis(*objects, options);
+  const host::Time began = drives_.now();
   try {
-    job.order.carry_out(host_axis, [this, &job] { return wall_clock_() - job.sign_of_life > longest_silence; });
-    const std::chrono::duration<double> took = line_.now() - began;
+    job.order.carry_out(host_axis, [this, &job] {
+      const bool silent = job.order.lives_on_signs && wall_clock_() - job.sign_of_life > longest_silence;
+      return job.cancelled || silent;
+    });
+    const std::chrono::duration<double> took = drives_.now() - began;
     job.result = JobResult{host_axis.position() / job.order.scale.units().position, took.count()};
     job.state = JobState::done;
   } catch (const host::Cancelled& cancelled) {
@@ -141,35 +133,25 @@ void Jobs::sign_of_life(Job& job) {
 }
 
 std::vector<Jobs::Stopped> Jobs::stop_all() {
-  constexpr std::uint16_t quick_stop = 0x0002;  // CiA 402-2 table 24
-  std::vector<Stopped> stopped;
-  for (const auto& axis : line_.axes()) {
-    const std::string& name = axis->settings().name;
+  const std::vector<std::string> names = drives_.names();
+  for (const std::string& name : names) {
     if (Job* job = running_job(name)) abandon(*job, "all axes were stopped");
-    Stopped& row = stopped.emplace_back(Stopped{name, std::nullopt});
-    if (!axis->powered()) continue;
-    ServiceObjects objects(line_, *axis);
-    const auto enabled = [&] { return axis->device().drive().state() == drive::PowerState::operation_enabled; };
-    if (!enabled()) continue;
-    try {
-      objects.write<std::uint16_t>(0x6040, 0, quick_stop);
-      if (enabled()) row.error = JobError{"the drive did not take the quick stop", name, "switch its power off"};
-    } catch (const host::HostError& error) {
-      row.error = error_of(error);
-    }
   }
+  const std::vector<std::optional<JobError>> errors = drives_.stop_all();
+  std::vector<Stopped> stopped;
+  for (std::size_t i = 0; i < names.size(); ++i) stopped.push_back({names[i], errors[i]});
   return stopped;
 }
 
-line::Time Jobs::next_deadline() const {
-  line::Time next = links::never;
+host::Time Jobs::next_deadline() const {
+  host::Time next = links::never;
   for (const Job& job : jobs_) {
     if (job.state == JobState::running) next = std::min(next, job.due);
   }
   return next;
 }
 
-void Jobs::reached(line::Time now) {
+void Jobs::reached(host::Time now) {
   for (Job& job : jobs_) {
     if (job.state == JobState::running && job.due <= now) resume(job);
   }

@@ -9,7 +9,8 @@
 #include <string>
 
 #include "line/bench/routes.hpp"
-#include "line/line.hpp"
+#include "studio/drives.hpp"
+#include "studio/line_drives.hpp"
 #include "studio/order.hpp"
 #include "studio/task.hpp"
 
@@ -17,16 +18,9 @@ namespace servodrome::studio {
 
 enum class JobState : std::uint8_t { running, done, failed, cancelled };
 
-// What went wrong, as the API tells it.
-struct JobError {
-  std::string what;
-  std::string where;
-  std::string hint;
-};
-
 struct JobResult {
   double position = 0.0;  // in the units of the order
-  double seconds = 0.0;   // of the line's time
+  double seconds = 0.0;   // of the drives' time
 };
 
 struct Job {
@@ -40,21 +34,22 @@ struct Job {
   std::optional<JobError> error{};
   std::optional<JobResult> result{};
 
-  line::Time due{};  // when it is to go on
+  host::Time due{};  // when it is to go on
   std::unique_ptr<Task> task{};
 };
 
-// What axes are doing on behalf of somebody at the API: at most one job each, carried out in the line's time by the
-// host library over the drive's service port. Everything happens in the line's thread; requests between two advances of
-// the line find every job waiting.
-class Jobs final : public line::Follower {
+// What axes are doing on behalf of somebody at the API: at most one job each, carried out by the host library in the
+// drives' time. Everything happens in one thread, which calls `reached`; requests between two such calls find every job
+// waiting.
+class Jobs {
  public:
   using WallClock = std::function<std::chrono::steady_clock::time_point()>;
   static constexpr std::size_t most_remembered = 64;
   static constexpr auto longest_silence = std::chrono::milliseconds(500);  // of jobs that live on signs of life
 
-  // `line` outlives this. `wall_clock`: what signs of life are timed by, since they come from people.
-  explicit Jobs(line::Line& line, WallClock wall_clock = std::chrono::steady_clock::now);
+  // `drives` outlives this. `wall_clock`: what signs of life are timed by, since they come from people.
+  explicit Jobs(Drives& drives, WallClock wall_clock = std::chrono::steady_clock::now)
+      : drives_(drives), wall_clock_(std::move(wall_clock)) {}
   // Leaves all jobs where they stand; drives keep what they were told last.
   ~Jobs();
   Jobs(const Jobs&) = delete;
@@ -64,8 +59,8 @@ class Jobs final : public line::Follower {
   line::bench::RouteGroup routes();
 
   // Begins what the body of a request says; the first access to the drive is a tick later. Throws ApiError, with
-  // nothing changed: 409 if the axis has no power or a job already.
-  const Job& begin(line::Axis& axis, const std::string& body);
+  // nothing changed: 409 if the axis cannot be spoken to or has a job already. `axis` is one of drives().names().
+  const Job& begin(const std::string& axis, const std::string& body);
   // The axis is halted, then the job is `cancelled`; one that is over stays as it is.
   void cancel(Job& job);
   // Whoever holds the button still does. Throws ApiError 409 if the job does not live on it.
@@ -82,22 +77,54 @@ class Jobs final : public line::Follower {
   Job* find(std::uint64_t id);
   const std::list<Job>& all() const { return jobs_; }
 
-  // --- line::Follower
-  line::Time next_deadline() const override;
-  void reached(line::Time now) override;
+  Drives& drives() { return drives_; }
+
+  // When the next job is to go on.
+  host::Time next_deadline() const;
+  // It is `now`: those go on whose time has come.
+  void reached(host::Time now);
+
+  // nullptr: the axis has none.
+  Job* running(const std::string& axis) { return running_job(axis); }
+  // Ends it where it stands; the drive keeps what it was told last.
+  void end(Job& job, std::string reason) { abandon(job, std::move(reason)); }
 
  private:
   Job* running_job(const std::string& axis);
   void make_room();
-  void carry_out(Job& job, line::Axis& axis);
+  void carry_out(Job& job);
   void resume(Job& job);
   // Without touching the drive.
   void abandon(Job& job, std::string reason);
 
-  line::Line& line_;
+  Drives& drives_;
   WallClock wall_clock_;
   std::uint64_t last_id_ = 0;
   std::list<Job> jobs_;  // the oldest first
+};
+
+// The jobs of a line, in its time.
+class LineJobs final : private line::Follower {
+ public:
+  // `line` outlives this.
+  explicit LineJobs(line::Line& line, Jobs::WallClock wall_clock = std::chrono::steady_clock::now)
+      : line_(line), drives_(line), jobs_(drives_, std::move(wall_clock)) {
+    line_.add_follower(*this);
+  }
+  ~LineJobs() { line_.remove_follower(*this); }
+  LineJobs(const LineJobs&) = delete;
+  LineJobs& operator=(const LineJobs&) = delete;
+
+  Jobs& jobs() { return jobs_; }
+  line::bench::RouteGroup routes() { return jobs_.routes(); }
+
+ private:
+  line::Time next_deadline() const override { return jobs_.next_deadline(); }
+  void reached(line::Time now) override { jobs_.reached(now); }
+
+  line::Line& line_;
+  LineDrives drives_;
+  Jobs jobs_;
 };
 
 }  // namespace servodrome::studio

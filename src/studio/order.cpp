@@ -1,10 +1,13 @@
 #include "studio/order.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <fmt/format.h>
+#include <numbers>
 
 #include "line/nearest_name.hpp"
+#include "studio/excitation.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -20,7 +23,8 @@ constexpr double usual_timeout_s = 60.0;
 // The keys of one request, in the drive's units.
 class Numbers {
  public:
-  Numbers(BodyReader& body, const Scale& scale) : body_(body), scale_(scale) {}
+  using Units = std::function<host::AxisUnits()>;
+  Numbers(BodyReader& body, const Scale& scale, const Units& units) : body_(body), scale_(scale), units_(units) {}
 
   template <typename T>
   std::optional<T> position(const char* key) {
@@ -74,10 +78,13 @@ class Numbers {
     return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
   }
   BodyReader& body() { return body_; }
+  const Scale& scale() const { return scale_; }
+  host::AxisUnits revolution() const { return units_(); }  // in the drive's units, whatever the request's are
 
  private:
   BodyReader& body_;
   const Scale& scale_;
+  const Units& units_;
 };
 
 CarryOut enable(Numbers&) {
@@ -152,6 +159,63 @@ CarryOut jog(Numbers& numbers) {
   };
 }
 
+// What a sweep and a step have in common. Torque is in percent of the rated one, in any units.
+Excitation excitation(Numbers& numbers) {
+  struct Choice {
+    const char* name;
+    Excitation::Of of;
+  };
+  constexpr std::array choices{Choice{"velocity", Excitation::Of::velocity}, Choice{"torque", Excitation::Of::torque},
+                               Choice{"position", Excitation::Of::position}};
+  constexpr double permille_per_percent = 10.0;
+  const std::string of = numbers.body().string("of").value_or("velocity");
+  const auto* const choice =
+      std::find_if(choices.begin(), choices.end(), [&of](const Choice& one) { return of == one.name; });
+  if (choice == choices.end()) {
+    throw ApiError{422, fmt::format("of is \"{}\"", of.substr(0, 40)), "of",
+                   "send \"velocity\", \"torque\" or \"position\""};
+  }
+  const host::AxisUnits revolution = numbers.revolution();
+  const host::AxisUnits& scale = numbers.scale().units();
+  const std::array factors{scale.velocity, permille_per_percent, scale.position};
+  numbers.body().required("amplitude");
+  Excitation excitation{.of = choice->of};
+  excitation.amplitude =
+      numbers.body().number("amplitude").value_or(0.0) * factors[static_cast<std::size_t>(choice->of)];
+  if (excitation.amplitude == 0.0) throw ApiError{422, "the amplitude is 0", "amplitude", "give what is to be seen"};
+  excitation.acceleration_per_velocity = revolution.acceleration / revolution.velocity;
+  const auto travel = numbers.body().number("travel", 0.0);
+  excitation.travel = travel ? *travel * scale.position : revolution.position;
+  return excitation;
+}
+
+CarryOut excited_by(Excitation excitation) {
+  return [excitation = std::move(excitation)](host::Axis402& axis, const Released& released) {
+    excite(axis, excitation, released);
+  };
+}
+
+CarryOut sweep(Numbers& numbers) {
+  constexpr double lowest_hz = 0.1;
+  constexpr double highest_hz = 400.0;  // of targets a millisecond apart
+  Excitation sines = excitation(numbers);
+  sines.seconds = numbers.body().number("seconds", 0.1, 60.0).value_or(4.0);
+  const double from_hz = numbers.body().number("from_hz", lowest_hz, highest_hz).value_or(2.0);
+  const double to_hz = numbers.body().number("to_hz", lowest_hz, highest_hz).value_or(200.0);
+  sines.shape = sine_sweep(from_hz, to_hz, sines.seconds);
+  sines.steepness = 2.0 * std::numbers::pi * std::max(from_hz, to_hz);
+  return excited_by(std::move(sines));
+}
+
+CarryOut step_and_back(Numbers& numbers) {
+  constexpr double steepness = 1000.0;  // all of it within a millisecond
+  Excitation step_response = excitation(numbers);
+  step_response.seconds = 2.0 * numbers.body().number("seconds", 0.01, 30.0).value_or(0.2);
+  step_response.shape = step(step_response.seconds);
+  step_response.steepness = steepness;
+  return excited_by(std::move(step_response));
+}
+
 struct Kind {
   const char* name;
   CarryOut (*read)(Numbers& numbers);
@@ -169,6 +233,8 @@ constexpr std::array kinds{
     Kind{"velocity", velocity},
     Kind{"torque", torque},
     Kind{"jog", jog, false, true},
+    Kind{"sweep", sweep},
+    Kind{"step", step_and_back},
 };
 
 const Kind& kind_of(const std::string& name) {
@@ -200,7 +266,7 @@ Order read_order(const std::string& text, const std::function<host::AxisUnits()>
               .lives_on_signs = kind.lives_on_signs,
               .in_revolutions = name_of_units == "revolutions",
               .scale = scale_of(name_of_units, units)};
-  Numbers numbers(body, order.scale);
+  Numbers numbers(body, order.scale, units);
   order.carry_out = kind.read(numbers);
   body.finish();
   return order;

@@ -28,7 +28,7 @@ struct Order {
   bool lives_on_signs = false;  // goes on while signs of life come
   bool in_revolutions = false;
   Scale scale{};
-  // Does it; `released`: no sign of life came in time.
+  // Does it; `released`: it is to end, since no sign of life came in time or somebody said so.
   std::function<void(host::Axis402& axis, const std::function<bool()>& released)> carry_out{};
 };
 

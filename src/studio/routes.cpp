@@ -1,9 +1,10 @@
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <fmt/format.h>
 
+#include "line/nearest_name.hpp"
 #include "studio/jobs.hpp"
-#include "studio/service_objects.hpp"
 
 // The calls of the API that drive axes.
 namespace servodrome::studio {
@@ -54,10 +55,15 @@ Job& job_argument(Call& call) {
                  fmt::format("GET /api/v1/jobs lists the last {}", Jobs::most_remembered)};
 }
 
-Json begin_job(Call& call) {
-  line::Axis& axis = axis_argument(call);
-  return view_of(jobs_of(call).begin(axis, call.body));
+std::string axis_name(Call& call) {
+  const std::vector<std::string> names = jobs_of(call).drives().names();
+  const std::string_view name = call.arguments.front();
+  if (std::find(names.begin(), names.end(), name) != names.end()) return std::string(name);
+  throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address",
+                 line::suggestion(name, {names.begin(), names.end()})};
 }
+
+Json begin_job(Call& call) { return view_of(jobs_of(call).begin(axis_name(call), call.body)); }
 
 Json list_jobs(Call& call) {
   Json jobs = Json::array();
@@ -92,9 +98,9 @@ Json stop_all(Call& call) {
 }
 
 Json show_units(Call& call) {
-  line::Axis& axis = axis_argument(call);
+  const std::string axis = axis_name(call);
   try {
-    const host::AxisUnits units = units_of(call.line, axis);
+    const host::AxisUnits units = jobs_of(call).drives().units(axis);
     return Json{{"position_per_revolution", units.position},
                 {"velocity_per_rps", units.velocity},
                 {"acceleration_per_rps2", units.acceleration}};

@@ -1,5 +1,6 @@
 #include "studio/service_objects.hpp"
 
+#include <exception>
 #include <fmt/format.h>
 
 #include "host/abort_text.hpp"
@@ -12,8 +13,9 @@ constexpr host::Time access_time = line::tick_length;
 
 }  // namespace
 
+// On the way out of a task that is ended nothing can wait any more: what puts things back then takes no time.
 void ServiceObjects::wait(host::Time span) {
-  if (wait_) wait_(line_.now() + std::max(span, access_time));
+  if (wait_ && std::uncaught_exceptions() == 0) wait_(line_.now() + std::max(span, access_time));
 }
 
 void ServiceObjects::require_power() const {

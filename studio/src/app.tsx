@@ -83,6 +83,8 @@ function ThemeChoice() {
 function Banner() {
   const link = useLine((line) => line.link);
   const restarted = useLine((line) => line.restarted);
+  const silent = useLine((line) => line.order.filter((name) => line.axes[name].problem).join(', '));
+  const problem = useLine((line) => line.axes[line.order.find((name) => line.axes[name].problem) ?? '']?.problem);
   if (link === 'lost') {
     return (
       <div className="banner bad" role="alert">
@@ -95,6 +97,13 @@ function Banner() {
       <div className="banner" role="status">
         The server was started anew: what the drives had not stored is gone, and so are its recordings.
         <button type="button" onClick={() => update({ restarted: false })}>Understood</button>
+      </div>
+    );
+  }
+  if (problem) {
+    return (
+      <div className="banner bad" role="alert">
+        Not reached: {silent}. {problem.what} · {problem.where}. The page comes back by itself.
       </div>
     );
   }

@@ -1,7 +1,7 @@
 import { useSyncExternalStore } from 'react';
 import { get } from './api/client';
 import { Stream, type ServerEvent } from './api/stream';
-import type { AxisView, Clock, Job } from './api/types';
+import type { AxisView, Clock, Job, LineView, Missing } from './api/types';
 
 // What the page knows of the line, in one place: filled from the stream, read by every part.
 
@@ -14,12 +14,13 @@ export interface State {
   order: string[];
   axes: Record<string, AxisView>;
   clock: Clock | null;
+  line: LineView | null;
   jobs: Record<string, Job>; // the latest of each axis
   lastEvent: (ServerEvent & { serial: number }) | null;
 }
 
 let state: State = {
-  link: 'connecting', version: '', start: '', epoch: 0, restarted: false, order: [], axes: {}, clock: null, jobs: {}, lastEvent: null,
+  link: 'connecting', version: '', start: '', epoch: 0, restarted: false, order: [], axes: {}, clock: null, line: null, jobs: {}, lastEvent: null,
 };
 const listeners = new Set<() => void>();
 
@@ -43,6 +44,9 @@ export function useLine<T>(select: (state: State) => T): T {
 }
 
 export const useAxis = (name: string) => useLine((line) => line.axes[name] as AxisView | undefined);
+
+// Why there is no such thing here; undefined: there is; null: not known yet.
+export const useMissing = (what: Missing) => useLine(({ line }) => (line === null ? null : line.missing[what]));
 
 export function noteJob(job: Job) {
   update({ jobs: { ...state.jobs, [job.axis]: job } });
@@ -68,9 +72,14 @@ async function takeJobs() {
 }
 const jobs_ms = 1000;
 
+async function takeLine() {
+  update({ line: await get<LineView>('/line') });
+}
+
 function begin({ start, version = '' }: { start: string; version?: string }) {
   const other = state.start !== '' && state.start !== start;
   fresh ||= other;
+  if (other || state.line === null) takeLine().catch(() => undefined); // asked again with the next greeting
   update({
     link: 'up',
     start,

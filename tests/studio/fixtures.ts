@@ -16,7 +16,7 @@ interface Fixtures {
   open: (path: string) => Promise<void>;
 }
 
-export function watch(page: Page, line: Line, found: string[]) {
+export function watch(page: Page, line: { address: string }, found: string[]) {
   page.on('console', (message) => {
     if (message.type() === 'error') found.push(`console: ${message.text()}`);
   });

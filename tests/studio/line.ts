@@ -4,10 +4,10 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 
-// A line of virtual drives of the built program, on ports of its own, with the built page.
+// The built program, on ports of its own, with the built page: a line of virtual drives, or the studio of drives on buses.
 
 const root = fileURLToPath(new URL('../..', import.meta.url));
-const servodrome = process.env.SERVODROME ?? join(root, 'build/release/src/app/servodrome');
+export const servodrome = process.env.SERVODROME ?? join(root, 'build/release/src/app/servodrome');
 const page = process.env.SERVODROME_STUDIO ?? join(root, 'build/studio');
 
 interface Axis {
@@ -39,32 +39,36 @@ export function lineFile(clock: 'real' | 'virtual' = 'real'): string {
   return `clock = "${clock}"\n\n${bus('can0', 'can')}${bus('ecat', 'ethercat')}${axes.map(axis).join('')}`;
 }
 
-export class Line {
-  private process: ChildProcess | null = null;
-  private readonly folder = mkdtempSync(join(tmpdir(), 'studio-'));
-  address = ''; // http://127.0.0.1:PORT
+interface Ready {
+  api: string;
+  buses: { name: string; links: string[] }[];
+}
 
-  constructor(text: string) {
-    writeFileSync(join(this.folder, 'line.toml'), text);
-  }
+abstract class Program {
+  private process: ChildProcess | null = null;
+  protected readonly folder = mkdtempSync(join(tmpdir(), 'studio-'));
+  address = ''; // http://127.0.0.1:PORT
+  ready: Ready = { api: '', buses: [] };
+
+  protected abstract words(): string[];
 
   // On the port it had before, if it ran before.
   async start(): Promise<this> {
     const port = this.address === '' ? '0' : new URL(this.address).port;
-    const process = spawn(servodrome, ['up', 'line.toml', '--api', `127.0.0.1:${port}`, '--studio', page, '--json'], { cwd: this.folder });
+    const process = spawn(servodrome, [...this.words(), '--api', `127.0.0.1:${port}`, '--json'], { cwd: this.folder });
     this.process = process;
     let output = '';
     let errors = '';
     process.stderr.on('data', (data: Buffer) => (errors += data.toString()));
-    const ready = await new Promise<{ api: string }>((resolve, reject) => {
+    this.ready = await new Promise<Ready>((resolve, reject) => {
       process.stdout.on('data', (data: Buffer) => {
         output += data.toString();
-        if (output.includes('\n')) resolve(JSON.parse(output.slice(0, output.indexOf('\n'))) as { api: string });
+        if (output.includes('\n')) resolve(JSON.parse(output.slice(0, output.indexOf('\n'))) as Ready);
       });
       process.on('error', reject);
-      process.on('exit', (code) => reject(new Error(`servodrome up ended with ${code}: ${errors}`)));
+      process.on('exit', (code) => reject(new Error(`servodrome ended with ${code}: ${errors}`)));
     });
-    this.address = ready.api.replace('/api/v1', '');
+    this.address = this.ready.api.replace('/api/v1', '');
     return this;
   }
 
@@ -87,5 +91,38 @@ export class Line {
     const text = await answer.text();
     if (!answer.ok) throw new Error(`${method} ${path}: ${answer.status} ${text}`);
     return (text === '' ? undefined : JSON.parse(text)) as T;
+  }
+}
+
+export class Line extends Program {
+  // `links`: "can0=socketcand:127.0.0.1:0/can0" and so on, for who reaches its drives by a bus.
+  constructor(text: string, private links: string[] = []) {
+    super();
+    writeFileSync(join(this.folder, 'line.toml'), text);
+  }
+
+  protected words(): string[] {
+    return ['up', 'line.toml', '--studio', page, ...this.links.flatMap((link) => ['--bus', link])];
+  }
+
+  // From now on by the links that it has now, also when it is started again.
+  async start(): Promise<this> {
+    await super.start();
+    if (this.links.length > 0) this.links = this.ready.buses.flatMap(({ name, links }) => links.map((link) => `${name}=${link}`));
+    return this;
+  }
+
+  linkOf(bus: string): string {
+    return this.ready.buses.find(({ name }) => name === bus)?.links[0] ?? '';
+  }
+}
+
+export class Studio extends Program {
+  constructor(private readonly buses: string[]) {
+    super();
+  }
+
+  protected words(): string[] {
+    return ['studio', '--page', page, '--timeout', '2', ...this.buses.flatMap((bus) => ['--bus', bus])];
   }
 }

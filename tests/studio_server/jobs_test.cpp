@@ -96,7 +96,7 @@ class JobsTest : public testing::Test {
 
   line::Line line_{line::test::settings_of(line_of_all())};
   std::chrono::steady_clock::time_point wall_{};
-  Jobs jobs_{line_, [this] { return wall_; }};
+  LineJobs jobs_{line_, [this] { return wall_; }};
 };
 
 class EveryProduct : public JobsTest, public testing::WithParamInterface<std::string> {
@@ -332,8 +332,9 @@ TEST_F(JobsTest, AMoveThatTakesTooLongIsStopped) {
 TEST_F(JobsTest, HowTimeIsCutChangesNothing) {
   const auto run = [](line::Time piece) {
     line::Line line{line::test::settings_of(line_of_all())};
-    Jobs jobs(line);
-    line::Axis& axis = *line.find_axis("generic402");
+    LineJobs line_jobs(line);
+    Jobs& jobs = line_jobs.jobs();
+    const std::string axis = "generic402";
     line.run_until(300ms);
     jobs.begin(axis, R"({"do": "enable"})");
     EXPECT_EQ(jobs.find(1)->state, JobState::running);
@@ -344,7 +345,7 @@ TEST_F(JobsTest, HowTimeIsCutChangesNothing) {
     for (line::Time at = 1s; at < 4s; at += piece) line.run_until(at);
     line.run_until(4s);
     EXPECT_EQ(jobs.find(2)->state, JobState::done);
-    return std::pair{axis.plant().position_counts(), jobs.find(2)->result->seconds};
+    return std::pair{line.find_axis(axis)->plant().position_counts(), jobs.find(2)->result->seconds};
   };
   const auto in_one = run(700ms);
   EXPECT_EQ(in_one, run(1ms));

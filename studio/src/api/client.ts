@@ -26,17 +26,22 @@ export const put = <T = unknown>(path: string, body: unknown) => call<T>('PUT', 
 export const post = <T = unknown>(path: string, body: unknown = {}) => call<T>('POST', path, body);
 export const remove = <T = unknown>(path: string, body?: unknown) => call<T>('DELETE', path, body);
 
+// A text as it is, a parameter file for example.
+export async function callText<T>(method: string, path: string, text: string): Promise<T> {
+  return (await (await send(method, path, text, 'text/plain')).json()) as T;
+}
+
 export async function getBytes(path: string): Promise<ArrayBuffer> {
   return (await send('GET', path)).arrayBuffer();
 }
 
-async function send(method: string, path: string, body?: unknown): Promise<Response> {
+async function send(method: string, path: string, body?: unknown, type = 'application/json'): Promise<Response> {
   let response: Response;
   try {
     response = await fetch(root + path, {
       method,
       signal: AbortSignal.timeout(patience_ms),
-      ...(body === undefined ? {} : { body: JSON.stringify(body), headers: { 'Content-Type': 'application/json' } }),
+      ...(body === undefined ? {} : { body: typeof body === 'string' ? body : JSON.stringify(body), headers: { 'Content-Type': type } }),
     });
   } catch {
     throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'see whether `servodrome up` still runs' });

@@ -29,14 +29,27 @@ export interface AxisView {
   in_motion?: boolean;
   faults?: Fault[];
   position_counts: number;
-  velocity_rpm: number;
-  torque_nm: number;
-  current_a: number;
-  temperature_c: number;
-  stage_temperature_c: number;
-  supply_v: number;
-  brake_engaged: boolean;
+  // Of a drive on a bus nothing but what its objects say is known.
+  velocity_rpm: number | null;
+  torque_nm: number | null;
+  current_a: number | null;
+  temperature_c: number | null;
+  stage_temperature_c: number | null;
+  supply_v: number | null;
+  brake_engaged?: boolean;
+  velocity?: number; // in its own units
+  torque_percent?: number; // of the rated torque
+  problem?: Problem; // why it cannot be spoken to
 }
+
+// What stands behind the page.
+export interface LineView {
+  kind: 'virtual' | 'real';
+  buses: string[];
+  signals: string[];
+  missing: Partial<Record<Missing, string>>; // with the reason
+}
+export type Missing = 'plant' | 'inputs' | 'power' | 'fault_injection' | 'disturbance' | 'geometry' | 'virtual_time' | 'parameters';
 
 export interface Clock {
   mode: 'real' | 'virtual';

@@ -15,7 +15,6 @@ export interface Setup {
 
 export const mostChannels = 16;
 export const rates = [100, 500, 1000, 2000, 4000, 8000, 16000];
-export const signals = ['position_counts', 'velocity_rpm', 'torque_nm', 'current_a', 'following_error', 'temperature_c', 'supply_v'];
 
 // "ismc/velocity_rpm" and "ismc/6064:00"
 export const textOfChannel = ({ axis, signal, object }: ChannelRequest) => `${axis}/${signal ?? object ?? ''}`;
@@ -30,7 +29,7 @@ export function channelOf(text: string): ChannelRequest | null {
 
 const number = (text: string | null, otherwise: number) => (text !== null && Number.isFinite(Number(text)) ? Number(text) : otherwise);
 
-export function setupOf(query: URLSearchParams, firstAxis: string): Setup {
+export function setupOf(query: URLSearchParams, firstAxis: string, second = 'velocity_rpm'): Setup {
   const channels = (query.get('ch') ?? '').split(',').map(channelOf).filter((channel) => channel !== null).slice(0, mostChannels);
   const kinds: Trigger['kind'][] = ['now', 'edge', 'level', 'state', 'fault'];
   const kind = kinds.find((each) => each === query.get('trigger')) ?? 'now';
@@ -43,7 +42,7 @@ export function setupOf(query: URLSearchParams, firstAxis: string): Setup {
   if (kind === 'state' || kind === 'fault') trigger.axis = query.get('taxis') ?? firstAxis;
   if (kind === 'state') trigger.state = query.get('tstate') ?? 'operation enabled';
   return {
-    channels: channels.length > 0 ? channels : [{ axis: firstAxis, signal: 'position_counts' }, { axis: firstAxis, signal: 'velocity_rpm' }],
+    channels: channels.length > 0 ? channels : [{ axis: firstAxis, signal: 'position_counts' }, { axis: firstAxis, signal: second }],
     rate_hz: number(query.get('rate'), 1000),
     duration_ms: number(query.get('ms'), 2000),
     pre_ms: number(query.get('pre'), 100),

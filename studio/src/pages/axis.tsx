@@ -17,8 +17,8 @@ import { fixed, fromDrivePosition } from '../model/units';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { useAxis, useLine } from '../store';
-import { Commands } from './line';
+import { useAxis, useLine, useMissing } from '../store';
+import { Commands, Speed, Torque, unitOf } from './line';
 
 export function AxisPage() {
   const name = usePageAxis(useRoute().name);
@@ -51,6 +51,7 @@ function Power({ axis }: { axis: AxisView }) {
   // What a master may ask for depends on the state alone: asked again when it changes.
   const { value } = useResource<StatesView>(powered ? `${axisPath(name)}/states?now=${encodeURIComponent(state ?? '')}` : null);
   const transitions = value && value.state === state ? value.transitions : [];
+  const missing = useMissing('power');
   return (
     <Panel title="State machine" aside={<StateChip state={state} powered={powered} />}>
       <StateDiagram state={powered ? state : undefined} transitions={transitions} />
@@ -63,11 +64,11 @@ function Power({ axis }: { axis: AxisView }) {
             <span className="quiet">{number}</span> {command} <span className="quiet">→ {to}</span>
           </Button>
         ))}
-        {powered ? (
+        {missing === undefined && (powered ? (
           <Button onPress={() => attempt(() => power(name, 'cycle'))}>Power cycle</Button>
         ) : (
           <Button kind="main" onPress={() => attempt(() => power(name, 'on'))}>Power on</Button>
-        )}
+        ))}
       </div>
     </Panel>
   );
@@ -75,19 +76,20 @@ function Power({ axis }: { axis: AxisView }) {
 
 function Curves({ name, powered }: { name: string; powered: boolean }) {
   const [running, setRunning] = useState(true);
+  const isReal = useLine(({ line }) => line && line.kind === 'real') ?? undefined;
   return (
     <Panel title="Last ten seconds" aside={<Button kind="bare" onPress={() => setRunning(!running)}>{running ? 'Pause' : 'Go on'}</Button>}>
-      {powered ? (
+      {powered && isReal !== undefined ? (
         <LiveLanes
           label="Live curves"
-          channels={[{ axis: name, signal: 'position_counts' }, { axis: name, signal: 'velocity_rpm' }, { axis: name, signal: 'following_error' }]}
+          channels={[{ axis: name, signal: 'position_counts' }, { axis: name, signal: isReal ? 'velocity' : 'velocity_rpm' }, { axis: name, signal: 'following_error' }]}
           rate_hz={100}
           seconds={10}
           running={running}
           laneHeight={96}
         />
       ) : (
-        <p className="empty">No power.</p>
+        <p className="empty">{isReal ? 'The drive does not answer.' : 'No power.'}</p>
       )}
     </Panel>
   );
@@ -102,16 +104,16 @@ function Motion({ axis }: { axis: AxisView }) {
   const units = useResource<Units>(axis.powered ? `${axisPath(name)}/units` : null).value;
   const job = useLine((line) => line.jobs[name]);
   const target = useTarget(axis, geometry);
-  const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : null;
+  const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : axis.velocity === undefined ? null : fromDrivePosition(units, axis.position_counts);
   const enabled = axis.powered && axis.state === 'operation enabled';
   return (
     <Panel title="Motion" aside={<span className="quiet">{axis.product}, {axis.mode === 0 ? 'no mode' : modeText(axis.mode)}</span>}>
       <Travel axis={axis} geometry={geometry} target={target} />
       <dl className="readouts">
-        <Readout label="position" {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: 'counts' } : { value: fixed(turns, 4), unit: 'rev' })} title={`${axis.position_counts} counts`} />
-        <Readout label="velocity" value={fixed(axis.velocity_rpm, 1)} unit="rpm" />
-        <Readout label="torque" value={fixed(axis.torque_nm, 3)} unit="Nm" />
-        <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />
+        <Readout label="position" {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 4), unit: 'rev' })} title={`${axis.position_counts} counts`} />
+        <Speed axis={axis} />
+        <Torque axis={axis} />
+        {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
       </dl>
       <div className="buttons">
         <Commands axis={axis} />

@@ -1,12 +1,15 @@
 import type { BusView } from '../api/types';
-import { Choice, Panel, Scroll } from '../parts/controls';
+import { Choice, Link, Panel, Scroll } from '../parts/controls';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
+import { useLine } from '../store';
 import { keep, useRoute } from '../route';
+import { Traffic } from './traffic';
 import { Load } from './line';
 
 export function BusPage() {
-  const { query } = useRoute();
+  const { name: part, query } = useRoute();
+  const hasTraffic = useLine(({ line }) => line?.kind !== 'real'); // recorded by `servodrome up` only
   const buses = useResource<{ buses: BusView[] }>('/buses', 1000).value?.buses ?? [];
   const bus = buses.find(({ name }) => name === query.get('bus')) ?? buses[0];
   if (!bus) return null;
@@ -15,7 +18,19 @@ export function BusPage() {
       <div className="toolbar">
         <Choice label="Bus" value={bus.name} options={buses.map(({ name }) => [name, name] as const)} onChange={(name) => keep({ bus: name })} />
         {bus.load_percent !== undefined && <Load percent={bus.load_percent} />}
+        <nav className="tabs" aria-label="Parts of the bus page">
+          <Link to={`/bus?bus=${encodeURIComponent(bus.name)}`} {...(part === '' ? { 'aria-current': 'page' as const } : {})}>Links and axes</Link>
+          {hasTraffic && <Link to={`/bus/traffic?bus=${encodeURIComponent(bus.name)}`} {...(part === 'traffic' ? { 'aria-current': 'page' as const } : {})}>Traffic</Link>}
+        </nav>
       </div>
+      {part === 'traffic' && hasTraffic ? <Traffic key={bus.name} bus={bus} /> : <LinksAndAxes bus={bus} />}
+    </>
+  );
+}
+
+function LinksAndAxes({ bus }: { bus: BusView }) {
+  return (
+    <>
       <div className="panels">
         <Panel title="Links">
           <Scroll label="Table of links">

@@ -5,13 +5,14 @@ import { Button, Link, Panel, Trouble } from '../parts/controls';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
-import { useAxis, useLine } from '../store';
+import { useAxis, useLine, useMissing } from '../store';
 
 export function FaultsPage() {
   const name = usePageAxis(useRoute().name);
   const axis = useAxis(name);
-  const { value, problem } = useResource<FaultList>(`${axisPath(name)}/faults`, 1000);
+  const { value, problem } = useResource<FaultList>(axis?.problem ? null : `${axisPath(name)}/faults`, 1000);
   const moments = useMoments(name);
+  const real = useMissing('fault_injection') ?? undefined; // the reason, in front of drives on a bus
   if (!axis) return null;
   const active = value?.active ?? [];
   const isFault = axis.state === 'fault' || axis.state === 'fault reaction active';
@@ -41,7 +42,9 @@ export function FaultsPage() {
         )}
       </Panel>
       <Panel title="Moments of faults">
-        {moments.length === 0 ? (
+        {real !== undefined ? (
+          <p className="empty">Not kept of drives on a bus: record with a trigger on the Scope page.</p>
+        ) : moments.length === 0 ? (
           <p className="empty">None recorded. Of each fault the half second before it is kept, at 1 kHz.</p>
         ) : (
           <ul className="plain-list">

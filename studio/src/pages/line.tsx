@@ -55,12 +55,12 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
       </header>
       <Travel axis={axis} target={target} geometry={geometry} />
       <dl className="readouts">
-        <Readout label="position" title={`${fixed(axis.position_counts, 0)} counts`} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: 'counts' } : { value: fixed(turns, 3), unit: 'rev' })} />
-        <Readout label="velocity" value={fixed(axis.velocity_rpm, 1)} unit="rpm" />
-        <Readout label="torque" value={fixed(axis.torque_nm, 3)} unit="Nm" />
-        <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />
-        <Readout label="winding" value={fixed(axis.temperature_c, 1)} unit="°C" />
-        <Readout label="supply" value={fixed(axis.supply_v, 1)} unit="V" />
+        <Readout label="position" title={`${fixed(axis.position_counts, 0)} counts`} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 3), unit: 'rev' })} />
+        <Speed axis={axis} />
+        <Torque axis={axis} />
+        {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
+        {axis.temperature_c !== null && <Readout label="winding" value={fixed(axis.temperature_c, 1)} unit="°C" />}
+        {axis.supply_v !== null && <Readout label="supply" value={fixed(axis.supply_v, 1)} unit="V" />}
       </dl>
       <p className="bits" title={`statusword ${hex(axis.statusword ?? 0, 4)}`}>
         {axis.powered && <span className="chip plain">{axis.mode === 0 ? 'no mode' : modeText(axis.mode)}</span>}
@@ -85,9 +85,23 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
   );
 });
 
+// Of a virtual axis the true shaft; of a drive on a bus what it says, in its own units.
+export const unitOf = (axis: AxisView) => (axis.velocity === undefined ? 'counts' : 'units');
+
+export const Speed = ({ axis }: { axis: AxisView }) =>
+  axis.velocity === undefined
+    ? <Readout label="velocity" value={fixed(axis.velocity_rpm, 1)} unit="rpm" />
+    : <Readout label="velocity" value={fixed(axis.velocity, 0)} unit="units/s" />;
+
+export const Torque = ({ axis }: { axis: AxisView }) =>
+  axis.torque_percent === undefined
+    ? <Readout label="torque" value={fixed(axis.torque_nm, 3)} unit="Nm" />
+    : <Readout label="torque" value={fixed(axis.torque_percent, 1)} unit="% of rated" />;
+
 // What is asked of an axis most, as far as its state lets it.
 export function Commands({ axis }: { axis: AxisView }) {
   const { name, state } = axis;
+  if (axis.problem) return <span className="quiet">not reached</span>;
   if (!axis.powered) return <Button onPress={() => attempt(() => power(name, 'on'))}>Power on</Button>;
   if (state === 'fault' || state === 'fault reaction active') {
     return <Button kind="main" onPress={() => void runJob(name, { do: 'reset_fault' })}>Clear fault</Button>;
@@ -121,7 +135,7 @@ function Buses() {
               <tr key={bus.name}>
                 <th scope="row">{bus.name}</th>
                 <td className="text">{{ can: 'CAN', ethercat: 'EtherCAT', rs485: 'RS485' }[bus.type]}</td>
-                <td>{bus.bit_rate ? fixed(bus.bit_rate / 1000, bus.bit_rate % 1000 ? 1 : 0) : '100\u2009000'}</td>
+                <td>{bus.bit_rate ? fixed(bus.bit_rate / 1000, bus.bit_rate % 1000 ? 1 : 0) : bus.type === 'ethercat' ? '100\u2009000' : '–'}</td>
                 <td>{bus.load_percent === undefined ? '–' : <Load percent={bus.load_percent} />}</td>
                 <td>{count(bus, bus.type === 'rs485' ? ['characters'] : ['frames'])}</td>
                 <td className={['errors', 'malformed', 'collisions'].some((key) => bus[key]) ? 'bad' : ''}>{count(bus, ['errors', 'malformed', 'collisions'])}</td>

@@ -4,14 +4,35 @@ import { axisPath, readObject, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, Panel, Search, Toggle, Trouble } from '../parts/controls';
 import { addressOf, differs, groups, hasDefault, hexValue, inGroup, isReadable, isWritable, matches, namedOf, parseValue, showValue, type Group } from '../model/objects';
+import { Views } from '../parts/views';
 import { attempt, tell } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { useAxis } from '../store';
+import { useAxis, useMissing } from '../store';
+import { ParametersView } from './parameters';
+import { PdoView } from './pdos';
+
+const views = [['', 'Dictionary'], ['parameters', 'Parameters'], ['pdos', 'Process data']] as const;
 
 export function ObjectsPage() {
   const { name: asked, query } = useRoute();
   const name = usePageAxis(asked);
+  const parameters = useMissing('parameters');
+  const view = query.get('view');
+  const powered = useAxis(name)?.powered ?? false;
+  return (
+    <>
+      <AxisTabs page="objects" name={name} />
+      {parameters === undefined && <Views label="Views of the objects" views={views} />}
+      {parameters && <p className="note quiet">Parameters and process data: {parameters}.</p>}
+      {!powered && <p className="empty">Without power there are no objects to read.</p>}
+      {parameters !== undefined ? <DictionaryView name={name} /> : view === 'parameters' ? <ParametersView name={name} /> : view === 'pdos' ? <PdoView name={name} /> : <DictionaryView name={name} />}
+    </>
+  );
+}
+
+function DictionaryView({ name }: { name: string }) {
+  const { query } = useRoute();
   const powered = useAxis(name)?.powered ?? false;
   const { value, problem } = useResource<{ objects: ObjectEntry[] }>(powered ? `${axisPath(name)}/objects` : null);
   const all = useMemo(() => (value?.objects ?? []).filter(({ index }) => Number(index) >= 0x1000), [value]);
@@ -37,9 +58,7 @@ export function ObjectsPage() {
 
   return (
     <>
-      <AxisTabs page="objects" name={name} />
       <Trouble problem={problem} />
-      {!powered && <p className="empty">Without power there are no objects to read.</p>}
       <div className="objects-page">
         <Panel
           title="Dictionary"

@@ -8,12 +8,20 @@ import { useGeometry } from '../parts/travel';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
-import { useAxis } from '../store';
+import { useAxis, useMissing } from '../store';
 
 export function PlantPage() {
   const name = usePageAxis(useRoute().name);
   const axis = useAxis(name);
-  if (!axis) return null;
+  const missing = useMissing('plant');
+  if (!axis || missing === null) return null;
+  if (missing !== undefined) {
+    return (
+      <Panel title="No plant">
+        <p className="note">No switches to force, no load, no supply and no faults to give it: {missing}.</p>
+      </Panel>
+    );
+  }
   return (
     <>
       <AxisTabs page="plant" name={name} />

@@ -4,6 +4,8 @@ import { decodeFrame } from '../api/frame';
 import type { Recording, Units } from '../api/types';
 import { axisPath, runJob } from '../commands';
 import { Button, Choice, NumberInput, Panel, Toggle } from '../parts/controls';
+import { BodePlot } from '../parts/bode';
+import { Excite } from '../parts/excite';
 import { Lanes, type Curve } from '../parts/lanes';
 import { LiveLanes } from '../parts/live';
 import { MeasureTable } from '../parts/measure_table';
@@ -19,7 +21,8 @@ import { color } from '../theme';
 export function ScopePage() {
   const { query } = useRoute();
   const order = useLine((line) => line.order);
-  const setup = setupOf(query, order[0]);
+  const second = useLine(({ line }) => line?.signals[1]);
+  const setup = setupOf(query, order[0], second);
   const id = query.get('rec');
   const overlays = (query.get('with') ?? '').split(',').filter(Boolean);
   const { recordings, memory } = useRecordings();
@@ -40,6 +43,7 @@ export function ScopePage() {
       </div>
       <div className="column side">
         <Record setup={setup} />
+        <Excite first={setup.channels[0]?.axis} />
         <ScopeSetup setup={setup} onChange={(to) => keep(queryOf(to))} />
         <Recordings recordings={recordings} shown={shown} overlays={overlays} memory={memory} />
       </div>
@@ -157,6 +161,7 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
   }, [samples, others, recording.channels]);
 
   const seconds = recording.samples / recording.rate_hz;
+  const bode = query.get('plot') === 'bode';
   return (
     <Panel
       title={title}
@@ -166,12 +171,18 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
             {recording.state}
             {isOver(recording) && `, ${fixed(recording.samples, 0)} samples of ${recording.channels.length} channels, ${fixed(seconds * 1000, 0)} ms at ${fixed(recording.rate_hz, 0)} Hz`}
           </span>
-          <Button kind="bare" onPress={() => keep({ rec: null, a: null, b: null, from: null, to: null, with: null })}>Live</Button>
+          <div className="segments" role="group" aria-label="Plot">
+            <button type="button" aria-pressed={!bode} onClick={() => keep({ plot: null })}>Time</button>
+            <button type="button" aria-pressed={bode} onClick={() => keep({ plot: 'bode' })}>Bode</button>
+          </div>
+          <Button kind="bare" onPress={() => keep({ rec: null, plot: null, a: null, b: null, from: null, to: null, with: null })}>Live</Button>
         </>
       }
     >
       {!samples ? (
         <p className="empty">{isOver(recording) ? 'Loading.' : recording.state === 'armed' ? 'Armed: waiting for the trigger.' : 'Recording.'}</p>
+      ) : bode ? (
+        <BodePlot key={recording.id} recording={recording} earlier={others[0]?.recording} />
       ) : (
         <>
           <div ref={box}>

@@ -20,7 +20,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
   useEffect(() => {
     leg.current = 0;
   }, [start, method.method]);
-  leg.current = followLeg(path, leg.current, axis.position_counts, axis.velocity_rpm);
+  leg.current = followLeg(path, leg.current, axis.position_counts, axis.velocity_rpm ?? 0);
 
   const turn = geometry.index_every ?? 131072;
   const points = [start, axis.position_counts, ...path.map(({ to }) => to)];

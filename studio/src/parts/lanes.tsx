@@ -23,6 +23,7 @@ export interface LanesProps {
   onCursor?: (which: 0 | 1, x: number) => void;
   laneHeight?: number;
   unit?: string; // of x
+  logarithmic?: boolean; // x, which is above 0
   label: string;
 }
 
@@ -72,7 +73,7 @@ const laneOf = ({ unit, name }: Curve) => (/error|deviation/.test(name) ? `${uni
 
 const font = '11px system-ui, sans-serif';
 
-function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, last, title, unit = 'ms' }: LanesProps & { last: boolean; title: string }) {
+function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, last, title, unit = 'ms', logarithmic = false }: LanesProps & { last: boolean; title: string }) {
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const look = useLooks();
@@ -135,9 +136,9 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
         height: laneHeight + (last ? 26 : 0),
         padding: [6, 18, last ? 0 : 4, 0],
         legend: { show: false },
-        scales: { x: { time: false, range: extent } },
+        scales: { x: { time: false, range: extent, distr: logarithmic ? 3 : 1 } },
         axes: [
-          { ...axis, size: last ? 30 : 0, ...(last ? { values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${significant(tick)} ${unit}` : significant(tick))) } : { values: () => [] }) },
+          { ...axis, size: last ? 30 : 0, ...(last ? { values: (_, ticks: (number | null)[]) => ticks.map((tick, i) => (tick === null ? '' : i === ticks.length - 1 ? `${significant(tick)} ${unit}` : significant(tick))) } : { values: () => [] }) },
           { ...axis, size: 62, values: (_, ticks) => ticks.map(significant), label: title, labelSize: 14, labelFont: font, labelGap: 0 },
         ],
         series: [{}, ...series],
@@ -146,7 +147,7 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
           draw: [
             (u) => {
               legend(u);
-              mark(u, 0, '', look.grid, []);
+              if (!logarithmic) mark(u, 0, '', look.grid, []);
               mark(u, now.current.cursors?.[0], 'A', look.cursor, []);
               mark(u, now.current.cursors?.[1], 'B', look.cursor, [4, 3]);
             },
@@ -188,11 +189,11 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       made.destroy();
       plot.current = null;
     };
-  }, [shape, look, laneHeight, last, title, unit]);
+  }, [shape, look, laneHeight, last, title, unit, logarithmic]);
 
   useEffect(() => {
     plot.current?.setData([x, ...curves.map(({ values }) => values)] as uPlot.AlignedData);
-  }, [x, curves, shape, look, laneHeight, last, title, unit]);
+  }, [x, curves, shape, look, laneHeight, last, title, unit, logarithmic]);
 
   const [from, to] = range ?? [NaN, NaN];
   useEffect(() => {

@@ -3,12 +3,13 @@ import type { ObjectEntry, Trigger } from '../api/types';
 import { axisPath } from '../commands';
 import { states } from '../model/cia402';
 import { addressOf, isReadable } from '../model/objects';
-import { mostChannels, rates, signals, textOfChannel, type Setup } from '../model/scope';
+import { mostChannels, rates, textOfChannel, type Setup } from '../model/scope';
 import { useResource } from '../resource';
-import { useLine } from '../store';
+import { useLine, useMissing } from '../store';
 import { Button, Choice, NumberInput, Panel } from './controls';
 import { tones } from './lanes';
 
+const noSignals: string[] = [];
 const numeric = /^(U?INT|INTEGER|UNSIGNED|REAL|BOOLEAN)/;
 
 export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: Setup) => void }) {
@@ -39,8 +40,10 @@ function AddChannel({ setup, onChange }: { setup: Setup; onChange: (to: Setup) =
   const order = useLine((line) => line.order);
   const [axis, setAxis] = useState(setup.channels[0]?.axis ?? order[0]);
   const [what, setWhat] = useState('');
+  const signals = useLine(({ line }) => line?.signals) ?? noSignals;
+  const hasInputs = useMissing('inputs') === undefined;
   const objects = useResource<{ objects: ObjectEntry[] }>(`${axisPath(axis)}/objects`).value?.objects ?? [];
-  const inputs = useResource<{ inputs: Record<string, unknown> }>(`${axisPath(axis)}/inputs`).value?.inputs ?? {};
+  const inputs = useResource<{ inputs: Record<string, unknown> }>(hasInputs ? `${axisPath(axis)}/inputs` : null).value?.inputs ?? {};
   const offered = [
     ...[...signals, ...Object.keys(inputs)].map((signal) => [signal, ''] as const),
     ...objects.filter((entry) => Number(entry.index) >= 0x1000 && isReadable(entry) && numeric.test(entry.type)).map((entry) => [addressOf(entry), entry.name] as const),
@@ -61,7 +64,7 @@ function AddChannel({ setup, onChange }: { setup: Setup; onChange: (to: Setup) =
       <Choice label="Axis" value={axis} options={order.map((each) => [each, each] as const)} onChange={setAxis} />
       <label className="field">
         <span>Signal or object</span>
-        <input className="input" list="offered" value={what} onChange={(event) => setWhat(event.target.value)} placeholder="torque_nm, 6064:00" autoComplete="off" />
+        <input className="input" list="offered" value={what} onChange={(event) => setWhat(event.target.value)} placeholder={`${signals[2] ?? '6041:00'}, 6064:00`} autoComplete="off" />
       </label>
       <datalist id="offered">
         {offered.map(([id, text]) => <option key={id} value={id}>{text}</option>)}

@@ -21,11 +21,16 @@ export function StopButton() {
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       if (!event.ctrlKey || event.code !== 'Space') return;
+      // Before the control that has the focus: the space would press it, and come no further.
       event.preventDefault();
-      stopAll().catch(complain);
+      event.stopPropagation();
+      if (event.type === 'keydown' && !event.repeat) stopAll().catch(complain);
     };
-    addEventListener('keydown', onKey);
-    return () => removeEventListener('keydown', onKey);
+    const kinds = ['keydown', 'keyup'] as const;
+    for (const kind of kinds) addEventListener(kind, onKey, true);
+    return () => {
+      for (const kind of kinds) removeEventListener(kind, onKey, true);
+    };
   }, []);
   return (
     <Button className="stop" aria-keyshortcuts="Control+Space" onPress={() => void stopAll().catch(complain)}>

@@ -4,8 +4,12 @@ import { axisPath } from '../commands';
 import { indexes, travelScale, type Scale } from '../model/travel';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
+import { useMissing } from '../store';
 
-export const useGeometry = (axis: string) => useResource<Geometry>(`${axisPath(axis)}/geometry`).value;
+export function useGeometry(axis: string): Geometry | undefined {
+  const there = useMissing('geometry') === undefined;
+  return useResource<Geometry>(there ? `${axisPath(axis)}/geometry` : null).value;
+}
 
 const percent = (share: number) => `${(100 * share).toFixed(3)}%`;
 

@@ -1,0 +1,38 @@
+#include "studio/commissioning.hpp"
+
+#include <fmt/format.h>
+
+namespace servodrome::studio {
+
+using line::bench::ApiError;
+
+Subject::Subject(line::Line& line, line::Axis& axis) : objects(line, axis), product(axis.settings().product->name) {
+  if (!axis.powered()) {
+    throw ApiError{409, "the axis has no power", axis.settings().name,
+                   "switch it on: POST .../power {\"action\": \"on\"}"};
+  }
+  products::Device& device = axis.device();
+  const bool on_fieldbus = axis.settings().bus || axis.settings().ethercat;
+  table = on_fieldbus ? device.bus_dictionary().table() : device.dictionary().table();
+  if (axis.settings().bus) node_id = device.node_id();
+}
+
+host::ParameterList Subject::parameters(bool with_connection) const {
+  return host::ParameterList::of_dictionary(table, host::parameter_rules_of(product), with_connection);
+}
+
+ApiError api_error(const host::HostError& error, unsigned status) {
+  return {status, error.happened(), error.where(), error.remedy()};
+}
+
+bool flag(const line::bench::Call& call, std::string_view key) {
+  const auto value = line::bench::query_value(call, key);
+  if (!value || value == "false") return false;
+  if (value == "true") return true;
+  throw ApiError{400, fmt::format("{} is \"{}\"", key, value->substr(0, 40)), "address",
+                 fmt::format("write {}=true, or leave it out", key)};
+}
+
+std::vector<line::bench::RouteGroup> commissioning_routes() { return {parameter_routes(), pdo_routes()}; }
+
+}  // namespace servodrome::studio

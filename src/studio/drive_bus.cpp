@@ -1,0 +1,267 @@
+#include "studio/drive_bus.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <limits>
+
+#include "line/axis.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto idle_time = 1ms;                    // between two looks for something to do
+constexpr std::uint16_t quick_stop_word = 0x0002;  // CiA 402-2 table 24
+constexpr std::uint16_t fault_or_warning = 1U << 3 | 1U << 7;
+constexpr double not_read = std::numeric_limits<double>::quiet_NaN();
+
+JobError error_of(const std::exception& error, const std::string& where) {
+  if (const auto* known = dynamic_cast<const host::HostError*>(&error)) {
+    return {known->happened(), known->where(), known->remedy()};
+  }
+  return {error.what(), where, "see whether the bus and its drives have power and are connected"};
+}
+
+}  // namespace
+
+void PolledSamples::note(std::int64_t tick, std::span<const std::byte> bytes) {
+  const std::int64_t at = (tick + stride() / 2) / stride() * stride();
+  const std::lock_guard lock(mutex_);
+  if (read_.empty() || read_.back().tick < at) read_.push_back({at, decode_(bytes)});
+  if (read_.size() > kept) read_.pop_front();
+  next_ = std::max(at, tick) / stride() * stride() + stride();
+}
+
+void PolledSamples::skip(std::int64_t tick) { next_ = tick / stride() * stride() + stride(); }
+
+void PolledSamples::advance(std::int64_t end) {
+  const std::lock_guard lock(mutex_);
+  while (due() < end) {
+    while (!read_.empty() && read_.front().tick < due()) read_.pop_front();
+    const bool there = !read_.empty() && read_.front().tick == due();
+    put(there ? read_.front().value : not_read);
+  }
+}
+
+DriveBus::DriveBus(BusPlan plan, std::unique_ptr<OpenBus> open, Clock::time_point start)
+    : plan_(std::move(plan)),
+      start_(start),
+      next_poll_(plan_.drives.size()),
+      stop_when_back_(plan_.drives.size(), false) {
+  state_.drives.resize(plan_.drives.size());
+  for (DriveState& drive : state_.drives) drive.problem = JobError{"the drive was not asked yet", plan_.link, ""};
+  thread_ = std::thread(
+      [this, opened = std::make_shared<std::unique_ptr<OpenBus>>(std::move(open))] { run(std::move(*opened)); });
+}
+
+DriveBus::~DriveBus() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  woken_.notify_all();
+  thread_.join();
+}
+
+DriveBus::State DriveBus::state() const {
+  const std::lock_guard lock(mutex_);
+  return state_;
+}
+
+void DriveBus::submit(std::shared_ptr<Access> access, bool first) {
+  const std::lock_guard lock(mutex_);
+  if (state_.problem) {
+    access->error =
+        std::make_exception_ptr(host::HostError(state_.problem->what, state_.problem->where, state_.problem->hint));
+    access->done = true;
+    return;
+  }
+  if (first) {
+    waiting_.push_front(std::move(access));
+  } else {
+    waiting_.push_back(std::move(access));
+  }
+  woken_.notify_all();
+}
+
+void DriveBus::sample(const std::shared_ptr<PolledSamples>& samples) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(sampled_, [](const auto& its) { return its.expired(); });
+  sampled_.push_back(samples);
+}
+
+void DriveBus::stop_when_back(std::size_t drive) {
+  const std::lock_guard lock(mutex_);
+  stop_when_back_[drive] = true;
+}
+
+std::int64_t DriveBus::tick_of(Clock::time_point time) const { return (time - start_) / line::tick_length; }
+
+void DriveBus::run(std::unique_ptr<OpenBus> open) {
+  while (true) {
+    try {
+      if (open == nullptr) open = plan_.open();
+      serve(*open);
+      return;
+    } catch (const std::exception& error) {
+      lose(error);
+    }
+    axes_.clear();
+    open.reset();
+    std::unique_lock lock(mutex_);
+    if (woken_.wait_for(lock, reopen_period, [this] { return ending_; })) return;
+  }
+}
+
+// What waited is answered, and nothing is known of the drives any more.
+void DriveBus::lose(const std::exception& error) {
+  const std::lock_guard lock(mutex_);
+  const JobError problem = error_of(error, plan_.link);
+  if (!state_.problem) ++state_.losses;
+  state_.problem = problem;
+  for (DriveState& drive : state_.drives) drive.problem = problem;
+  for (const auto& access : waiting_) {
+    access->error = std::make_exception_ptr(host::HostError(problem.what, problem.where, problem.hint));
+    access->done = true;
+  }
+  waiting_.clear();
+}
+
+// Until the end. First what somebody waits for; what is recorded and the drives' states take turns.
+void DriveBus::serve(OpenBus& open) {
+  axes_.clear();
+  for (std::size_t i = 0; i < plan_.drives.size(); ++i) {
+    host::AxisOptions options;
+    options.dialect = host::dialect_of(plan_.drives[i].product);
+    axes_.emplace_back(*open.drives()[i], options);
+    next_poll_[i] = {};
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    state_.problem.reset();
+  }
+  for (bool states_first = false;; states_first = !states_first) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (ending_) return;
+    }
+    if (const auto access = next_access()) {
+      carry_out(open, *access);
+      continue;
+    }
+    const bool done = states_first ? poll_one(open) || sample_one(open) : sample_one(open) || poll_one(open);
+    if (!done) open.wait(idle_time);
+  }
+}
+
+std::shared_ptr<Access> DriveBus::next_access() {
+  const std::lock_guard lock(mutex_);
+  while (!waiting_.empty()) {
+    auto access = std::move(waiting_.front());
+    waiting_.pop_front();
+    if (!access->given_up) return access;
+  }
+  return nullptr;
+}
+
+void DriveBus::note_access(bool answered, Clock::duration took) {
+  const std::lock_guard lock(mutex_);
+  ++state_.accesses;
+  if (!answered) {
+    ++state_.failed;
+    return;
+  }
+  constexpr double weight = 0.05;
+  state_.access_s += weight * (std::chrono::duration<double>(took).count() - state_.access_s);
+}
+
+// An error of the object is the caller's; that of the bus is everybody's, his as well.
+void DriveBus::carry_out(OpenBus& open, Access& access) {
+  const auto began = Clock::now();
+  host::ObjectClient& objects = *open.drives()[access.drive];
+  try {
+    if (access.writes) {
+      objects.download(access.object, access.bytes);
+    } else {
+      access.bytes = objects.upload(access.object);
+    }
+    note_access(true, Clock::now() - began);
+    access.done = true;
+  } catch (const host::ObjectError& error) {
+    note_access(error.answered(), Clock::now() - began);
+    if (!error.answered()) next_poll_[access.drive] = {};  // see what is the matter with it
+    access.error = std::current_exception();
+    access.done = true;
+  } catch (const std::exception&) {
+    access.error = std::current_exception();
+    access.done = true;
+    throw;
+  }
+}
+
+bool DriveBus::sample_one(OpenBus& open) {
+  std::shared_ptr<PolledSamples> most_due;
+  const auto began = Clock::now();
+  const std::int64_t now = tick_of(began);
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& weak : sampled_) {
+      auto samples = weak.lock();
+      if (!samples || samples->wanted() > now || state_.drives[samples->drive()].problem) continue;
+      if (!most_due || samples->wanted() < most_due->wanted()) most_due = std::move(samples);
+    }
+  }
+  if (!most_due) return false;
+  try {
+    const std::vector<std::byte> bytes = open.drives()[most_due->drive()]->upload(most_due->object());
+    const auto ended = Clock::now();
+    most_due->note(tick_of(began + (ended - began) / 2), bytes);
+    note_access(true, ended - began);
+  } catch (const host::ObjectError& error) {
+    note_access(error.answered(), Clock::now() - began);
+    if (!error.answered()) next_poll_[most_due->drive()] = {};
+    most_due->skip(tick_of(Clock::now()));
+  }
+  return true;
+}
+
+// The state of one drive; false: not_read is due.
+bool DriveBus::poll_one(OpenBus& open) {
+  const auto began = Clock::now();
+  const auto due = std::min_element(next_poll_.begin(), next_poll_.end());
+  if (due == next_poll_.end() || *due > began) return false;
+  const auto i = static_cast<std::size_t>(due - next_poll_.begin());
+  host::ObjectClient& objects = *open.drives()[i];
+  DriveState seen;
+  bool stop = false;
+  {
+    const std::lock_guard lock(mutex_);
+    seen = state_.drives[i];
+    stop = stop_when_back_[i];
+    stop_when_back_[i] = false;
+  }
+  try {
+    if (stop) objects.write<std::uint16_t>(0x6040, 0, quick_stop_word);
+    seen.status = axes_[i].status();
+    seen.controlword = objects.read_if_present<std::uint16_t>(0x6040).value_or(0);
+    const bool asks_why = (seen.status.statusword & fault_or_warning) != 0;
+    seen.error_code = asks_why ? objects.read_if_present<std::uint16_t>(0x603F).value_or(0) : std::uint16_t{0};
+    seen.problem.reset();
+  } catch (const host::ObjectError& error) {
+    seen.problem = error_of(error, plan_.link);
+    const std::lock_guard lock(mutex_);
+    stop_when_back_[i] = stop;
+  }
+  const auto ended = Clock::now();
+  seen.at = ended;
+  // At most a third of the bus is for this.
+  const Clock::duration usual = std::max<Clock::duration>(usual_poll, 2 * (ended - began));
+  next_poll_[i] = ended + (seen.problem ? Clock::duration(silent_poll) : usual);
+  const std::lock_guard lock(mutex_);
+  state_.drives[i] = seen;
+  return true;
+}
+
+}  // namespace servodrome::studio

@@ -1,0 +1,159 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "host/axis402.hpp"
+#include "line/tap.hpp"
+#include "studio/drives.hpp"
+
+// Drives on a bus, reached by the host library, whose calls wait: each bus has a thread of its own.
+namespace servodrome::studio {
+
+// A bus that is open, and the drives behind it.
+class OpenBus {
+ public:
+  virtual ~OpenBus() = default;
+  // In the order in which they were asked for.
+  virtual std::vector<host::ObjectClient*> drives() = 0;
+  // Lets the bus run. Throws HostError when it is lost.
+  virtual void wait(host::Time span) = 0;
+};
+
+struct DrivePlan {
+  std::string name;      // of the axis
+  std::string product;   // as `servodrome products` lists it; empty: none of ours
+  unsigned address = 0;  // node-ID, position or station
+};
+
+struct BusPlan {
+  std::string link;  // as --bus has it
+  std::string type;  // "can", "ethercat", "rs485"
+  std::vector<DrivePlan> drives{};
+  // Opens it with all its drives, in this order. Throws std::exception.
+  std::function<std::unique_ptr<OpenBus>()> open{};
+};
+
+// One access to an object, carried out by the thread of its bus.
+struct Access {
+  std::size_t drive = 0;
+  host::ObjectAddress object{};
+  bool writes = false;
+  std::vector<std::byte> bytes{};  // to be written, or read
+  std::exception_ptr error{};
+  std::atomic<bool> done{false};      // bytes and error are there
+  std::atomic<bool> given_up{false};  // nobody waits for it any more: it is left out
+};
+
+// Values of an object that the thread of a bus reads again and again, by the clock on the wall: the one read nearest to
+// each multiple of the stride. What was not read in time is not a number.
+class PolledSamples final : public line::Samples {
+ public:
+  // What the number is in the bytes of the object.
+  using Decode = std::function<double(std::span<const std::byte> bytes)>;
+
+  PolledSamples(std::size_t drive, host::ObjectAddress object, Decode decode, std::int64_t stride, std::int64_t first)
+      : Samples(stride, first), drive_(drive), object_(object), decode_(std::move(decode)), next_(first) {}
+
+  std::size_t drive() const { return drive_; }
+  host::ObjectAddress object() const { return object_; }
+
+  // --- The thread of the bus
+  std::int64_t wanted() const { return next_; }  // tick at which it is to be read next
+  void note(std::int64_t tick, std::span<const std::byte> bytes);
+  void skip(std::int64_t tick);  // it could not be read then
+
+  // --- The thread of the server
+  // All ticks before `end` are over.
+  void advance(std::int64_t end);
+
+ private:
+  struct Value {
+    std::int64_t tick;
+    double value;
+  };
+
+  std::size_t drive_;
+  host::ObjectAddress object_;
+  Decode decode_;
+  std::int64_t next_;
+  std::mutex mutex_;
+  std::deque<Value> read_;
+};
+
+class DriveBus {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  static constexpr auto usual_poll = std::chrono::milliseconds(50);  // of a drive's state
+  static constexpr auto silent_poll = std::chrono::seconds(2);       // of one that does not answer
+  static constexpr auto reopen_period = std::chrono::seconds(1);     // of a bus that is lost
+
+  struct DriveState {
+    std::optional<JobError> problem;  // why it cannot be spoken to
+    host::AxisStatus status{};
+    std::uint16_t controlword = 0;
+    std::uint16_t error_code = 0;
+    Clock::time_point at{};
+  };
+  struct State {
+    std::optional<JobError> problem;  // why the bus is not there
+    std::vector<DriveState> drives;
+    std::uint64_t accesses = 0;  // carried out
+    std::uint64_t failed = 0;    // of them, without an answer
+    std::uint64_t losses = 0;    // how often the bus went away
+    double access_s = 0.001;     // that an access takes, lately
+  };
+
+  // `open`: what plan.open gave. `start`: of tick 0.
+  DriveBus(BusPlan plan, std::unique_ptr<OpenBus> open, Clock::time_point start);
+  ~DriveBus();
+  DriveBus(const DriveBus&) = delete;
+  DriveBus& operator=(const DriveBus&) = delete;
+
+  const BusPlan& plan() const { return plan_; }
+  State state() const;
+  // `first`: before everything that waits.
+  void submit(std::shared_ptr<Access> access, bool first = false);
+  void sample(const std::shared_ptr<PolledSamples>& samples);
+  // What else is to be done with a drive when the bus comes back: it had been moving when it went away.
+  void stop_when_back(std::size_t drive);
+
+ private:
+  void run(std::unique_ptr<OpenBus> open);
+  void serve(OpenBus& open);
+  std::shared_ptr<Access> next_access();
+  void carry_out(OpenBus& open, Access& access);
+  bool sample_one(OpenBus& open);
+  bool poll_one(OpenBus& open);
+  void lose(const std::exception& error);
+  void note_access(bool answered, Clock::duration took);
+  std::int64_t tick_of(Clock::time_point time) const;
+
+  BusPlan plan_;
+  Clock::time_point start_;
+  mutable std::mutex mutex_;
+  std::condition_variable woken_;
+  bool ending_ = false;
+  std::deque<std::shared_ptr<Access>> waiting_;
+  std::vector<std::weak_ptr<PolledSamples>> sampled_;
+  State state_;
+
+  // Of the thread
+  std::vector<host::Axis402> axes_;
+  std::vector<Clock::time_point> next_poll_;
+  std::vector<bool> stop_when_back_;
+  std::thread thread_;
+};
+
+}  // namespace servodrome::studio

@@ -1,0 +1,187 @@
+#include "studio/excitation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+namespace servodrome::studio {
+namespace {
+
+using host::OperationMode;
+using host::PowerState;
+using std::chrono::duration;
+using std::chrono::duration_cast;
+
+constexpr host::Time period = std::chrono::milliseconds(1);  // of the targets, where the bus is as fast
+constexpr std::uint16_t enabled_word = 0x000F;
+constexpr double ramp_margin = 20.0;  // ramps are so much steeper than what is asked of them
+
+bool has_mode(host::Axis402& axis, OperationMode mode) {
+  const auto supported = axis.objects().read_if_present<std::uint32_t>(0x6502);
+  return supported && (*supported >> (static_cast<int>(mode) - 1) & 1U) != 0;
+}
+
+// A ramp that is put back in the end.
+class SteepRamp {
+ public:
+  // `wanted` or, if the drive refuses that, the steepest that it takes; at least as it is.
+  SteepRamp(host::ObjectClient& objects, std::uint16_t index, double wanted) : objects_(objects), index_(index) {
+    before_ = objects_.read_if_present<std::uint32_t>(index);
+    if (!before_) return;
+    constexpr double most = std::numeric_limits<std::int32_t>::max();
+    for (double ramp = std::min(wanted, most); ramp > *before_; ramp /= 2) {
+      try {
+        objects_.write<std::uint32_t>(index_, 0, static_cast<std::uint32_t>(ramp));
+        return;
+      } catch (const host::ObjectError& error) {
+        if (!error.answered()) throw;
+      }
+    }
+  }
+  ~SteepRamp() {
+    try {
+      if (before_) objects_.write<std::uint32_t>(index_, 0, *before_);
+    } catch (const host::HostError&) {
+      // What went wrong before is told.
+    } catch (...) {
+      // The task is to end.
+    }
+  }
+  SteepRamp(const SteepRamp&) = delete;
+  SteepRamp& operator=(const SteepRamp&) = delete;
+
+ private:
+  host::ObjectClient& objects_;
+  std::uint16_t index_;
+  std::optional<std::uint32_t> before_{};
+};
+
+void come_to_rest(host::Axis402& axis) {
+  axis.objects().write<std::int32_t>(0x60FF, 0, 0);
+  axis.set_mode(OperationMode::profile_velocity);
+  axis.stop();
+}
+
+// Writes one target, in the mode that follows it without a path of its own where the drive has that.
+class Target {
+ public:
+  Target(host::Axis402& axis, const Excitation& excitation)
+      : axis_(axis), of_(excitation.of), amplitude_(excitation.amplitude) {
+    host::ObjectClient& objects = axis_.objects();
+    switch (of_) {
+      case Excitation::Of::velocity: {
+        const bool cyclic = has_mode(axis_, OperationMode::cyclic_synchronous_velocity);
+        write(0.0);
+        axis_.set_mode(cyclic ? OperationMode::cyclic_synchronous_velocity : OperationMode::profile_velocity);
+        const double ramp = ramp_margin * std::abs(amplitude_) * excitation.steepness;
+        if (!cyclic) {
+          up_.emplace(objects, std::uint16_t{0x6083}, ramp * excitation.acceleration_per_velocity);
+          down_.emplace(objects, std::uint16_t{0x6084}, ramp * excitation.acceleration_per_velocity);
+        }
+        break;
+      }
+      case Excitation::Of::torque:
+        write(0.0);
+        axis_.set_mode(OperationMode::profile_torque);
+        up_.emplace(objects, std::uint16_t{0x6087}, ramp_margin * std::abs(amplitude_) * excitation.steepness);
+        break;
+      case Excitation::Of::position:
+        origin_ = axis_.position();
+        write(0.0);
+        axis_.set_mode(OperationMode::cyclic_synchronous_position);
+        write(0.0);
+        break;
+    }
+    objects.write<std::uint16_t>(0x6040, 0, enabled_word);
+  }
+
+  void write(double share) {
+    const double value = amplitude_ * share;
+    host::ObjectClient& objects = axis_.objects();
+    switch (of_) {
+      case Excitation::Of::velocity: return objects.write<std::int32_t>(0x60FF, 0, whole<std::int32_t>(value));
+      case Excitation::Of::torque: return objects.write<std::int16_t>(0x6071, 0, whole<std::int16_t>(value));
+      case Excitation::Of::position:
+        return objects.write<std::int32_t>(0x607A, 0, whole<std::int32_t>(static_cast<double>(origin_) + value));
+    }
+  }
+
+ private:
+  template <typename T>
+  static T whole(double value) {
+    return static_cast<T>(std::clamp(std::round(value), static_cast<double>(std::numeric_limits<T>::min()),
+                                     static_cast<double>(std::numeric_limits<T>::max())));
+  }
+
+  host::Axis402& axis_;
+  Excitation::Of of_;
+  double amplitude_;
+  std::int32_t origin_ = 0;
+  std::optional<SteepRamp> up_{};
+  std::optional<SteepRamp> down_{};
+};
+
+void follow(host::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled) {
+  host::ObjectClient& objects = axis.objects();
+  const std::int64_t origin = axis.position();
+  Target target(axis, excitation);
+  const host::Time began = objects.now();
+  for (host::Time next = began;;) {
+    const double seconds = duration<double>(objects.now() - began).count();
+    if (seconds >= excitation.seconds) break;
+    if (cancelled && cancelled()) throw host::Cancelled("cancelled", objects.where(), "begin it again when you like");
+    target.write(excitation.shape(seconds));
+    if (axis.state() != PowerState::operation_enabled) {
+      throw host::HostError("the drive left operation enabled", objects.where(),
+                            "look at the error code; then reset the fault and enable again");
+    }
+    const std::int64_t distance = axis.position() - origin;
+    if (std::abs(static_cast<double>(distance)) > excitation.travel) {
+      throw host::HostError(
+          fmt::format("the axis went {} units from where it stood, and {:g} are allowed", distance, excitation.travel),
+          objects.where(), "take a smaller amplitude or a higher frequency, or allow more travel");
+    }
+    next += period;
+    if (next > objects.now())
+      objects.wait(next - objects.now());
+    else
+      next = objects.now();
+  }
+  target.write(0.0);
+}
+
+}  // namespace
+
+std::function<double(double)> sine_sweep(double from_hz, double to_hz, double seconds) {
+  const double growth = std::log(to_hz / from_hz);
+  return [=](double t) {
+    const double turns = growth == 0.0 ? from_hz * t : from_hz * seconds / growth * std::expm1(growth * t / seconds);
+    return std::sin(2.0 * std::numbers::pi * turns);
+  };
+}
+
+std::function<double(double)> step(double seconds) {
+  return [=](double t) { return t < seconds / 2 ? 1.0 : 0.0; };
+}
+
+void excite(host::Axis402& axis, const Excitation& excitation, const std::function<bool()>& cancelled) {
+  if (axis.state() != PowerState::operation_enabled) {
+    throw host::HostError("the drive is not enabled", axis.objects().where(), "enable it first");
+  }
+  try {
+    follow(axis, excitation, cancelled);
+  } catch (...) {
+    try {
+      come_to_rest(axis);
+    } catch (const host::HostError&) {
+      // What went wrong before is told.
+    }
+    throw;
+  }
+  come_to_rest(axis);
+}
+
+}  // namespace servodrome::studio

@@ -1,0 +1,49 @@
+#include "studio/line_drives.hpp"
+
+#include "drive/drive.hpp"
+#include "line/bench/error.hpp"
+#include "studio/service_objects.hpp"
+
+namespace servodrome::studio {
+
+std::vector<std::string> LineDrives::names() const {
+  std::vector<std::string> names;
+  for (const auto& axis : line_.axes()) names.push_back(axis->settings().name);
+  return names;
+}
+
+line::Axis& LineDrives::find(const std::string& axis) const { return *line_.find_axis(axis); }
+
+void LineDrives::require_ready(const std::string& axis) const {
+  if (find(axis).powered()) return;
+  throw line::bench::ApiError{409, "the axis has no power", axis, "switch it on: POST .../power {\"action\": \"on\"}"};
+}
+
+std::unique_ptr<host::ObjectClient> LineDrives::open(const std::string& axis, Wait wait) {
+  return std::make_unique<ServiceObjects>(line_, find(axis), std::move(wait));
+}
+
+host::AxisOptions LineDrives::options(const std::string& axis) const { return options_for(find(axis)); }
+
+host::AxisUnits LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
+
+std::vector<std::optional<JobError>> LineDrives::stop_all() {
+  constexpr std::uint16_t quick_stop = 0x0002;  // CiA 402-2 table 24
+  std::vector<std::optional<JobError>> errors;
+  for (const auto& axis : line_.axes()) {
+    const std::string& name = axis->settings().name;
+    std::optional<JobError>& wrong = errors.emplace_back();
+    const auto enabled = [&axis] { return axis->device().drive().state() == drive::PowerState::operation_enabled; };
+    if (!axis->powered() || !enabled()) continue;
+    try {
+      ServiceObjects objects(line_, *axis);
+      objects.write<std::uint16_t>(0x6040, 0, quick_stop);
+      if (enabled()) wrong = JobError{"the drive did not take the quick stop", name, "switch its power off"};
+    } catch (const host::HostError& error) {
+      wrong = JobError{error.happened(), error.where(), error.remedy()};
+    }
+  }
+  return errors;
+}
+
+}  // namespace servodrome::studio

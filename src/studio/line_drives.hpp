@@ -1,0 +1,28 @@
+#pragma once
+
+#include "line/line.hpp"
+#include "studio/drives.hpp"
+
+namespace servodrome::studio {
+
+// The axes of a line, by their service ports, in its time.
+class LineDrives final : public Drives {
+ public:
+  // The line outlives it.
+  explicit LineDrives(line::Line& line) : line_(line) {}
+
+  host::Time now() const override { return line_.now(); }
+  std::vector<std::string> names() const override;
+  void require_ready(const std::string& axis) const override;
+  std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
+  host::AxisOptions options(const std::string& axis) const override;
+  host::AxisUnits units(const std::string& axis) override;
+  std::vector<std::optional<JobError>> stop_all() override;
+
+ private:
+  line::Axis& find(const std::string& axis) const;
+
+  line::Line& line_;
+};
+
+}  // namespace servodrome::studio

@@ -1,0 +1,96 @@
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "line/bench/scope/source.hpp"
+#include "line/registry.hpp"
+#include "studio/drive_bus.hpp"
+#include "studio/drives.hpp"
+
+namespace servodrome::studio {
+
+// Drives on buses, as jobs, streams and the API see them. Its time is that of the clock on the wall since it was made.
+// All calls come from the server's thread, and from tasks that it hands its turn to.
+class RealDrives final : public Drives, public line::bench::Source {
+ public:
+  // Of what is recorded: so long after a moment all values of it are there, or missed.
+  static constexpr auto latency = std::chrono::milliseconds(40);
+  static constexpr std::int64_t finest_stride = 160;  // ticks: 100 Hz
+
+  struct Axis {
+    std::string name;
+    std::size_t bus;
+    std::size_t drive;  // of the bus
+    unsigned address;
+    std::string product;                       // empty: unknown
+    const line::Product* tables;               // its objects and bits; those of CiA 402 for an unknown one
+    std::shared_ptr<products::Device> device;  // of `tables`, for what is the same in all of them; it never runs
+  };
+
+  // Opens all buses. Throws what their `open` throws.
+  explicit RealDrives(std::vector<BusPlan> plans);
+
+  // Who calls waits by `wait` from now on, until another comes: that of the task whose turn it is.
+  void set_wait(Wait wait) { wait_ = std::move(wait); }
+
+  const std::vector<Axis>& all() const { return axes_; }
+  const std::vector<std::unique_ptr<DriveBus>>& buses() const { return buses_; }
+  const Axis* find(std::string_view name) const;
+  DriveBus::DriveState state_of(const Axis& axis) const;
+  // With the wait of whose turn it is.
+  std::unique_ptr<host::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
+  line::bench::Json view(const Axis& axis) const;
+
+  // Fetches what the buses' threads have read. Answers what has happened since the last time: events of the stream.
+  std::vector<line::bench::Json> advance();
+
+  static std::vector<std::string_view> signal_names();
+
+  // --- Drives
+  host::Time now() const override { return DriveBus::Clock::now() - start_; }
+  std::vector<std::string> names() const override;
+  void require_ready(const std::string& axis) const override;
+  std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
+  host::AxisOptions options(const std::string& axis) const override;
+  host::AxisUnits units(const std::string& axis) override;
+  std::vector<std::optional<JobError>> stop_all() override;
+
+  // --- Source
+  std::int64_t tick() const override;
+  std::vector<std::string> axes() const override { return names(); }
+  line::bench::NamedChannel signal(const std::string& axis, std::string_view name) override;
+  line::bench::NamedChannel object(const std::string& axis, std::uint16_t index, std::uint8_t sub) override;
+  std::int64_t stride_of(double rate_hz, const std::vector<line::bench::NamedChannel>& channels) const override;
+  std::int64_t trigger_stride(std::int64_t stride) const override { return stride; }
+  std::vector<line::bench::Json> views() override;
+  line::bench::Json clock() override;
+
+ private:
+  using Json = line::bench::Json;
+
+  // What was told of an axis or bus last.
+  struct Told {
+    bool there = true;
+    std::string state{};
+    std::uint16_t error_code = 0;
+  };
+
+  const Axis& axis_of(std::string_view name) const;  // throws ApiError 404
+  line::bench::NamedChannel channel(const Axis& axis, host::ObjectAddress object, PolledSamples::Decode decode,
+                                    const std::string& key, Json view, std::function<double()> value);
+
+  DriveBus::Clock::time_point start_;
+  std::vector<std::unique_ptr<DriveBus>> buses_;
+  std::vector<Axis> axes_;
+  std::vector<Told> told_;
+  std::vector<Told> told_of_buses_;
+  Wait wait_;
+  std::map<std::string, std::weak_ptr<PolledSamples>> polled_;  // several look at the same
+};
+
+}  // namespace servodrome::studio

@@ -1,0 +1,177 @@
+#include "studio/real_server.hpp"
+
+#include <algorithm>
+#include <array>
+#include <system_error>
+
+#include "line/bench/api.hpp"
+#include "line/bench/upgrade.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+using namespace std::chrono_literals;
+using line::bench::Request;
+using line::bench::Response;
+
+constexpr host::Time shortest_sleep = 200us;
+constexpr host::Time view_period = 10ms;       // of what the drives were heard saying
+constexpr host::Time attention_period = 20ms;  // of what goes to clients by the clock
+constexpr host::Time longest_stop = 2s;        // for an axis to come to rest at the end
+
+line::LineSettings nothing() {
+  line::LineSettings settings;
+  settings.api.enabled = false;
+  return settings;
+}
+
+}  // namespace
+
+RealServer::RealServer(RealDrives& drives, const Settings& settings)
+    : drives_(drives),
+      no_line_(nothing()),
+      timer_(io_),
+      access_{line::bench::make_token()},
+      page_(settings.page),
+      scope_(drives),
+      web_sockets_(scope_),
+      jobs_(drives),
+      groups_{real_routes(drives), jobs_.routes(), {line::bench::recording_routes(), &scope_}} {
+  line::bench::HttpHandlers handlers;
+  handlers.answer = [this](Request&& request, line::bench::HttpHandlers::Reply reply) {
+    answer(std::move(request), std::move(reply));
+  };
+  handlers.upgrade_address = line::bench::WebSockets::address;
+  handlers.refuse_upgrade = [this] { return web_sockets_.refuse(); };
+  handlers.upgrade = [this](line::bench::Upgrade&& upgrade) { web_sockets_.accept(std::move(upgrade)); };
+  http_ = std::make_unique<line::bench::HttpServer>(io_, settings.address, settings.port, access_, std::move(handlers));
+}
+
+RealServer::~RealServer() { pending_.clear(); }
+
+void RealServer::run() {
+  schedule();
+  io_.run();
+  shut_down();
+}
+
+// What needs no drive is answered at once, everything else when the drive has answered.
+void RealServer::answer(Request&& request, line::bench::HttpHandlers::Reply reply) {
+  const std::string_view target = request.target;
+  if (!target.starts_with("/api/") && target.substr(0, target.find('?')) != "/api") {
+    reply(page_.answer(request));
+    return;
+  }
+  Pending& pending = pending_.emplace_back(Pending{std::move(request), std::move(reply)});
+  pending.task = std::make_unique<Task>([this, &pending] { carry_out(pending); });
+  resume(pending);
+  schedule();
+}
+
+void RealServer::carry_out(Pending& pending) {
+  Response response = line::bench::begin_in(no_line_, pending.request, groups_);
+  pending.response = std::move(response);
+}
+
+void RealServer::resume(Pending& pending) {
+  drives_.set_wait([this, &pending](host::Time until) {
+    pending.due = until;
+    do {
+      pending.task->pause();
+    } while (drives_.now() < until);
+  });
+  try {
+    pending.task->resume();
+  } catch (const std::system_error&) {
+    pending.response = line::bench::error_response({503, "the system gives no thread", pending.request.target,
+                                                    "end other programs, or raise the limit of threads"});
+    pending.task->end();
+  }
+  if (!pending.task->over()) return;
+  const line::bench::HttpHandlers::Reply reply = std::move(pending.reply);
+  Response response = std::move(pending.response);
+  pending_.remove_if([&pending](const Pending& its) { return &its == &pending; });
+  reply(std::move(response));
+}
+
+void RealServer::schedule() {
+  const host::Time now = drives_.now();
+  host::Time next = std::min(now + view_period, jobs_.next_deadline());
+  for (const Pending& pending : pending_) next = std::min(next, pending.due);
+  timer_.expires_after(std::max(next - now, shortest_sleep));
+  timer_.async_wait([this](const boost::system::error_code& code) {
+    if (code) return;  // scheduled anew
+    look();
+    schedule();
+  });
+}
+
+void RealServer::look() {
+  const host::Time now = drives_.now();
+  jobs_.reached(now);
+  std::vector<Pending*> due;
+  for (Pending& pending : pending_) {
+    if (pending.due <= now) due.push_back(&pending);
+  }
+  for (Pending* pending : due) resume(*pending);
+  if (now >= next_view_) {
+    next_view_ = now + view_period;
+    const std::int64_t end = drives_.tick() + 1;
+    note_events();  // has samples up to then at least: time goes on meanwhile
+    scope_.advance(end);
+  }
+  if (now >= next_attention_) {
+    next_attention_ = now + attention_period;
+    scope_.attend(std::chrono::steady_clock::now());
+  }
+}
+
+// The last thing that somebody did with the axis from here was to move it.
+bool RealServer::moved(const std::string& axis) const {
+  static constexpr std::array motions{"home", "move", "velocity", "torque", "jog"};
+  const Job* last = nullptr;
+  for (const Job& job : jobs_.all()) {
+    if (job.axis == axis) last = &job;
+  }
+  return last != nullptr && std::find(motions.begin(), motions.end(), last->order.what) != motions.end();
+}
+
+void RealServer::note_events() {
+  for (const line::bench::Json& event : drives_.advance()) {
+    scope_.publish(event);
+    if (event["kind"] != "power" || event["powered"] != false) continue;
+    const auto name = event["axis"].get<std::string>();
+    const RealDrives::Axis& axis = *drives_.find(name);
+    if (moved(name)) drives_.buses()[axis.bus]->stop_when_back(axis.drive);
+  }
+}
+
+void RealServer::shut_down() {
+  drives_.set_wait(
+      [this](host::Time until) { std::this_thread::sleep_for(std::max<host::Time>(until - drives_.now(), 100us)); });
+  const auto has_torque = [this](const RealDrives::Axis& axis) {
+    const DriveBus::DriveState state = drives_.state_of(axis);
+    return !state.problem && (state.status.state() == drive::PowerState::operation_enabled ||
+                              state.status.state() == drive::PowerState::quick_stop_active);
+  };
+  std::vector<const RealDrives::Axis*> left;
+  for (const RealDrives::Axis& axis : drives_.all()) {
+    const auto is_its = [&axis](const Job& job) { return job.axis == axis.name; };
+    if (has_torque(axis) && std::any_of(jobs_.all().begin(), jobs_.all().end(), is_its)) left.push_back(&axis);
+  }
+  for (const RealDrives::Axis* axis : left) {
+    if (Job* job = jobs_.running(axis->name)) jobs_.end(*job, "the server ends");
+    try {
+      const auto objects = drives_.open(*axis);
+      host::AxisOptions options = drives_.options(axis->name);
+      options.state_timeout = longest_stop;
+      host::Axis402 host_axis(*objects, options);
+      host_axis.quick_stop();
+      host_axis.disable();
+    } catch (const std::exception&) {
+      // It does not answer, or has stopped otherwise: there is nobody left to tell.
+    }
+  }
+}
+
+}  // namespace servodrome::studio

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <list>
+#include <memory>
+#include <string>
+
+#include "line/bench/http_server.hpp"
+#include "line/bench/scope/scope.hpp"
+#include "line/bench/scope/web_sockets.hpp"
+#include "line/bench/static_files.hpp"
+#include "studio/jobs.hpp"
+#include "studio/real_drives.hpp"
+
+namespace servodrome::studio {
+
+// The calls of the API that are answered by asking the drives; the context is the drives.
+line::bench::RouteGroup real_routes(RealDrives& drives);
+
+// Serves the bench API, as far as it does not need a plant, and the page, for drives on buses. Requests and jobs that
+// wait for a drive are tasks: one thread serves everybody, each bus has one of its own.
+class RealServer {
+ public:
+  struct Settings {
+    std::string address = "127.0.0.1";
+    std::uint16_t port = 8402;
+    std::string page{};  // folder; empty: none
+  };
+
+  // `drives` outlives it. Throws links::LinkError if it cannot listen.
+  RealServer(RealDrives& drives, const Settings& settings);
+  ~RealServer();
+  RealServer(const RealServer&) = delete;
+  RealServer& operator=(const RealServer&) = delete;
+
+  // Serves until stop(). Then axes that were moved from here and have torque come to rest, and lose it.
+  void run();
+  void stop() { io_.stop(); }
+
+  boost::asio::io_context& io() { return io_; }
+  std::uint16_t port() const { return http_->port(); }
+  const std::string& token() const { return access_.token; }
+  bool has_page() const { return page_.has_page(); }
+
+ private:
+  struct Pending {
+    line::bench::Request request;
+    line::bench::HttpHandlers::Reply reply;
+    line::bench::Response response{};
+    host::Time due{};
+    std::unique_ptr<Task> task{};
+  };
+
+  void answer(line::bench::Request&& request, line::bench::HttpHandlers::Reply reply);
+  void carry_out(Pending& pending);
+  void resume(Pending& pending);
+  void look();
+  void schedule();
+  void note_events();
+  bool moved(const std::string& axis) const;
+  void shut_down();
+
+  RealDrives& drives_;
+  line::Line no_line_;
+  boost::asio::io_context io_;
+  boost::asio::steady_timer timer_;
+  line::bench::Access access_;
+  line::bench::StaticFiles page_;
+  line::bench::Scope scope_;
+  line::bench::WebSockets web_sockets_;
+  Jobs jobs_;
+  std::vector<line::bench::RouteGroup> groups_;
+  std::list<Pending> pending_;
+  host::Time next_view_{};
+  host::Time next_attention_{};
+  std::unique_ptr<line::bench::HttpServer> http_;
+};
+
+}  // namespace servodrome::studio

@@ -1,0 +1,35 @@
+#include "studio/remote_objects.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+constexpr auto look_period = std::chrono::microseconds(500);
+
+// Whoever leaves does not want it any more.
+class Wanted {
+ public:
+  explicit Wanted(Access& access) : access_(access) {}
+  ~Wanted() { access_.given_up = true; }
+  Wanted(const Wanted&) = delete;
+  Wanted& operator=(const Wanted&) = delete;
+
+ private:
+  Access& access_;
+};
+
+}  // namespace
+
+std::vector<std::byte> RemoteObjects::access(host::ObjectAddress object, bool writes, std::vector<std::byte> bytes) {
+  const auto access = std::make_shared<Access>();
+  access->drive = drive_;
+  access->object = object;
+  access->writes = writes;
+  access->bytes = std::move(bytes);
+  const Wanted wanted(*access);
+  bus_.submit(access);
+  while (!access->done) wait_(now_() + look_period);
+  if (access->error) std::rethrow_exception(access->error);
+  return std::move(access->bytes);
+}
+
+}  // namespace servodrome::studio

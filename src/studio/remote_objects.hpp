@@ -1,0 +1,35 @@
+#pragma once
+
+#include "studio/drive_bus.hpp"
+
+namespace servodrome::studio {
+
+// The objects of a drive for somebody in another thread than its bus, who waits by letting others do something.
+class RemoteObjects final : public host::ObjectClient {
+ public:
+  using Now = std::function<host::Time()>;
+
+  // `bus` outlives this.
+  RemoteObjects(DriveBus& bus, std::size_t drive, std::string name, Now now, Drives::Wait wait)
+      : bus_(bus), drive_(drive), name_(std::move(name)), now_(std::move(now)), wait_(std::move(wait)) {}
+
+  std::vector<std::byte> upload(host::ObjectAddress object) override { return access(object, false, {}); }
+  void download(host::ObjectAddress object, std::span<const std::byte> data) override {
+    access(object, true, {data.begin(), data.end()});
+  }
+  host::Time now() const override { return now_(); }
+  void wait(host::Time span) override { wait_(now_() + span); }
+  std::uint16_t address() const override { return static_cast<std::uint16_t>(bus_.plan().drives[drive_].address); }
+  std::string where() const override { return name_; }
+
+ private:
+  std::vector<std::byte> access(host::ObjectAddress object, bool writes, std::vector<std::byte> bytes);
+
+  DriveBus& bus_;
+  std::size_t drive_;
+  std::string name_;
+  Now now_;
+  Drives::Wait wait_;
+};
+
+}  // namespace servodrome::studio

@@ -1,0 +1,66 @@
+import type { Channel, ChannelRequest } from '../api/types';
+
+// Frequency responses as the server computes them from a recording (docs/bench-api.md, "Bode plots").
+
+export interface BodePoint {
+  hz: number;
+  gain_db: number;
+  phase_deg: number;
+  coherence?: number;
+}
+
+export interface Bode {
+  recording: number;
+  input: Channel;
+  output: Channel;
+  points: BodePoint[];
+  bandwidth_hz?: number | null; // of a closed loop: the same unit at both ends
+  open_loop?: {
+    points: BodePoint[];
+    crossover_hz: number | null;
+    phase_margin_deg: number | null;
+    gain_margin_hz: number | null;
+    gain_margin_db: number | null;
+  };
+}
+
+// The response at a frequency, on the line between its neighbours over the logarithm; null outside.
+export function at(points: BodePoint[], hz: number): BodePoint | null {
+  const after = points.findIndex((point) => point.hz >= hz);
+  if (after < 0 || points.length === 0) return null;
+  if (points[after].hz === hz) return points[after];
+  if (after === 0) return null;
+  const [a, b] = [points[after - 1], points[after]];
+  const share = Math.log(hz / a.hz) / Math.log(b.hz / a.hz);
+  const between = (from: number, to: number) => from + (to - from) * share;
+  return {
+    hz,
+    gain_db: between(a.gain_db, b.gain_db),
+    phase_deg: between(a.phase_deg, b.phase_deg),
+    ...(a.coherence !== undefined && b.coherence !== undefined ? { coherence: between(a.coherence, b.coherence) } : {}),
+  };
+}
+
+export type Excited = 'velocity' | 'torque' | 'position';
+
+// The target that is excited comes first, so that it can trigger; then what answers, as far as the drive has it.
+const wanted: Record<Excited, string[]> = {
+  velocity: ['60FF:00', '606B:00', '606C:00', '6077:00', '6078:00'],
+  torque: ['6071:00', '6074:00', '6077:00', '6078:00', '606C:00'],
+  position: ['607A:00', '6062:00', '6064:00', '606C:00', '6077:00'],
+};
+const answers: Record<Excited, string> = { velocity: '606C:00', torque: '606C:00', position: '6064:00' };
+
+export function channelsOf(axis: string, of: Excited, has: (object: string) => boolean): ChannelRequest[] {
+  return wanted[of].filter(has).map((object) => ({ axis, object }));
+}
+
+// Which of a recording's channels a plot begins with: the excited target and its answer, or the first two.
+export function firstPlot(channels: ChannelRequest[]): [number, number] {
+  for (const of of ['velocity', 'torque', 'position'] as const) {
+    const input = channels.findIndex(({ object }) => object === wanted[of][0]);
+    const output = channels.findIndex(({ object }) => object === answers[of]);
+    if (input >= 0 && output >= 0) return [input, output];
+  }
+  return [0, Math.min(1, channels.length - 1)];
+}

@@ -1,0 +1,181 @@
+import { useState, type ReactNode } from 'react';
+import { callText, get, post, problemOf } from '../api/client';
+import type { Problem } from '../api/types';
+import { axisPath } from '../commands';
+import { Button, Link, Panel, Scroll, Toggle, Trouble } from '../parts/controls';
+import { textOf, type Difference } from '../model/parameters';
+import { attempt, tell } from '../notices';
+import { useAxis } from '../store';
+
+interface Comparison {
+  compared: number;
+  differences: Difference[];
+}
+
+interface Named {
+  object: string;
+  name: string;
+}
+
+interface LoadReport {
+  compared: number;
+  written: Named[];
+  skipped: Named[];
+  stored: boolean;
+  keeps_at_once: boolean;
+  after_restart: Named[];
+  lost_with_power: Named[];
+}
+
+interface Text {
+  name: string;
+  text: string;
+}
+
+// What happened last: a comparison, a load, or a refusal.
+interface Outcome {
+  comparison?: Comparison & { left: string };
+  report?: LoadReport;
+  problem?: Problem;
+}
+
+export function ParametersView({ name }: { name: string }) {
+  const product = useAxis(name)?.product ?? '';
+  const path = `${axisPath(name)}/parameters`;
+  const [file, setFile] = useState<Text | null>(null);
+  const [store, setStore] = useState(false);
+  const [force, setForce] = useState(false);
+  const [outcome, setOutcome] = useState<Outcome>({});
+  const [busy, setBusy] = useState(false);
+
+  const run = (action: () => Promise<Outcome>) => {
+    setBusy(true);
+    void action()
+      .catch((error: unknown) => ({ problem: problemOf(error) }))
+      .then(setOutcome)
+      .finally(() => setBusy(false));
+  };
+  const compareWithFactory = async () => ({ comparison: { ...(await get<Comparison>(`${path}/diff`)), left: 'factory' } });
+  const compareWith = async ({ name: left, text }: Text) => ({ comparison: { ...(await callText<Comparison>('POST', `${path}/diff`, text)), left } });
+  const load = async (text: string, query = '') => ({ report: await callText<LoadReport>('PUT', `${path}${query}`, text) });
+  const again = (left: string) => (left === 'factory' ? compareWithFactory() : file ? compareWith(file) : Promise.resolve({}));
+  // The left side's values of a comparison into the drive; what then still differs is shown.
+  const take = (left: string, differences: Difference[]) =>
+    run(async () => {
+      const { report } = await load(textOf(product, differences));
+      return { report, ...(await again(left)) };
+    });
+  const options = [store && 'store=true', force && 'force=true'].filter(Boolean).join('&');
+
+  return (
+    <div className="column">
+      <Panel title="Parameters" aside={<span className="quiet" role="status">{busy ? 'working' : ''}</span>}>
+        <p className="note">
+          All that can be set, as a text that "servodrome params" reads and writes as well. Loading checks everything first, writes what
+          differs, and takes all of it back if the drive refuses a value.
+        </p>
+        <div className="toolbar">
+          <a className="button" href={`/api/v1${path}`} download={`${name}.par`}>Save as a file</a>
+          <Button isDisabled={busy} onPress={() => run(compareWithFactory)}>Compare with factory</Button>
+          <Button isDisabled={busy} onPress={() => attempt(async () => tell(await storeAll(path)))}>Store in the drive</Button>
+        </div>
+        <div className="toolbar">
+          <label className="field file">
+            <span>Parameter file</span>
+            <input
+              type="file"
+              accept=".par,.txt,text/plain"
+              onChange={(event) => {
+                const chosen = event.target.files?.[0];
+                setOutcome({});
+                if (chosen) attempt(async () => setFile({ name: chosen.name, text: await chosen.text() }));
+                else setFile(null);
+              }}
+            />
+          </label>
+          <Button isDisabled={busy || !file} onPress={() => file && run(() => compareWith(file))}>Compare with file</Button>
+          <Button kind="main" isDisabled={busy || !file} onPress={() => file && run(() => load(file.text, options && `?${options}`))}>Load file</Button>
+          <Toggle isSelected={store} onChange={setStore}>and store</Toggle>
+          <Toggle isSelected={force} onChange={setForce}>of another product too</Toggle>
+        </div>
+        <Trouble problem={outcome.problem} />
+        {outcome.report && <Report report={outcome.report} />}
+      </Panel>
+      {outcome.comparison && <Differences axis={name} comparison={outcome.comparison} onTake={(some) => take(outcome.comparison!.left, some)} busy={busy} />}
+    </div>
+  );
+}
+
+async function storeAll(path: string): Promise<string> {
+  const { stored } = await post<{ stored: boolean }>(`${path}/store`);
+  return stored ? 'stored: kept over power-off' : 'this drive has no command to store: what it keeps, it keeps as soon as it is written';
+}
+
+function Report({ report }: { report: LoadReport }) {
+  const lists: [Named[], string][] = [
+    [report.written, 'Written'],
+    [report.skipped, 'Left out'],
+    [report.after_restart, 'Restart the drive, these act from the next power-on'],
+    [report.lost_with_power, 'Lost with the power in any case, the drive does not keep them'],
+  ];
+  return (
+    <div className="report" role="status">
+      <p>
+        {report.compared} parameters are as in the file, {report.written.length} of them were written.{' '}
+        {report.stored ? 'Stored.' : report.keeps_at_once ? '' : report.written.length > 0 ? 'Not stored: lost with the power.' : ''}
+      </p>
+      {lists.filter(([objects]) => objects.length > 0).map(([objects, title]) => (
+        <details key={title}>
+          <summary>{title}: {objects.length}</summary>
+          <ul className="plain-list">{objects.map(({ object, name }) => <li key={object}><span className="mono">{object}</span> {name}</li>)}</ul>
+        </details>
+      ))}
+    </div>
+  );
+}
+
+function Differences({ axis, comparison, onTake, busy }: {
+  axis: string;
+  comparison: Comparison & { left: string };
+  onTake: (some: Difference[]) => void;
+  busy: boolean;
+}) {
+  const { left, compared, differences } = comparison;
+  const all = differences.filter((each) => each.left !== null);
+  const cell = (value: string | null): ReactNode => value ?? <span className="quiet">not there</span>;
+  return (
+    <Panel
+      title={`Compared with ${left}`}
+      aside={
+        <>
+          <span className="quiet" role="status">{differences.length} of {compared} differ</span>
+          <Button isDisabled={busy || all.length === 0} onPress={() => onTake(all)}>Take all of {left}</Button>
+        </>
+      }
+    >
+      {differences.length === 0 ? (
+        <p className="empty">Equal.</p>
+      ) : (
+        <Scroll label="Table of differences">
+          <table className="table">
+            <thead>
+              <tr><th scope="col">object</th><th scope="col" className="wide">name</th><th scope="col">{left}</th><th scope="col">drive</th><th scope="col" className="wide">unit</th><th scope="col"><span className="unseen">take</span></th></tr>
+            </thead>
+            <tbody>
+              {differences.map((each) => (
+                <tr key={each.object}>
+                  <th scope="row" className="mono"><Link to={`/objects/${encodeURIComponent(axis)}?object=${each.object}&q=${each.object}`}>{each.object}</Link></th>
+                  <td className="text">{each.name}</td>
+                  <td>{cell(each.left)}</td>
+                  <td>{cell(each.right)}</td>
+                  <td className="text">{each.unit}</td>
+                  <td>{each.left !== null && <Button kind="bare" isDisabled={busy} aria-label={`Take ${each.object} of ${left}`} onPress={() => onTake([each])}>Take</Button>}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </Scroll>
+      )}
+    </Panel>
+  );
+}

@@ -1,0 +1,99 @@
+import { useMemo, useState } from 'react';
+import type { Recording } from '../api/types';
+import { at, firstPlot, type Bode, type BodePoint } from '../model/bode';
+import { labelOf } from '../model/scope';
+import { fixed, significant } from '../model/units';
+import { useResource } from '../resource';
+import { Choice, NumberInput, Readout, Scroll, Toggle, Trouble } from './controls';
+import { Lanes, type Curve } from './lanes';
+
+// The frequency response between two channels of a recording, over it that of an earlier one with the same channels.
+export function BodePlot({ recording, earlier }: { recording: Recording; earlier: Recording | undefined }) {
+  const [first, second] = firstPlot(recording.channels);
+  const [input, setInput] = useState(first);
+  const [output, setOutput] = useState(second);
+  const [open, setOpen] = useState(false);
+  const [a, setA] = useState<number | null>(null);
+  const [b, setB] = useState<number | null>(null);
+  const query = `bode?input=${input}&output=${output}&from_hz=1&to_hz=1000`;
+  const { value, problem } = useResource<Bode>(`/recordings/${recording.id}/${query}`);
+  const fits = earlier !== undefined && earlier.channels[input]?.name === recording.channels[input].name && earlier.channels[output]?.name === recording.channels[output].name;
+  const before = useResource<Bode>(fits ? `/recordings/${earlier.id}/${query}` : null).value;
+  const pointsOf = (bode: Bode | undefined): BodePoint[] => (open && bode?.open_loop ? bode.open_loop.points : (bode?.points ?? []));
+  const points = pointsOf(value);
+  const earlierPoints = pointsOf(before);
+  const x = useMemo(() => points.map(({ hz }) => hz), [points]);
+  const curves: Curve[] = useMemo(() => {
+    const own: Curve[] = [
+      { name: 'gain', unit: 'dB', tone: 0, values: points.map((point) => point.gain_db) },
+      { name: 'phase', unit: '°', tone: 1, values: points.map((point) => point.phase_deg) },
+      ...(points[0]?.coherence === undefined ? [] : [{ name: 'coherence', unit: 'coherence', tone: 2, values: points.map((point) => point.coherence ?? NaN) }]),
+    ];
+    if (earlierPoints.length === 0) return own;
+    const beside = x.map((hz) => at(earlierPoints, hz));
+    return [
+      ...own,
+      { name: `gain, recording ${before?.recording}`, unit: 'dB', tone: 0, values: beside.map((point) => point?.gain_db ?? NaN), faint: true },
+      { name: `phase, recording ${before?.recording}`, unit: '°', tone: 1, values: beside.map((point) => point?.phase_deg ?? NaN), faint: true },
+    ];
+  }, [points, earlierPoints, x, before]);
+
+  const channels = recording.channels.map((channel, i) => [i, labelOf(channel)] as const);
+  const cursors: [string, number | null, (hz: number | null) => void][] = [['Cursor A', a, setA], ['Cursor B', b, setB]];
+  return (
+    <div className="bode">
+      <div className="toolbar">
+        <Choice label="Input" value={input} options={channels} onChange={setInput} />
+        <Choice label="Output" value={output} options={channels} onChange={setOutput} />
+        {value?.open_loop && <Toggle isSelected={open} onChange={setOpen}>open loop</Toggle>}
+        {cursors.map(([label, hz, set]) => (
+          <NumberInput key={label} label={label} unit="Hz" value={hz ?? NaN} minimum={0} onChange={(to) => set(Number.isFinite(to) && to > 0 ? to : null)} />
+        ))}
+      </div>
+      <Trouble problem={problem} />
+      {points.length > 1 && (
+        <Lanes label="Bode plot" x={x} curves={curves} range={null} unit="Hz" logarithmic cursors={[a, b]} onCursor={(which, hz) => (which === 0 ? setA : setB)(Number(hz.toPrecision(4)))} />
+      )}
+      {value && points.length <= 1 && <p className="empty">The input holds nothing to tell a response from: record a sweep or a step.</p>}
+      {value?.open_loop && <Margins bode={value} before={before} />}
+      <Scroll label="Read at the cursors">
+        <table className="table" aria-label="Response">
+          <caption>{a === null && b === null ? 'click in the plot sets cursor A, with shift B' : 'at the cursors'}</caption>
+          <thead><tr><th scope="col">cursor</th><th scope="col">frequency, Hz</th><th scope="col">gain, dB</th><th scope="col">gain</th><th scope="col">phase, °</th><th scope="col">coherence</th></tr></thead>
+          <tbody>
+            {cursors.map(([label, hz]) => {
+              const point = hz === null ? null : at(points, hz);
+              return (
+                <tr key={label}>
+                  <th scope="row">{label.slice(-1)}</th>
+                  <td>{hz === null ? '–' : significant(hz)}</td>
+                  <td>{point ? fixed(point.gain_db, 2) : '–'}</td>
+                  <td>{point ? significant(10 ** (point.gain_db / 20)) : '–'}</td>
+                  <td>{point ? fixed(point.phase_deg, 1) : '–'}</td>
+                  <td>{point?.coherence === undefined ? '–' : fixed(point.coherence, 3)}</td>
+                </tr>
+              );
+            })}
+          </tbody>
+        </table>
+      </Scroll>
+    </div>
+  );
+}
+
+function Margins({ bode, before }: { bode: Bode; before: Bode | undefined }) {
+  const rows: [string, string, (from: Bode) => number | null | undefined, number, string][] = [
+    ['Bandwidth', 'Hz', ({ bandwidth_hz }) => bandwidth_hz, 1, 'closed loop, -3 dB'],
+    ['Crossover', 'Hz', ({ open_loop }) => open_loop?.crossover_hz, 1, 'open loop, 0 dB'],
+    ['Phase margin', '°', ({ open_loop }) => open_loop?.phase_margin_deg, 1, 'open loop, at the crossover'],
+    ['Gain margin', 'dB', ({ open_loop }) => open_loop?.gain_margin_db, 1, 'open loop, at -180°'],
+  ];
+  const text = (value: number | null | undefined, digits: number) => (value === null || value === undefined ? '–' : fixed(value, digits));
+  return (
+    <dl className="readouts" aria-label="Margins">
+      {rows.map(([label, unit, of, digits, title]) => (
+        <Readout key={label} label={before ? `${label}, before` : label} title={title} unit={unit} value={before ? `${text(of(bode), digits)}, ${text(of(before), digits)}` : text(of(bode), digits)} />
+      ))}
+    </dl>
+  );
+}

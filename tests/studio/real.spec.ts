@@ -1,0 +1,123 @@
+import { card, choose, expect, panel, test as base, type, watch } from './fixtures';
+import { Line, lineFile, Studio } from './line';
+
+// The page in front of drives on buses: those of a line in another process, which the studio reaches as any others.
+
+interface View {
+  state: string;
+  velocity_rpm: number;
+  position_counts: number;
+}
+
+const test = base.extend<{ drives: Line; studio: Studio; go: (path: string) => Promise<void> }>({
+  drives: async ({ page: _ }, use) => {
+    const line = await new Line(lineFile(), ['can0=socketcand:127.0.0.1:0/can0', 'ecat=udp:127.0.0.1:0']).start();
+    await use(line);
+    await line.end();
+  },
+  studio: async ({ drives }, use) => {
+    const studio = await new Studio([`${drives.linkOf('can0')}=1,2`, drives.linkOf('ecat')]).start();
+    await use(studio);
+    await studio.end();
+  },
+  go: async ({ page, studio }, use) => {
+    await use(async (path) => {
+      await page.goto(studio.address + path);
+      await expect(page.locator('main .panel').first()).toBeVisible();
+    });
+  },
+  // The other fixtures' line stands for the studio here.
+  watched: async ({ page, studio }, use) => {
+    const found: string[] = [];
+    watch(page, studio, found);
+    await use(found);
+    expect(found).toEqual([]);
+  },
+  line: async ({ drives }, use) => use(drives),
+});
+
+const [can, reference, ethercat] = ['ismc-1', 'generic402-2', 'jmc_ec-1'];
+
+test('shows the drives that were found, moves them, and knows what it does not have', async ({ page, go, drives, picture }) => {
+  await go('/');
+  for (const axis of [can, reference, ethercat]) await expect(card(page, axis).locator('header .chip')).toHaveText('switch on disabled');
+  await go(`/axis/${reference}`);
+  await type(page, 'Distance', 2.5);
+  await page.getByRole('button', { name: 'Move +' }).click();
+  await expect(page.getByText(/move: done/)).toBeVisible();
+  const { position_counts } = await drives.call<View>('GET', '/axes/reference');
+  expect(Math.abs(position_counts - 2.5 * 131072)).toBeLessThan(500);
+  await expect(panel(page, 'Motion')).toContainText(/2\.(49|50)\d\d\s*rev/);
+  await expect(page.getByRole('button', { name: 'Power cycle' })).toHaveCount(0);
+  await picture('real-axis');
+  await page.getByRole('link', { name: 'I/O and plant' }).click();
+  await expect(page.locator('main')).toContainText('these are drives on a bus');
+  await go('/');
+  await picture('real-line');
+});
+
+test('homes a drive on EtherCAT', async ({ page, go, drives }) => {
+  await go(`/axis/${ethercat}?do=home`);
+  await choose(page, 'Method', /^7: /);
+  await type(page, 'Speed to the switch', 240);
+  await type(page, 'Speed to the zero', 60);
+  await page.getByRole('button', { name: 'Home', exact: true }).click();
+  await expect(page.getByText(/home: done/)).toBeVisible({ timeout: 90_000 });
+  expect((await drives.call<{ homed: boolean }>('GET', '/axes/jmc')).homed).toBe(true);
+});
+
+test('reads and writes objects, and shows what the drive refuses', async ({ page, go, drives }) => {
+  await go(`/objects/${can}?q=6083&object=6083:00`);
+  const editor = page.getByRole('textbox', { name: /value/i }).first();
+  await expect(editor).toBeVisible();
+  await editor.fill('54321');
+  await editor.press('Enter');
+  await expect.poll(async () => (await drives.call<{ value: number }>('GET', '/axes/ismc/objects/6083/0')).value).toBe(54321);
+});
+
+test('records, by asking as fast as the bus lets it', async ({ page, go, studio }) => {
+  await go(`/scope?ch=${reference}/position_counts,${reference}/velocity&rate=100&ms=1500&pre=0`);
+  await page.getByText('with a move').click();
+  await page.getByRole('button', { name: 'Record', exact: true }).click();
+  await expect.poll(async () => (await studio.call<{ recordings: { state: string }[] }>('GET', '/recordings')).recordings[0]?.state).toBe('done');
+});
+
+test('says a fault with its cause, and clears it', async ({ page, go, drives, picture }) => {
+  await go(`/faults/${reference}`);
+  await drives.call('POST', '/axes/reference/faults', { inject: 'over_voltage' });
+  await expect(panel(page, 'Active')).toContainText(/3210h|over-?voltage/i);
+  await picture('real-fault');
+  await drives.call('DELETE', '/axes/reference/faults');
+  await page.getByRole('button', { name: 'Clear fault' }).click();
+  await expect.poll(async () => (await drives.call<View>('GET', '/axes/reference')).state).not.toBe('fault');
+});
+
+test('the big stop stops every axis', async ({ page, go, drives, studio }) => {
+  await go('/');
+  for (const axis of [reference, ethercat]) {
+    await card(page, axis).getByRole('button', { name: 'Enable' }).click();
+    await expect(card(page, axis).locator('header .chip')).toHaveText('operation enabled');
+    await studio.call('POST', `/axes/${axis}/jobs`, { do: 'velocity', velocity: 0.5, acceleration: 5, units: 'revolutions' });
+  }
+  const speed = async (axis: string) => Math.abs((await drives.call<View>('GET', `/axes/${axis}`)).velocity_rpm);
+  for (const axis of ['reference', 'jmc']) await expect.poll(() => speed(axis)).toBeGreaterThan(20);
+  await page.keyboard.press('Control+Space');
+  await expect(page.getByText('all axes stopped')).toBeVisible();
+  for (const axis of ['reference', 'jmc']) await expect.poll(() => speed(axis)).toBeLessThan(1);
+});
+
+test('the loss of the buses is said, and the page comes back with them', async ({ page, go, drives, watched, picture }) => {
+  await go('/');
+  await card(page, can).getByRole('button', { name: 'Enable' }).click();
+  await expect(card(page, can).locator('header .chip')).toHaveText('operation enabled');
+  await drives.stop();
+  await expect(page.getByRole('alert')).toContainText('Not reached');
+  await expect(page.getByRole('alert')).toContainText(can);
+  await expect(card(page, can)).toContainText('not reached');
+  await picture('real-lost');
+  await drives.start();
+  await expect(page.getByRole('alert')).toHaveCount(0);
+  await card(page, can).getByRole('button', { name: 'Enable' }).click();
+  await expect(card(page, can).locator('header .chip')).toHaveText('operation enabled');
+  for (const message of watched.splice(0)) expect(message).toMatch(/409/); // what was being asked when the bus went
+});

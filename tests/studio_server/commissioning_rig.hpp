@@ -1,0 +1,67 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "host/ethercat/scan.hpp"
+#include "host/ethercat/slave.hpp"
+#include "line/bench/api.hpp"
+#include "line/support.hpp"
+#include "links/ethercat/memory_client.hpp"
+#include "studio/commissioning.hpp"
+#include "studio/jobs.hpp"
+
+namespace servodrome::studio {
+
+// An axis of each product, named after it, in virtual time, and the bench API in front of them.
+class CommissioningRig : public testing::Test {
+ protected:
+  static std::string line_of_all() {
+    std::string text = "clock = \"virtual\"\n[[bus]]\nname = \"can0\"\n[[bus]]\nname = \"ecat\"\ntype = \"ethercat\"\n";
+    int node = 0;
+    for (const line::Product& product : line::all_products()) {
+      const bool can = product.fieldbus == line::Fieldbus::can;
+      text += fmt::format("[[axis]]\nname = \"{0}\"\nproduct = \"{0}\"\nbus = \"{1}\"\n", product.name,
+                          can ? "can0" : "ecat");
+      if (can) text += fmt::format("node = {}\n", ++node);
+    }
+    return text;
+  }
+  CommissioningRig() { pass(std::chrono::milliseconds(300)); }
+
+  line::bench::Response ask(line::bench::Method method, const std::string& target, const std::string& body = {}) {
+    std::vector<line::bench::RouteGroup> groups = commissioning_routes();
+    groups.push_back(jobs_.routes());
+    return line::bench::handle(line_, {.method = method, .target = "/api/v1/" + target, .body = body}, groups);
+  }
+  // The answer of a request that is to succeed.
+  nlohmann::json json_of(line::bench::Method method, const std::string& target, const std::string& body = {}) {
+    const line::bench::Response response = ask(method, target, body);
+    EXPECT_LT(response.status, 300U) << target << " " << response.body;
+    return response.body.empty() ? nlohmann::json() : nlohmann::json::parse(response.body);
+  }
+  nlohmann::json get(const std::string& target) { return json_of(line::bench::Method::get, target); }
+  nlohmann::json value(const std::string& axis, const std::string& object) {
+    return get("axes/" + axis + "/objects/" + object)["value"];
+  }
+  // All slaves, as a master does.
+  void to_pre_operational() {
+    host::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(line_.ethercat_buses()[0]->bus, line_));
+    for (const host::FoundSlave& found : host::scan_slaves(master)) {
+      host::EthercatSlave(master, found).to_pre_operational();
+    }
+  }
+  void pass(line::Time span) { line_.run_until(line_.now() + span); }
+
+  line::Line line_{line::test::settings_of(line_of_all())};
+  LineJobs jobs_{line_};
+};
+
+// Names of the products, as parameters of tests.
+inline std::vector<std::string> names_of_products() {
+  std::vector<std::string> names;
+  for (const line::Product& product : line::all_products()) names.emplace_back(product.name);
+  return names;
+}
+
+}  // namespace servodrome::studio

@@ -1,0 +1,147 @@
+// Jobs "sweep" and "step", of every product, in virtual time: what the true shaft does, and what the loops are seen to
+// be by it.
+#include <algorithm>
+#include <gmock/gmock.h>
+
+#include "commissioning_rig.hpp"
+#include "host/tuning/spectrum.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+using line::bench::Method;
+using nlohmann::json;
+using testing::HasSubstr;
+using namespace std::chrono_literals;
+
+class ExcitationOf : public CommissioningRig, public testing::WithParamInterface<std::string> {
+ protected:
+  std::string axis_ = GetParam();
+
+  json run(const std::string& body, line::Time longest = 30s) {
+    json job = json_of(Method::post, "axes/" + axis_ + "/jobs", body);
+    for (const line::Time end = line_.now() + longest; line_.now() < end && job["state"] == "running";) {
+      pass(10ms);
+      job = get(fmt::format("jobs/{}", job["id"].get<int>()));
+    }
+    return job;
+  }
+  void enable() {
+    const json job = run(R"({"do": "enable"})");
+    ASSERT_EQ(job["state"], "done") << job.dump();
+  }
+  line::Axis& axis() { return *line_.find_axis(axis_); }
+  double counts_per_turn() const {
+    return const_cast<ExcitationOf*>(this)->axis().plant().parameters().encoder.counts_per_revolution;
+  }
+  // In revolutions per second, every half millisecond while the job runs.
+  struct Samples {
+    std::vector<double> target;
+    std::vector<double> velocity;
+    json job;
+  };
+  Samples sampled(const std::string& body) {
+    Samples samples;
+    const double per_rps = get("axes/" + axis_ + "/units")["velocity_per_rps"];
+    json job = json_of(Method::post, "axes/" + axis_ + "/jobs", body);
+    for (unsigned n = 0; job["state"] == "running" && n < 40'000; ++n) {
+      pass(500us);
+      samples.target.push_back(value(axis_, "60FF/0").get<double>() / per_rps);
+      samples.velocity.push_back(axis().plant().velocity_rpm() / 60.0);
+      if (n % 20 == 0) job = get(fmt::format("jobs/{}", job["id"].get<int>()));
+    }
+    samples.job = job;
+    return samples;
+  }
+  std::vector<json> ramps() {
+    std::vector<json> values;
+    for (const char* object : {"6083/0", "6084/0"}) values.push_back(value(axis_, object));
+    return values;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Products, ExcitationOf, testing::ValuesIn(names_of_products()), [](const auto& product) {
+  std::string name = product.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+});
+
+TEST_P(ExcitationOf, ASweepShowsTheVelocityLoop) {
+  enable();
+  const auto before = ramps();
+  const Samples samples =
+      sampled(R"({"do": "sweep", "amplitude": 1, "from_hz": 2, "to_hz": 150, "seconds": 3, "units": "revolutions"})");
+  ASSERT_EQ(samples.job["state"], "done") << samples.job.dump();
+  const auto points = host::tuning::response_of_signals(samples.target, samples.velocity, 500e-6,
+                                                        {.lowest_hz = 3.0, .highest_hz = 120.0});
+  ASSERT_GT(points.size(), 20U);
+  EXPECT_NEAR(std::abs(points.front().response), 1.0, 0.1);  // a loop follows what is slow
+  EXPECT_GT(points.front().coherence, 0.9);
+  EXPECT_LT(std::arg(points.back().response), 0.0);  // and lags behind what is fast
+  EXPECT_EQ(ramps(), before);
+  EXPECT_EQ(get("axes/" + axis_)["state"], "operation enabled");
+  pass(200ms);
+  EXPECT_NEAR(axis().plant().velocity_rpm(), 0.0, 1.0);
+}
+
+TEST_P(ExcitationOf, AStepIsReachedAndGoneBack) {
+  enable();
+  pass(200ms);  // jmc_ec is in operation enabled 100 ms before its brake has opened (P01-30)
+  const Samples samples = sampled(R"({"do": "step", "amplitude": 2, "seconds": 0.3, "units": "revolutions"})");
+  ASSERT_EQ(samples.job["state"], "done") << samples.job.dump();
+  const double highest = *std::max_element(samples.velocity.begin(), samples.velocity.end());
+  EXPECT_GT(highest, 1.9);
+  EXPECT_LT(highest, 3.6);
+  const auto risen = std::count_if(samples.velocity.begin(), samples.velocity.end(), [](double v) { return v > 1.0; });
+  EXPECT_NEAR(static_cast<double>(risen) * 0.5, 300.0, 60.0);
+}
+
+TEST_P(ExcitationOf, TheTravelIsKept) {
+  enable();
+  const auto before = ramps();
+  const json job = run(R"({"do": "step", "amplitude": 5, "seconds": 2, "travel": 1.5, "units": "revolutions"})");
+  EXPECT_EQ(job["state"], "failed") << job.dump();
+  EXPECT_THAT(job["error"]["what"].get<std::string>(), HasSubstr("are allowed"));
+  EXPECT_EQ(get("axes/" + axis_)["state"], "operation enabled");
+  EXPECT_EQ(ramps(), before);
+  pass(300ms);
+  EXPECT_NEAR(axis().plant().velocity_rpm(), 0.0, 1.0);
+}
+
+TEST_P(ExcitationOf, WhatIsEndedPutsRampsBack) {
+  enable();
+  const auto before = ramps();
+  const char* body = R"({"do": "sweep", "amplitude": 1, "seconds": 20, "units": "revolutions"})";
+  const json first = json_of(Method::post, "axes/" + axis_ + "/jobs", body);
+  pass(500ms);
+  json_of(Method::delete_, fmt::format("jobs/{}", first["id"].get<int>()));
+  pass(2s);
+  EXPECT_EQ(get(fmt::format("jobs/{}", first["id"].get<int>()))["state"], "cancelled");
+  EXPECT_EQ(ramps(), before);
+  // Another job takes its place, without asking.
+  const json second = json_of(Method::post, "axes/" + axis_ + "/jobs", body);
+  pass(500ms);
+  const json stop = run(R"({"do": "stop"})");
+  EXPECT_EQ(stop["state"], "done") << stop.dump();
+  EXPECT_EQ(get(fmt::format("jobs/{}", second["id"].get<int>()))["state"], "cancelled");
+  EXPECT_EQ(ramps(), before);
+  pass(300ms);
+  EXPECT_NEAR(axis().plant().velocity_rpm(), 0.0, 1.0);
+}
+
+TEST_P(ExcitationOf, BadOrdersAreRefused) {
+  const auto refused = [&](const std::string& body, unsigned status) {
+    EXPECT_EQ(ask(Method::post, "axes/" + axis_ + "/jobs", body).status, status) << body;
+  };
+  refused(R"({"do": "sweep"})", 400);
+  refused(R"({"do": "sweep", "amplitude": 0})", 422);
+  refused(R"({"do": "sweep", "amplitude": 1, "of": "colour"})", 422);
+  refused(R"({"do": "sweep", "amplitude": 1, "to_hz": 4000})", 422);
+  refused(R"({"do": "sweep", "amplitude": 1, "seconds": 1000})", 422);
+  refused(R"({"do": "step", "amplitude": 1, "travel": -1})", 422);
+  const json job = run(R"({"do": "step", "amplitude": 1, "units": "revolutions"})");
+  EXPECT_EQ(job["state"], "failed");
+  EXPECT_THAT(job["error"]["what"].get<std::string>(), HasSubstr("not enabled"));
+}
+
+}  // namespace
+}  // namespace servodrome::studio
