@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "app/commands.hpp"
+#include "app/interrupt_status.hpp"
 #include "app/number_options.hpp"
 #include "links/can/link_name.hpp"
 #include "links/link_error.hpp"
@@ -15,7 +16,9 @@ namespace {
 
 volatile std::sig_atomic_t interrupt_seen = 0;
 
-void note_interrupt(int) { interrupt_seen = 1; }
+void note_interrupt(int signal) {
+  if (interrupt_seen == 0) interrupt_seen = signal;
+}
 
 constexpr host::Time progress_period = std::chrono::milliseconds(100);
 
@@ -125,7 +128,9 @@ InterruptGuard::~InterruptGuard() {
   for (std::size_t i = 0; i < guarded.size(); ++i) ::sigaction(guarded[i], &before_[i], nullptr);
 }
 
-bool InterruptGuard::interrupted() { return interrupt_seen != 0; }
+bool InterruptGuard::interrupted() { return interrupting_signal() != 0; }
+
+int interrupting_signal() { return interrupt_seen; }
 
 host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet) {
   const bool shown = !quiet && on_terminal();

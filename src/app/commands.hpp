@@ -41,5 +41,9 @@ void add_probe(CLI::App& app);
 void add_run(CLI::App& app);
 void add_params(CLI::App& app);
 void add_sniff(CLI::App& app);
+void add_studio(CLI::App& app);
+void add_scope(CLI::App& app);
+void add_tune(CLI::App& app);
+void add_clone(CLI::App& app);
 
 }  // namespace servodrome::app

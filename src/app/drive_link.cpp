@@ -269,6 +269,17 @@ void DriveLink::operate(const BusOptions& options) {
   objects_ = std::make_unique<host::CoeObjects>(*slave_, operation_->exchange(), 0);
 }
 
+std::unique_ptr<host::CyclicBus> DriveLink::open_cyclic(const host::CanDrive& on_can, std::uint8_t heartbeat_node_id,
+                                                        host::Time heartbeat_period, const BusOptions& options) {
+  if (operation_) return std::make_unique<host::EthercatCyclicBus>(*ethercat_, *operation_);
+  if (!bus_) throw Failure::wrong_use(fmt::format("--bus {}: it has no process data", options.link));
+  heartbeat_ = can_master_.emplace(*bus_).produce_heartbeat(heartbeat_node_id, heartbeat_period);
+  // Some drives answer a SYNC with their next tick, which can be later than half a period.
+  return std::make_unique<host::CanCyclicBus>(
+      *bus_, std::vector{on_can},
+      host::CanCyclicOptions{.period = operation_options(options).cyclic.period, .waits_whole_period = true});
+}
+
 const line::Product* DriveLink::product() {
   if (product_ != nullptr || asked_product_) return product_;
   asked_product_ = true;
@@ -277,10 +288,27 @@ const line::Product* DriveLink::product() {
   return product_;
 }
 
-std::unique_ptr<host::Axis402> DriveLink::open_axis(host::AxisOptions options) {
+const host::ObjectCatalogue& DriveLink::catalogue() {
+  if (product() == nullptr) return host::ObjectCatalogue::standard();
+  if (!catalogue_) {
+    const describe::Description description = product()->describe();
+    catalogue_ = host::ObjectCatalogue::of(modbus_ || serial10_ ? description.service_table : description.table);
+  }
+  return *catalogue_;
+}
+
+std::unique_ptr<host::scope::Sampler> DriveLink::open_sampler(std::vector<host::scope::Channel> channels,
+                                                              const host::scope::SamplerOptions& options) {
+  if (sdo_ != nullptr) return host::scope::open_can_sampler(*bus_, *sdo_, std::move(channels), options);
+  if (slave_) return host::scope::open_ethercat_sampler(*ethercat_, line_, *slave_, std::move(channels), options);
+  return host::scope::open_polled_sampler(*objects_, std::move(channels), options,
+                                          modbus_ ? "Modbus requests" : "requests of the 10-byte protocol");
+}
+
+std::unique_ptr<host::Axis402> DriveLink::open_axis(host::ObjectClient& objects, host::AxisOptions options) {
   if (product() != nullptr) options.dialect = host::dialect_of(product()->name);
   if (!options.cancelled) options.cancelled = InterruptGuard::interrupted;
-  return std::make_unique<host::Axis402>(*objects_, options);
+  return std::make_unique<host::Axis402>(objects, options);
 }
 
 std::unique_ptr<host::conform::Subject> DriveLink::open_subject(const host::conform::SubjectSettings& settings,

@@ -3,9 +3,13 @@
 #include <memory>
 
 #include "app/bus_options.hpp"
+#include "host/canopen/master.hpp"
 #include "host/conform/subject.hpp"
+#include "host/cyclic/can_cyclic_bus.hpp"
+#include "host/cyclic/ethercat_cyclic_bus.hpp"
 #include "host/ethercat/coe_objects.hpp"
 #include "host/modbus/objects.hpp"
+#include "host/scope/sampler.hpp"
 #include "host/serial10/objects.hpp"
 #include "line/registry.hpp"
 
@@ -30,8 +34,20 @@ class DriveLink {
   // Axes opened before are not to be used any more.
   void operate(const BusOptions& options);
   bool operates() const { return operation_.has_value(); }
+  // The process data of the drive, at the cycle of the options: of a CANopen node those that `on_can` names, of an
+  // EtherCAT slave, which is to operate, those that it maps. A CANopen drive gets this program's heartbeat as long as
+  // this lives. Throws Failure on a bus that has none.
+  std::unique_ptr<host::CyclicBus> open_cyclic(const host::CanDrive& on_can, std::uint8_t heartbeat_node_id,
+                                               host::Time heartbeat_period, const BusOptions& options);
   // Speaks the product's dialect; Ctrl-C, where an InterruptGuard lives, cancels its waits.
-  std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options);
+  std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options) { return open_axis(*objects_, options); }
+  // By other objects of the same drive.
+  std::unique_ptr<host::Axis402> open_axis(host::ObjectClient& objects, host::AxisOptions options);
+  // What its product or the standard calls its objects.
+  const host::ObjectCatalogue& catalogue();
+  // Whatever is quickest on its bus; of complete channels. Lives no longer than this.
+  std::unique_ptr<host::scope::Sampler> open_sampler(std::vector<host::scope::Channel> channels,
+                                                     const host::scope::SamplerOptions& options);
   // The drive as `conform` checks it: beside its objects the frames of its bus. Throws Failure on a bus it has no
   // checks for.
   std::unique_ptr<host::conform::Subject> open_subject(const host::conform::SubjectSettings& settings,
@@ -51,10 +67,13 @@ class DriveLink {
   std::vector<host::FoundSlave> line_;  // all slaves of the segment
   std::unique_ptr<host::EthercatSlave> slave_;
   std::optional<host::EthercatOperation> operation_;
+  std::optional<host::Master> can_master_;
+  host::Bus::Subscription heartbeat_;
   std::unique_ptr<host::ObjectClient> objects_;
   host::SdoClient* sdo_ = nullptr;
   const line::Product* product_ = nullptr;
   bool asked_product_ = false;
+  std::optional<host::ObjectCatalogue> catalogue_;
 };
 
 // That of --product; nullptr: none is given. Throws Failure if there is none of that name.

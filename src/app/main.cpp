@@ -1,8 +1,12 @@
 #include <algorithm>
 #include <array>
 #include <fmt/format.h>
+#include <iostream>
 
 #include "app/commands.hpp"
+#include "app/help_formatter.hpp"
+#include "app/interrupt_status.hpp"
+#include "app/reference_commands.hpp"
 #include "line/nearest_name.hpp"
 
 namespace {
@@ -10,14 +14,40 @@ namespace {
 using namespace servodrome::app;
 
 constexpr std::array commands{
-    add_up,     add_check, add_products, add_export, add_scan,  add_get,    add_set,
-    add_home,   add_move,  add_monitor,  add_nmt,    add_prove, add_state,  add_conform,
-    add_faults, add_jog,   add_torque,   add_probe,  add_run,   add_params, add_sniff,
+    add_up,      add_check,  add_products, add_export, add_scan,    add_get,    add_set,        add_home,   add_move,
+    add_monitor, add_nmt,    add_prove,    add_state,  add_conform, add_faults, add_jog,        add_torque, add_probe,
+    add_run,     add_params, add_sniff,    add_studio, add_scope,   add_tune,   add_completion, add_manual, add_clone,
 };
 
 int report(int exit_status, std::string_view message) {
   fmt::print(stderr, "servodrome: {}\n", message);
   return exit_status;
+}
+
+int report_lost_output() {
+  return report(1, "the output is not complete: standard output could not be written; is the disk full?");
+}
+
+int end_of_output() {
+  const bool written = std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+  return written ? 0 : report_lost_output();
+}
+
+// What a signal broke off ends as shells have it of a program that the signal has killed.
+int status_of(int exit_status) {
+  const int signal = interrupting_signal();
+  return exit_status == 1 && signal != 0 ? 128 + signal : exit_status;
+}
+
+// An option without a value would be as good as not given: `--velocity "$v"` of a script whose v is empty.
+void refuse_empty_values(CLI::App& app) {
+  for (CLI::Option* option : app.get_options([](CLI::Option* one) { return one->nonpositional(); })) {
+    if (option->get_type_size() == 0) continue;
+    option->check(CLI::Validator(
+        [](const std::string& value) { return value.empty() ? std::string("a value is missing") : std::string(); }, "",
+        ""));
+  }
+  for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) refuse_empty_values(*command);
 }
 
 // CLI11 reports a mistyped command as a missing one.
@@ -40,21 +70,23 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", "servodrome " SERVODROME_VERSION);
   app.require_subcommand(1);
   app.failure_message(CLI::FailureMessage::simple);
+  app.formatter(std::make_shared<HelpFormatter>());
   for (const auto add : commands) add(app);
+  refuse_empty_values(app);
   try {
     refuse_unknown_command(app, argc, argv);
     app.parse(argc, argv);
-    const bool written = std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
-    return written ? 0
-                   : report(1, "the output is not complete: standard output could not be written; is the disk full?");
+    return end_of_output();
   } catch (const CLI::Success& success) {  // --help, --version
-    return app.exit(success);
+    app.exit(success);
+    std::cout.flush();
+    return std::cout ? end_of_output() : report_lost_output();
   } catch (const CLI::ParseError& error) {
     return report(
         2, fmt::format("{}; `servodrome --help` and `servodrome COMMAND --help` show what there is", error.what()));
   } catch (const Failure& failure) {
-    return report(failure.exit_status(), failure.what());
+    return report(status_of(failure.exit_status()), failure.what());
   } catch (const std::exception& error) {
-    return report(1, error.what());
+    return report(status_of(1), error.what());
   }
 }

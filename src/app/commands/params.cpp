@@ -9,6 +9,7 @@
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
+#include "app/whole_file.hpp"
 #include "host/canopen/pre_operational.hpp"
 #include "host/parameters/loader.hpp"
 #include "line/nearest_name.hpp"
@@ -109,25 +110,6 @@ ordered_json json_of(std::span<const host::ObjectAddress> objects) {
   return list;
 }
 
-// As a whole or not at all: what was there before outlives a full disk. What is no ordinary file (a device, a pipe) is
-// written to, and behind a symbolic link the file it leads to.
-void write_file(const std::string& path, const std::string& text) {
-  std::error_code error;
-  std::filesystem::path target = std::filesystem::canonical(path, error);
-  if (error) target = path;  // it is not there yet
-  const bool replaces = !std::filesystem::exists(target, error) || std::filesystem::is_regular_file(target, error);
-  const std::filesystem::path part = replaces ? std::filesystem::path(target.string() + ".part") : target;
-  {
-    std::ofstream file(part, std::ios::binary);
-    file << text;
-    file.close();
-    if (file && replaces) std::filesystem::rename(part, target, error);
-    if (file && !error) return;
-  }
-  if (replaces) std::filesystem::remove(part, error);
-  throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
-}
-
 void save(const Options& options) {
   const InterruptGuard guard;
   Drive drive(options);
@@ -142,7 +124,7 @@ void save(const Options& options) {
     fmt::print("{}", file.text());
     return;
   }
-  write_file(path, file.text());
+  write_whole_file(path, file.text());
   if (options.bus.json) {
     fmt::print(
         "{}\n",

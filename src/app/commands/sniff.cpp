@@ -15,6 +15,8 @@
 #include "host/sniff/can_decoder.hpp"
 #include "host/sniff/capture_file.hpp"
 #include "host/sniff/ethercat_decoder.hpp"
+#include "host/sniff/modbus_tcp_decoder.hpp"
+#include "host/sniff/serial_decoder.hpp"
 #include "host/sniff/summary.hpp"
 #include "line/nearest_name.hpp"
 #include "line/registry.hpp"
@@ -22,6 +24,8 @@
 #include "links/ethercat/link_name.hpp"
 #include "links/ethercat/packet_socket.hpp"
 #include "links/link_error.hpp"
+#include "links/serial/client.hpp"
+#include "links/serial/format_text.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -32,14 +36,18 @@ struct Options {
   std::vector<std::string> eds;
   std::vector<std::string> products;
   double seconds = 0.0;  // 0: until Ctrl-C, or the end
-  unsigned bit_rate = 1'000'000;
+  std::optional<unsigned> bit_rate{};
+  std::string format = "8N1";
+  std::vector<unsigned> modbus_ports{};
   bool sent = false;
   bool summary = false;
   bool quiet = false;
   bool json = false;
 };
 
-constexpr unsigned ethercat_bit_rate = 100'000'000;
+constexpr unsigned can_bit_rate = 1'000'000;
+constexpr unsigned serial_bit_rate = 115'200;
+constexpr unsigned ethernet_bit_rate = 100'000'000;
 constexpr unsigned ethernet_overhead_bytes = 24;  // preamble, FCS and the gap between frames
 constexpr unsigned least_ethernet_bytes = 60;
 constexpr unsigned error_frame_bits = 20;  // at most 12 of flags, 8 of delimiter (ISO 11898-1, 10.4.4)
@@ -59,6 +67,11 @@ class Sniffer {
       }
     }
     ethercat_.show_sent(options.sent);
+    for (const unsigned port : options.modbus_ports) modbus_tcp_.add_port(static_cast<std::uint16_t>(port));
+    const auto format = links::parse_character_format(options.format, serial_bit_rate);
+    if (!format)
+      throw Failure::wrong_use(fmt::format("--format {}: write data bits, parity, stop bits: 8N1", options.format));
+    character_bits_ = format->bits();
   }
 
   void take(const canopen::Frame& frame, host::Time time) {
@@ -81,7 +94,27 @@ class Sniffer {
   void take(std::span<const std::uint8_t> frame, host::Time time) {
     const std::size_t bytes = std::max<std::size_t>(frame.size(), least_ethernet_bytes) + ethernet_overhead_bytes;
     summary_.count_frame(time, static_cast<unsigned>(bytes) * 8);
+    if (modbus_tcp_.takes(frame)) {
+      for (const host::Decoded& decoded : modbus_tcp_.decode(frame, time)) show(decoded);
+      return;
+    }
     for (const host::Decoded& decoded : ethercat_.decode(frame, time)) show(decoded);
+  }
+
+  void take(const host::SerialBytes& piece, host::Time time) {
+    if (piece.is_tcp) {
+      summary_.count_frame(time, 0);
+      show(modbus_tcp_.decode_message(piece.bytes, time, piece.sender == links::SerialSender::master, 0));
+      return;
+    }
+    serial_seen_ = true;
+    summary_.count_frame(time, static_cast<unsigned>(piece.bytes.size()) * character_bits_);
+    --summary_.frames;  // a piece may be a part, or several
+    for (const host::Decoded& decoded : serial_.decode(piece.bytes, time, piece.sender)) take_serial(decoded);
+  }
+  // No more of what was begun is to be expected.
+  void end_of_bytes() {
+    for (const host::Decoded& decoded : serial_.finish()) take_serial(decoded);
   }
 
   void finish() const {
@@ -95,12 +128,23 @@ class Sniffer {
     if (equals == std::string::npos || equals == 0 || equals > 3) return {0, option};
     if (option.find_first_not_of("0123456789") != equals) return {0, option};
     const unsigned node = static_cast<unsigned>(std::stoul(option.substr(0, equals)));
-    if (node > 127) throw Failure::wrong_use(fmt::format("{}: node-IDs and positions are 1..127", option));
+    if (node > 247)
+      throw Failure::wrong_use(fmt::format("{}: node-IDs and positions are 1..127, stations 1..247", option));
     return {node, option.substr(equals + 1)};
   }
 
+  void take_serial(const host::Decoded& decoded) {
+    ++summary_.frames;
+    show(decoded);
+  }
+
+  void add_serial_model(unsigned station, const host::SerialModel& model) {
+    serial_.set_model(station, model);
+    modbus_tcp_.set_model(station, model);
+  }
+
   void add_model(unsigned node, const host::DeviceModel& model) {
-    can_.set_model(static_cast<std::uint8_t>(node), model);
+    if (node <= 127) can_.set_model(static_cast<std::uint8_t>(node), model);
     ethercat_.set_model(node, model);
   }
 
@@ -112,6 +156,7 @@ class Sniffer {
       const describe::DeviceFile device = describe::read_eds(file, path);
       add_model(node, host::DeviceModel::of(device));
       names = host::ObjectCatalogue::of(device);
+      add_serial_model(node, {.catalogue = names});
     } catch (const describe::DeviceFileError& error) {
       throw Failure::wrong_use(fmt::format("--eds {}", error.what()));
     }
@@ -129,6 +174,9 @@ class Sniffer {
     const auto table = product->describe().table;
     add_model(node, host::DeviceModel::of(table));
     names = host::ObjectCatalogue::of(table);
+    const line::SerialInterface* serial = product->serial;
+    add_serial_model(node, serial != nullptr ? host::SerialModel::of(table, serial->registers, serial->profile)
+                                             : host::SerialModel::of(table, {}, nullptr));
   }
 
   void show(const host::Decoded& decoded) {
@@ -158,7 +206,9 @@ class Sniffer {
     fmt::print("{}\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   }
 
-  std::uint32_t bit_rate() const { return can_seen_ ? options_.bit_rate : ethercat_bit_rate; }
+  std::uint32_t bit_rate() const {
+    return options_.bit_rate.value_or(can_seen_ ? can_bit_rate : serial_seen_ ? serial_bit_rate : ethernet_bit_rate);
+  }
 
   void print_summary() const {
     fmt::print("\n{} frames in {:.6f} s, {} errors\n", summary_.frames, summary_.seconds(), summary_.errors);
@@ -199,9 +249,13 @@ class Sniffer {
   const Options& options_;
   host::CanDecoder can_;
   host::EthercatDecoder ethercat_;
+  host::SerialDecoder serial_;
+  host::ModbusTcpDecoder modbus_tcp_;
   host::SniffFilter filter_;
   host::SniffSummary summary_;
   bool can_seen_ = false;
+  bool serial_seen_ = false;
+  unsigned character_bits_ = 10;
 };
 
 bool is_over(const Options& options, host::Time start, host::Time now) {
@@ -223,9 +277,10 @@ void sniff_file(const Options& options, Sniffer& sniffer) {
   const std::unique_ptr<std::FILE, Close> file(options.source == "-" ? stdin
                                                                      : std::fopen(options.source.c_str(), "rb"));
   if (!file) {
-    throw Failure::wrong_use(fmt::format(
-        "{}: {}; give a capture file, - for standard input, or a live bus (socketcand:, socketcan:, slcan:, raw:)",
-        options.source, std::strerror(errno)));
+    throw Failure::wrong_use(
+        fmt::format("{}: {}; give a capture file, - for standard input, or a live bus (socketcand:, socketcan:, "
+                    "slcan:, raw:, serial:, pty:, tcp:)",
+                    options.source, std::strerror(errno)));
   }
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
   try {
@@ -237,9 +292,11 @@ void sniff_file(const Options& options, Sniffer& sniffer) {
       std::visit([&](const auto& content) { sniffer.take(content, frame->time); }, frame->content);
     }
   } catch (const host::HostError&) {
+    sniffer.end_of_bytes();
     sniffer.finish();
     throw;
   }
+  sniffer.end_of_bytes();
   sniffer.finish();
 }
 
@@ -280,6 +337,38 @@ void sniff_ethercat(const Options& options, Sniffer& sniffer) {
   sniffer.finish();
 }
 
+// Bytes of a serial line, from a tty or from a converter that sends them over TCP. Nothing is sent.
+void sniff_serial(const Options& options, Sniffer& sniffer) {
+  constexpr auto look_time = std::chrono::milliseconds(20);
+  const auto format = links::parse_character_format(options.format, options.bit_rate.value_or(serial_bit_rate));
+  const InterruptGuard guard(InterruptGuard::Command::only_looks);
+  const auto client = links::open_byte_client(links::parse_serial_link(options.source), *format);
+  const host::Time start = client->now();
+  host::Time heard = start;
+  host::SerialBytes piece;
+  const auto end = [&sniffer] {
+    sniffer.end_of_bytes();
+    sniffer.finish();
+  };
+  while (!is_over(options, start, client->now())) {
+    piece.bytes.clear();
+    bool any = false;
+    try {
+      any = client->receive(piece.bytes, look_time);
+    } catch (const links::LinkError& error) {
+      end();
+      throw Failure::did_not_work(error.what());
+    }
+    if (any) {
+      heard = client->now();
+      sniffer.take(piece, heard);
+    } else if (client->now() - heard > host::SerialDecoder::longest_gap) {
+      sniffer.end_of_bytes();
+    }
+  }
+  end();
+}
+
 bool begins_with_any(const std::string& text, std::initializer_list<std::string_view> beginnings) {
   return std::any_of(beginnings.begin(), beginnings.end(), [&](std::string_view one) { return text.starts_with(one); });
 }
@@ -288,9 +377,10 @@ void run(const Options& options) {
   Sniffer sniffer(options);
   if (begins_with_any(options.source, {"socketcand:", "socketcan:", "slcan:"})) {
     sniff_can(options, sniffer);
-  } else if (begins_with_any(options.source, {"raw:", "udp:"})) {
+  } else if (begins_with_any(options.source, {"raw:", "udp:", "serial:", "pty:", "tcp:"})) {
     try {
-      sniff_ethercat(options, sniffer);
+      begins_with_any(options.source, {"raw:", "udp:"}) ? sniff_ethercat(options, sniffer)
+                                                        : sniff_serial(options, sniffer);
     } catch (const links::LinkError& error) {
       throw Failure::wrong_use(error.what());
     }
@@ -307,8 +397,10 @@ void add_sniff(CLI::App& app) {
       "sniff", "Show a capture or a live bus in words: services, objects by name with values, states, errors");
   command
       ->add_option("SOURCE", options->source,
-                   "Capture (candump log, pcap or pcapng of CAN or EtherCAT; - is standard input), or a live bus: "
-                   "socketcand:HOST:PORT/BUS, socketcan:INTERFACE, slcan:PATH, or for EtherCAT raw:INTERFACE")
+                   "Capture (candump or serial log, pcap or pcapng of CAN, EtherCAT, Modbus TCP or serial lines; - is "
+                   "standard input), or a live bus: socketcand:HOST:PORT/BUS, socketcan:INTERFACE, slcan:PATH, "
+                   "raw:INTERFACE for EtherCAT, serial:DEVICE, pty:PATH or tcp:HOST:PORT (a converter "
+                   "that sends the bytes) for RS485")
       ->required();
   command
       ->add_option(
@@ -317,12 +409,20 @@ void add_sniff(CLI::App& app) {
       ->allow_extra_args(false);
   command->add_option("--eds", options->eds, "[NODE=]FILE: names, types and default PDOs from an EDS or DCF")
       ->allow_extra_args(false);
-  command->add_option("--product", options->products, "[NODE=]PRODUCT: the same of one of our products")
+  command
+      ->add_option("--product", options->products,
+                   "[NODE=]PRODUCT: the same of one of our products, and its Modbus registers")
       ->allow_extra_args(false);
   command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
-  command->add_option("--bit-rate", options->bit_rate, "Of a CAN bus, for its load, bit/s")
-      ->check(CLI::Range(10'000, 1'000'000).description(""))
+  command
+      ->add_option("--bit-rate", options->bit_rate,
+                   "bit/s: of a CAN bus, for its load (1000000); of a serial line (115200)")
+      ->check(CLI::Range(1200, 2'000'000).description(""));
+  command->add_option("--format", options->format, "Of a serial line: data bits, parity, stop bits")
       ->capture_default_str();
+  command->add_option("--modbus-port", options->modbus_ports, "TCP port of Modbus servers, beside 502 and 1502")
+      ->check(CLI::Range(1, 65535).description(""))
+      ->allow_extra_args(false);
   command->add_flag("--sent", options->sent, "EtherCAT: show frames as the master sent them, too");
   command->add_flag("--summary", options->summary, "At the end: frames by service and source, errors, bus load");
   command->add_flag("--quiet", options->quiet, "The summary alone");

@@ -3,10 +3,8 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <fcntl.h>
-#include <filesystem>
 #include <fmt/format.h>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -14,6 +12,8 @@
 
 #include "app/commands.hpp"
 #include "app/line_files.hpp"
+#include "app/page_folder.hpp"
+#include "described/blueprint.hpp"
 #include "line/line_server.hpp"
 #include "line/nearest_name.hpp"
 #include "line/registry.hpp"
@@ -21,13 +21,17 @@
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
 #include "links/serial/link_name.hpp"
+#include "studio/bode_routes.hpp"
+#include "studio/commissioning.hpp"
 #include "studio/jobs.hpp"
+#include "studio/traffic.hpp"
 
 namespace servodrome::app {
 namespace {
 
 struct Options {
   std::string file;
+  Descriptions descriptions;  // --eds, --esi
   std::vector<std::string> buses;
   std::string log;
   std::string api;
@@ -105,35 +109,17 @@ void override_links(line::LineSettings& settings, const std::vector<std::string>
   }
 }
 
-bool has_page(const std::filesystem::path& folder) {
-  std::error_code error;
-  return std::filesystem::is_regular_file(folder / "index.html", error);
-}
-
-// Where the studio's page is: what was asked for, or beside this program: in the build folder it was built into, or
-// where it was installed. Empty: nowhere.
-std::string page_folder(const std::string& wanted) {
-  if (!wanted.empty()) {
-    if (has_page(wanted)) return wanted;
+line::LineSettings load(const Options& options) {
+  if (options.descriptions.empty()) return load_line(options.file);
+  if (!options.file.empty()) {
     throw Failure::wrong_use(
-        fmt::format("--studio {}: there is no index.html; give the folder that the studio was built into", wanted));
+        "--eds and --esi make a line of their own; in a line file write description = \"FILE\" in an axis");
   }
-  if (const char* folder = std::getenv("SERVODROME_STUDIO"); folder != nullptr && *folder != '\0') {
-    if (has_page(folder)) return folder;
-    throw Failure::wrong_use(fmt::format(
-        "SERVODROME_STUDIO={}: there is no index.html; name the folder that the studio was built into", folder));
-  }
-  std::error_code error;
-  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
-  for (std::filesystem::path at = program.parent_path(); at.has_relative_path(); at = at.parent_path()) {
-    if (at.filename() == "build" && has_page(at / "studio")) return at / "studio";
-  }
-  const std::filesystem::path installed = program.parent_path().parent_path() / "share" / "servodrome" / "studio";
-  return has_page(installed) ? installed.string() : std::string();
+  return line_of_descriptions(options.descriptions);
 }
 
 line::LineSettings settings_of(const Options& options) {
-  line::LineSettings settings = load_line(options.file);
+  line::LineSettings settings = load(options);
   override_links(settings, options.buses);
   if (options.virtual_time) settings.clock = line::ClockMode::virtual_time;
   if (!options.api.empty()) {
@@ -149,7 +135,8 @@ line::LineSettings settings_of(const Options& options) {
 
 // With several buses in one line each has a file of its own: trace.log becomes trace.can0.log.
 std::string log_path(const std::string& path, const line::LineSettings& settings, const std::string& bus) {
-  if (path == "-" || settings.buses.size() + settings.ethercat_buses.size() == 1) return path;
+  if (path == "-" || settings.buses.size() + settings.ethercat_buses.size() + settings.serial_buses.size() == 1)
+    return path;
   const std::size_t folder = path.rfind('/');
   const std::size_t dot = path.rfind('.');
   const bool has_extension = dot != std::string::npos && (folder == std::string::npos || dot > folder);
@@ -175,6 +162,11 @@ nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettin
   for (const auto& axis : server.line().axes()) {
     const line::AxisSettings& its = axis->settings();
     nlohmann::ordered_json entry{{"name", its.name}, {"product", its.product->name}};
+    if (const described::Blueprint* blueprint = its.product->blueprint) {
+      entry["not_simulated"] = blueprint->not_simulated;
+      entry["notes"] = blueprint->device.notes;
+      for (const std::string& note : blueprint->notes) entry["notes"].push_back(note);
+    }
     entry["bus"] = nullptr;
     if (its.bus) entry["bus"] = settings.buses[*its.bus].name;
     if (its.ethercat) {
@@ -213,22 +205,34 @@ nlohmann::ordered_json describe(line::LineServer& server, const line::LineSettin
 }
 
 void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
-  fmt::print(out, "{:<18}{:<14}{:<18}{}\n", "axis", "product", "bus", "node, station or position");
+  fmt::print(out, "{:<17} {:<13} {:<17} {}\n", "axis", "product", "bus", "node, station or position");
   for (const auto& axis : ready["axes"]) {
     const auto name = axis["name"].get<std::string>();
     const auto product = axis["product"].get<std::string>();
     const auto print_row = [&](const std::string& bus, int address) {
-      fmt::print(out, "{:<18}{:<14}{:<18}{}\n", name, product, bus, address);
+      fmt::print(out, "{:<17} {:<13} {:<17} {}\n", name, product, bus, address);
     };
     const char* address = axis.contains("position") ? "position" : "node_id";
     if (!axis["bus"].is_null()) print_row(axis["bus"].get<std::string>(), axis[address].get<int>());
     if (axis.contains("serial")) print_row(axis["serial"].get<std::string>(), axis["station"].get<int>());
   }
-  fmt::print(out, "\n{:<18}{:<14}{}\n", "bus", "kbit/s", "reach it with");
+  fmt::print(out, "\n{:<17} {:<13} {}\n", "bus", "kbit/s", "reach it with");
   for (const auto& bus : ready["buses"]) {
     const auto links = bus["links"].get<std::vector<std::string>>();
-    fmt::print(out, "{:<18}{:<14}{}\n", bus["name"].get<std::string>(), bus["bit_rate"].get<int>() / 1000.0,
+    fmt::print(out, "{:<17} {:<13} {}\n", bus["name"].get<std::string>(), bus["bit_rate"].get<int>() / 1000.0,
                links.empty() ? "-" : fmt::format("{}", fmt::join(links, "  ")));
+  }
+  for (const auto& axis : ready["axes"]) {
+    if (!axis.contains("not_simulated")) continue;
+    const auto name = axis["name"].get<std::string>();
+    for (const auto& what : axis["not_simulated"]) {
+      fmt::print(out, "{}{}: not simulated: {}\n", &axis == &ready["axes"].front() ? "\n" : "", name,
+                 what.get<std::string>());
+    }
+    if (const std::size_t notes = axis["notes"].size(); notes != 0) {
+      fmt::print(out, "{}: the description was taken otherwise than written in {} places; --json lists them\n", name,
+                 notes);
+    }
   }
   const auto api = ready["api"].get<std::string>();
   if (!api.empty()) fmt::print(out, "\nbench API         {}   token {}\n", api, ready["token"].get<std::string>());
@@ -264,8 +268,13 @@ void run(const Options& options) {
   std::signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away is no reason to leave symbolic links behind
   const std::unique_ptr<line::LineServer> opened = open_line(settings);
   line::LineServer& server = *opened;
-  studio::Jobs jobs(server.line());
+  studio::LineJobs jobs(server.line());
   server.add_routes(jobs.routes());
+  studio::BodePlots bode_plots([&server](std::uint32_t id) { return server.recording(id); });
+  server.add_routes(bode_plots.routes());
+  for (const line::bench::RouteGroup& group : studio::commissioning_routes()) server.add_routes(group);
+  studio::Traffic traffic(server.line(), [&server] { return server.wall_epoch(); });
+  server.add_routes(traffic.routes());
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
   signals.async_wait([&server](const boost::system::error_code& code, int) {
     if (!code) server.stop();
@@ -281,6 +290,7 @@ void run(const Options& options) {
     };
     for (const auto& bus : server.line().buses()) log(*bus);
     for (const auto& bus : server.line().ethercat_buses()) log(*bus);
+    for (const auto& bus : server.line().serial_buses()) log(*bus);
   }
   const nlohmann::ordered_json ready = describe(server, settings);
   if (!options.ready_file.empty()) write_ready_file(options.ready_file, ready.dump(2) + "\n");
@@ -304,6 +314,18 @@ void add_up(CLI::App& app) {
   command->add_option("LINE", options->file, "Line file (TOML); the built-in line with five drives if not given");
   command
       ->add_option(
+          "--eds", options->descriptions.data_sheets,
+          "Run a drive of this electronic data sheet (EDS, DCF) instead of a line file; several: one axis each")
+      ->allow_extra_args(false);
+  command
+      ->add_option(
+          "--esi", options->descriptions.slaves,
+          "Run a drive of this EtherCAT slave information (ESI) instead of a line file; several: one axis each")
+      ->allow_extra_args(false);
+  command->add_option("--device", options->descriptions.device,
+                      "Type, name or product code of the device, where the ESI file has several");
+  command
+      ->add_option(
           "--bus", options->buses,
           "NAME=LINK or LINK: how a bus is reached, instead of what the line file says "
           "(socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE; udp:HOST:PORT, raw:INTERFACE for EtherCAT; "
@@ -311,8 +333,8 @@ void add_up(CLI::App& app) {
       ->allow_extra_args(false);
   command->add_option(
       "--log", options->log,
-      "Log each CAN bus in candump format (FILE.pcap: pcap), each EtherCAT segment as pcap; - is standard "
-      "output");
+      "Log each CAN bus in candump format (FILE.pcap: pcap), each EtherCAT segment as pcap, each RS485 line as text "
+      "(FILE.pcap: pcapng); - is standard output");
   command->add_flag("--virtual", options->virtual_time, "Time passes only when the bench API advances it");
   command->add_option("--api", options->api, "ADDRESS:PORT of the bench API; port 0 lets the system choose");
   command->add_option("--studio", options->studio,

@@ -1,0 +1,462 @@
+// `scope`: records objects of a drive, with trigger, while something else moves it or a script does.
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include "app/commands.hpp"
+#include "app/drive_link.hpp"
+#include "app/number_options.hpp"
+#include "app/whole_file.hpp"
+#include "host/scope/export.hpp"
+#include "host/scope/measurements.hpp"
+#include "host/scope/recorder.hpp"
+#include "host/script/run.hpp"
+
+namespace servodrome::app {
+namespace {
+
+using nlohmann::ordered_json;
+namespace scope = host::scope;
+
+struct Options {
+  BusOptions bus{.timeout_s = 60.0, .timeout_is_for_motion = true};
+  std::vector<std::string> channels;
+  std::string eds;
+  std::optional<double> rate_hz;
+  std::optional<double> duration_s;
+  double pre_s = 0;
+  std::string trigger;
+  bool polls = false;
+  std::string script;
+  std::vector<std::string> script_lines;
+  bool disable = false;
+  std::vector<std::string> files;
+  bool plot = false;
+
+  bool moves() const { return !script.empty() || !script_lines.empty(); }
+};
+
+constexpr double usual_duration_s = 1.0;
+constexpr host::Time patience = std::chrono::milliseconds(10);  // between looks at Ctrl-C
+
+host::Time time_of(double seconds) {
+  return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
+}
+
+// ---- Before the bus is opened ----
+
+struct FileFormat {
+  std::string_view ending;
+  std::string (*text)(const scope::Recording&);
+};
+constexpr std::array file_formats{FileFormat{".csv", scope::csv_of}, FileFormat{".mcap", scope::mcap_of},
+                                  FileFormat{".svg", scope::svg_of}};
+
+const FileFormat& format_of(const std::string& file) {
+  if (file == "-") return file_formats[0];
+  for (const FileFormat& format : file_formats) {
+    if (file.ends_with(format.ending)) return format;
+  }
+  throw Failure::wrong_use(fmt::format("-o {}: what it is to be is told by its ending: .csv, .mcap or .svg", file));
+}
+
+std::optional<host::ObjectCatalogue> data_sheet(const Options& options) {
+  if (options.eds.empty()) return std::nullopt;
+  std::ifstream file(options.eds);
+  if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
+  return host::ObjectCatalogue::read_eds(file, options.eds);
+}
+
+std::string script_text(const Options& options) {
+  std::string text;
+  for (const std::string& line : options.script_lines) text += line + '\n';
+  if (options.script.empty()) return text;
+  std::ifstream file(options.script, std::ios::binary);
+  text.assign(std::istreambuf_iterator<char>(file), {});
+  std::error_code ignored;
+  if (!file.is_open() || std::filesystem::is_directory(options.script, ignored)) {
+    throw Failure::wrong_use(fmt::format("--run {}: cannot be read; check the path", options.script));
+  }
+  return text;
+}
+
+// The one axis of a script may say which drive it is.
+std::optional<host::script::Script> parsed_script(Options& options, const host::ObjectCatalogue& catalogue) {
+  if (!options.moves()) return std::nullopt;
+  const std::string name = options.script.empty() ? "--do" : options.script;
+  try {
+    host::script::Script script = host::script::parse(script_text(options), name, catalogue);
+    if (script.axes.size() != 1) {
+      throw Failure::wrong_use(
+          fmt::format("{}: it has {} axes; one drive is recorded, and can be moved", name, script.axes.size()));
+    }
+    const host::script::AxisDeclaration& axis = script.axes.front();
+    if (axis.node != 0 && options.bus.node_id != 0 && axis.node != options.bus.node_id) {
+      throw Failure::wrong_use(
+          fmt::format("{}: its axis is {}, and --node {} is recorded", name, axis.node, options.bus.node_id));
+    }
+    if (axis.node != 0) options.bus.node_id = axis.node;
+    if (!axis.product.empty()) options.bus.product = axis.product;
+    return script;
+  } catch (const host::script::ScriptMistakes& mistakes) {
+    throw Failure::wrong_use(fmt::format("the script has mistakes, and nothing was moved:\n{}", mistakes.what()));
+  }
+}
+
+// ---- Channels ----
+
+scope::Channel channel_of(const std::string& text, const host::ObjectCatalogue& own) {
+  try {
+    return scope::named_channel(text, own);
+  } catch (const host::HostError&) {
+    try {
+      return scope::named_channel(text, host::ObjectCatalogue::standard());
+    } catch (const host::HostError& error) {
+      throw Failure::wrong_use(error.what());
+    }
+  }
+}
+
+// What a drive does, where nobody says what is wanted: those of them that it has on this bus.
+std::vector<scope::Channel> usual_channels(DriveLink& link, const host::ObjectCatalogue& catalogue) {
+  std::vector<scope::Channel> channels;
+  const auto add_if_present = [&](const char* name) {
+    scope::Channel channel = channel_of(name, catalogue);
+    try {
+      scope::complete(channel, link.objects());
+      scope::add_channel(channels, std::move(channel));
+    } catch (const host::ObjectError& error) {
+      if (!error.object_is_absent()) throw;
+    }
+  };
+  add_if_present("6064");
+  if (channels.empty()) add_if_present("6063");  // the Modbus registers of an iSMK
+  add_if_present("606C");
+  add_if_present("6077");
+  if (channels.empty()) throw Failure::wrong_use("scope: say what is to be recorded, e.g. `scope position velocity`");
+  return channels;
+}
+
+std::size_t put(std::vector<scope::Channel>& channels, scope::Channel channel) {
+  try {
+    return scope::add_channel(channels, std::move(channel));
+  } catch (const host::HostError& error) {
+    throw Failure::wrong_use(error.what());
+  }
+}
+
+// ---- Recording ----
+
+struct Outcome {
+  scope::Recording recording{};
+  std::string remark{};
+  std::string noun{};
+  unsigned address = 0;
+  std::vector<std::string> said{};      // by the script
+  std::vector<std::string> problems{};  // what ended it early, or went wrong afterwards
+  bool interrupted = false;
+};
+
+class Session {
+ public:
+  Session(const Options& options, const std::optional<scope::TriggerText>& trigger,
+          const std::optional<host::script::Script>& script, const std::optional<host::ObjectCatalogue>& sheet)
+      : options_(options), script_(script), link_(options.bus, options.moves()) {
+    const host::ObjectCatalogue& catalogue = sheet ? *sheet : link_.catalogue();
+    std::vector<scope::Channel> channels;
+    for (const std::string& text : options.channels) put(channels, channel_of(text, catalogue));
+    if (options.channels.empty()) channels = usual_channels(link_, catalogue);
+    recorder_options_.pre = time_of(options.pre_s);
+    if (options.duration_s || !script) {
+      recorder_options_.duration = time_of(options.duration_s.value_or(usual_duration_s));
+    }
+    if (trigger) {
+      recorder_options_.trigger = scope::Trigger{.channel = put(channels, channel_of(trigger->channel, catalogue)),
+                                                 .condition = trigger->condition,
+                                                 .value = trigger->value};
+    }
+    for (scope::Channel& channel : channels) scope::complete(channel, link_.objects());
+    scope::SamplerOptions sampler_options{
+        .polls = options.polls, .moves = script.has_value(), .distributed_clocks = options.bus.clocks};
+    if (options.rate_hz) sampler_options.period = time_of(1.0 / *options.rate_hz);
+    sampler_ = link_.open_sampler(std::move(channels), sampler_options);
+  }
+
+  Outcome run() {
+    Outcome outcome{.remark = sampler_->remark(), .noun = link_.noun(), .address = link_.objects().address()};
+    const auto attempt = [&](auto&& call) {
+      try {
+        call();
+      } catch (const std::runtime_error& error) {
+        outcome.problems.emplace_back(error.what());
+      }
+    };
+    {
+      scope::Recorder recorder(*sampler_, recorder_options_);
+      attempt([&] { script_ ? move(recorder, outcome) : look(recorder, outcome); });
+      outcome.recording = recorder.recording();
+      if (recorder.is_full()) outcome.problems.emplace_back("the recording was ended when 160 MB were full");
+    }
+    // The moment of the trigger by the wall clock.
+    const host::Time ago = link_.objects().now() - outcome.recording.zero;
+    const auto wall = std::chrono::system_clock::now().time_since_epoch();
+    outcome.recording.zero_unix_ns = (std::chrono::duration_cast<std::chrono::nanoseconds>(wall) - ago).count();
+    attempt([&] { sampler_->close(); });
+    return outcome;
+  }
+
+ private:
+  void look(scope::Recorder& recorder, Outcome& outcome) {
+    const host::Time give_up = link_.objects().now() + options_.bus.timeout();
+    while (!recorder.done()) {
+      if ((outcome.interrupted = InterruptGuard::interrupted())) return;
+      if (recorder.waits_for_trigger() && link_.objects().now() >= give_up) {
+        throw std::runtime_error(
+            fmt::format("the trigger \"{}\" did not come within {:g} s", options_.trigger, options_.bus.timeout_s));
+      }
+      sampler_->objects().wait(patience);
+      sampler_->check();
+    }
+  }
+
+  // The script; then, if a duration is given, until it is over.
+  void move(scope::Recorder& recorder, Outcome& outcome) {
+    const auto axis = link_.open_axis(sampler_->objects(), {});
+    host::Axis402* const axes[] = {axis.get()};
+    host::script::RunOptions run_options;
+    run_options.cancelled = InterruptGuard::interrupted;
+    run_options.done = [&](const host::script::Step& step, host::Time, const std::string& said) {
+      const bool speaks = step.verb == host::script::Verb::print || step.verb == host::script::Verb::get ||
+                          step.verb == host::script::Verb::wait_probe;
+      if (speaks) outcome.said.push_back(said);
+    };
+    // A slave that leaves OP with its motor on takes that for a fault.
+    const bool ends_operation = bus_kind(options_.bus).kind == BusKind::ethercat;
+    const auto disable = [&] {
+      if (ends_operation || options_.disable) axis->disable();
+    };
+    try {
+      host::script::run(*script_, axes, run_options);
+      if (recorder.waits_for_trigger()) {
+        throw std::runtime_error(fmt::format("the trigger \"{}\" did not come while the script ran", options_.trigger));
+      }
+      if (recorder_options_.duration) look(recorder, outcome);
+    } catch (const std::runtime_error&) {
+      outcome.interrupted = InterruptGuard::interrupted();
+      try {
+        disable();
+      } catch (const host::HostError&) {
+        // What went wrong first is told.
+      }
+      throw;
+    }
+    disable();
+  }
+
+  const Options& options_;
+  const std::optional<host::script::Script>& script_;
+  DriveLink link_;
+  scope::RecorderOptions recorder_options_;
+  std::unique_ptr<scope::Sampler> sampler_;
+};
+
+// ---- Results ----
+
+unsigned terminal_columns() {
+  winsize size{};
+  const bool known = ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 30;
+  return known ? size.ws_col : 80;
+}
+
+std::string step_text(const std::string& name, const scope::StepResponse& step) {
+  return fmt::format(
+      "{}: step from {} to {} at {:.4g} s: rise {:.4g} s, overshoot {:.3g} %, within 2 % after {:.4g} s\n", name,
+      scope::text_of_number(step.from), scope::text_of_number(step.to), step.begin_s, step.rise_s,
+      step.overshoot_percent, step.settling_s);
+}
+
+std::string text_of(const Options& options, const Outcome& outcome) {
+  const scope::Recording& recording = outcome.recording;
+  std::string text;
+  for (const std::string& said : outcome.said) text += said + '\n';
+  if (options.plot || on_terminal()) {
+    constexpr unsigned scale_and_edge = 14;
+    text += scope::terminal_plot_of(recording, terminal_columns() - scale_and_edge, 6);
+  }
+  const double span = recording.seconds(recording.rows() - 1, 0) - recording.seconds(0, 0);
+  text +=
+      fmt::format("{} {}: {} samples of {} {} in {:.3f} s, {:.1f} Hz, by {}{}\n", outcome.noun, outcome.address,
+                  recording.rows(), recording.channels.size(), recording.channels.size() == 1 ? "channel" : "channels",
+                  span, recording.rate_hz(), recording.way, recording.triggered ? ", triggered" : "");
+  if (recording.missed != 0) {
+    text += fmt::format("{} samples were missed; a lower --rate misses fewer\n", recording.missed);
+  }
+  if (!outcome.remark.empty()) text += outcome.remark + '\n';
+  text +=
+      fmt::format("{:<28} {:<8} {:>13} {:>13} {:>13} {:>13}\n", "channel", "unit", "least", "greatest", "mean", "RMS");
+  std::string steps;
+  for (std::size_t i = 0; i < recording.channels.size(); ++i) {
+    const scope::Channel& channel = recording.channels[i];
+    const scope::Measurement measured = scope::measure(recording, i);
+    text += fmt::format("{:<28} {:<8} {:>13} {:>13} {:>13.6g} {:>13.6g}\n", channel.name, channel.unit,
+                        scope::text_of_number(measured.least), scope::text_of_number(measured.greatest), measured.mean,
+                        measured.rms);
+    if (measured.step) steps += step_text(channel.name, *measured.step);
+  }
+  return text + steps;
+}
+
+ordered_json json_of_channel(const scope::Recording& recording, std::size_t i, bool samples) {
+  const scope::Channel& channel = recording.channels[i];
+  ordered_json json{{"name", channel.name},
+                    {"object", host::text_of(channel.object)},
+                    {"type", host::short_word(*channel.type)},
+                    {"unit", channel.unit}};
+  if (recording.rows() == 0) return json;
+  const scope::Measurement measured = scope::measure(recording, i);
+  json.update(
+      {{"least", measured.least}, {"greatest", measured.greatest}, {"mean", measured.mean}, {"rms", measured.rms}});
+  json["step"] = nullptr;
+  if (measured.step) {
+    json["step"] = {{"from", measured.step->from},
+                    {"to", measured.step->to},
+                    {"begin_s", measured.step->begin_s},
+                    {"rise_s", measured.step->rise_s},
+                    {"overshoot_percent", measured.step->overshoot_percent},
+                    {"settling_s", measured.step->settling_s}};
+  }
+  if (!samples) return json;
+  ordered_json seconds = ordered_json::array();
+  ordered_json values = ordered_json::array();
+  for (std::size_t row = 0; row < recording.rows(); ++row) {
+    seconds.push_back(recording.seconds(row, i));
+    values.push_back(recording.value(row, i));
+  }
+  json["seconds"] = std::move(seconds);
+  json["values"] = std::move(values);
+  return json;
+}
+
+ordered_json json_of(const Options& options, const Outcome& outcome, const std::vector<std::string>& written) {
+  const scope::Recording& recording = outcome.recording;
+  ordered_json json{{"node", outcome.address},
+                    {"rows", recording.rows()},
+                    {"rate_hz", recording.rate_hz()},
+                    {"missed", recording.missed},
+                    {"way", recording.way},
+                    {"remark", outcome.remark},
+                    {"trigger", options.trigger},
+                    {"triggered", recording.triggered},
+                    {"interrupted", outcome.interrupted},
+                    {"said", outcome.said},
+                    {"problems", outcome.problems},
+                    {"files", written}};
+  json["channels"] = ordered_json::array();
+  for (std::size_t i = 0; i < recording.channels.size(); ++i) {
+    json["channels"].push_back(json_of_channel(recording, i, options.files.empty()));
+  }
+  return json;
+}
+
+void record(Options options) {
+  for (const std::string& file : options.files) {
+    format_of(file);
+    if (file != "-") require_writable(file);
+  }
+  std::optional<scope::TriggerText> trigger;
+  try {
+    if (!options.trigger.empty()) trigger = scope::parse_trigger(options.trigger);
+  } catch (const host::HostError& error) {
+    throw Failure::wrong_use(error.what());
+  }
+  const auto sheet = data_sheet(options);
+  const auto script = parsed_script(options, sheet ? *sheet : host::ObjectCatalogue::standard());
+
+  const InterruptGuard guard;
+  Outcome outcome = Session(options, trigger, script, sheet).run();
+  std::vector<std::string> written;
+  std::string to_output;
+  if (outcome.recording.rows() != 0) {
+    for (const std::string& file : options.files) {
+      const std::string text = format_of(file).text(outcome.recording);
+      if (file == "-") {
+        to_output += text;
+        continue;
+      }
+      try {
+        write_whole_file(file, text);
+        written.push_back(file);
+      } catch (const Failure& failure) {
+        outcome.problems.emplace_back(failure.what());
+      }
+    }
+  }
+  if (options.bus.json) {
+    fmt::print("{}\n", json_of(options, outcome, written).dump(2));
+  } else if (!to_output.empty()) {
+    fmt::print("{}", to_output);
+  } else if (outcome.recording.rows() != 0) {
+    fmt::print("{}", text_of(options, outcome));
+    for (const std::string& file : written) fmt::print("written: {}\n", file);
+  }
+  std::fflush(stdout);
+  if (outcome.recording.rows() == 0 && outcome.problems.empty()) outcome.problems.emplace_back("nothing was recorded");
+  if (outcome.problems.empty()) return;
+  std::string message;
+  for (const std::string& problem : outcome.problems) message += (message.empty() ? "" : "\n") + problem;
+  throw Failure::did_not_work(message);
+}
+
+}  // namespace
+
+void add_scope(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "scope",
+      "Record objects of a drive, by process data where the bus has them, else by reading; with trigger, measurements, "
+      "files and a plot. Ctrl-C ends it, and what there is is kept");
+  command->add_option(
+      "CHANNEL", options->channels,
+      "Up to 16 objects: INDEX[:SUB], a name, or position, velocity, torque, current, following_error, "
+      "inputs, mode, voltage; @TYPE behind it if it is not known. Position, velocity and torque if none "
+      "is given");
+  command
+      ->add_option("--rate", options->rate_hz,
+                   "Samples a second: up to 4000 on EtherCAT (500 if not given), up to 1000 on CAN (250), otherwise "
+                   "as fast as the drive answers")
+      ->check(number_within(0.01, 1e4));
+  command
+      ->add_option("--duration", options->duration_s,
+                   "Seconds, from the trigger if there is one; 1 if not given, or with --run and --do until the "
+                   "script ends")
+      ->check(number_within(0.001, 1e6));
+  command->add_option("--trigger", options->trigger,
+                      "Begin when CHANNEL rises|falls|sets|has|lacks VALUE, CHANNEL ==|!=|<|<=|>|>= VALUE, CHANNEL "
+                      "changes, or fault");
+  command->add_option("--pre", options->pre_s, "Seconds to keep from before the trigger")
+      ->check(number_within(0.0, 1e6))
+      ->capture_default_str();
+  command->add_option("--run", options->script, "Motion script (docs/script.md) to carry out meanwhile");
+  command
+      ->add_option("--do", options->script_lines,
+                   "A line of such a script, e.g. --do enable --do 'move by 1000'; several are carried out in order")
+      ->allow_extra_args(false)
+      ->excludes("--run");
+  command->add_flag("--disable", options->disable, "Disable the drive when the script has ended (on EtherCAT always)");
+  command->add_flag("--poll", options->polls, "Read the objects, and touch no process data");
+  command->add_option("-o,--output", options->files, "File to write: .csv, .mcap or .svg; - for CSV to the output")
+      ->allow_extra_args(false);
+  command->add_flag("--plot", options->plot, "Plot also where the output is no terminal");
+  command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
+  add_bus_options(*command, options->bus, "Seconds to wait for the trigger");
+  add_node_option(*command, options->bus);
+  add_serial_options(*command, options->bus);
+  command->add_flag("--clocks", options->bus.clocks, "EtherCAT: distributed clocks with SYNC0, instead of free run");
+  command->callback([options] { record(*options); });
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,307 @@
+// `tune`: measures a drive's velocity loop through the bus, and sets its gains for a bandwidth.
+#include <cmath>
+#include <fmt/format.h>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "app/commands.hpp"
+#include "app/drive_link.hpp"
+#include "app/number_options.hpp"
+#include "host/parameters/loader.hpp"
+#include "host/tuning/bode_plot.hpp"
+#include "host/tuning/own_tuning.hpp"
+#include "host/tuning/session.hpp"
+
+namespace servodrome::app {
+namespace {
+
+using nlohmann::ordered_json;
+namespace tuning = host::tuning;
+
+struct Options {
+  BusOptions bus{.cycle_ms = 1.0};
+  std::optional<double> bandwidth_hz;
+  bool apply = false;
+  bool propose = false;
+  bool itself = false;
+  bool store = false;
+  bool reset_fault = false;
+  std::string plot;
+  double travel_revolutions = 4.0;
+  double torque_percent = 60.0;
+  double seconds = 10.0;
+};
+
+ordered_json number_or_null(const std::optional<double>& value) {
+  return value ? ordered_json(*value) : ordered_json(nullptr);
+}
+
+ordered_json json_of(const std::vector<tuning::GainValue>& before, const std::vector<tuning::GainValue>& after) {
+  ordered_json list = ordered_json::array();
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    const tuning::GainObject& gain = *after[i].gain;
+    list.push_back({{"object", text_of(gain.object)},
+                    {"name", gain.name},
+                    {"unit", gain.unit_text},
+                    {"before", before[i].number},
+                    {"after", after[i].number}});
+  }
+  return list;
+}
+
+ordered_json json_of(const tuning::Measurement& measured, const tuning::TuningUnits& units) {
+  ordered_json json{{"bandwidth_hz", number_or_null(measured.bandwidth_hz)},
+                    {"crossover_hz", number_or_null(measured.margins.crossover_hz)},
+                    {"phase_margin_deg", number_or_null(measured.margins.phase_margin_deg)},
+                    {"gain_margin_db", number_or_null(measured.margins.gain_margin_db)},
+                    {"inertia", measured.mechanics.inertia},
+                    {"inertia_unit", units.inertia_name},
+                    {"friction", measured.friction},
+                    {"constant_load", measured.constant_load},
+                    {"torque_unit", units.torque_name},
+                    {"loop_delay_ms", 1e3 * measured.controller.controller.delay_s}};
+  if (const auto& resonance = measured.mechanics.resonance) {
+    json["antiresonance_hz"] = resonance->antiresonance_hz;
+    json["resonance_hz"] = resonance->resonance_hz;
+  }
+  ordered_json points = ordered_json::array();
+  for (const tuning::BodePoint& point : tuning::bode(measured.frequencies_hz, measured.open_loop)) {
+    points.push_back({{"hz", point.frequency_hz}, {"gain_db", point.gain_db}, {"phase_deg", point.phase_deg}});
+  }
+  json["open_loop"] = points;
+  return json;
+}
+
+ordered_json json_of(const tuning::StepResponse& step) {
+  return {{"rise_ms", 1e3 * step.rise_s},
+          {"overshoot_percent", 100.0 * step.overshoot},
+          {"settling_ms", 1e3 * step.settling_s}};
+}
+
+std::string figure(const std::optional<double>& value, const char* unit) {
+  return value ? fmt::format("{:.1f} {}", *value, unit) : std::string("not seen");
+}
+
+void print(const char* when, const tuning::Measurement& measured) {
+  fmt::print("{:<10}bandwidth {}, crossover {}, phase margin {}, gain margin {}\n", when,
+             figure(measured.bandwidth_hz, "Hz"), figure(measured.margins.crossover_hz, "Hz"),
+             figure(measured.margins.phase_margin_deg, "deg"), figure(measured.margins.gain_margin_db, "dB"));
+}
+
+void print(const char* when, const tuning::StepResponse& step) {
+  fmt::print("{:<10}rises in {:.1f} ms, overshoots by {:.0f} %, within 5 % after {:.0f} ms\n", when, 1e3 * step.rise_s,
+             100.0 * step.overshoot, 1e3 * step.settling_s);
+}
+
+void print_table(const tuning::Measurement& measured) {
+  fmt::print("\nopen velocity loop, measured\n{:>9}  {:>8}  {:>8}\n", "Hz", "gain dB", "phase");
+  double next = 0.0;
+  for (const tuning::BodePoint& point : tuning::bode(measured.frequencies_hz, measured.open_loop)) {
+    if (point.frequency_hz < next) continue;
+    next = 1.35 * point.frequency_hz;
+    const auto bar = static_cast<std::size_t>(std::lround(std::clamp(point.gain_db + 40.0, 0.0, 80.0) / 2.0));
+    fmt::print("{:>9.1f}  {:>8.1f}  {:>8.0f}  {}\n", point.frequency_hz, point.gain_db, point.phase_deg,
+               std::string(bar, '#'));
+  }
+  fmt::print("\n");
+}
+
+void print_gains(const std::vector<tuning::GainValue>& before, const std::vector<tuning::GainValue>& after) {
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    const bool changed = before[i].number != after[i].number;
+    fmt::print("  {:<72}{}\n", tuning::text_of(before[i], after[i]), changed ? "" : "as it was");
+  }
+}
+
+void write_plot(const std::string& path, const tuning::SessionResult& result, const std::string& where) {
+  std::vector<tuning::BodeCurve> curves{
+      {"open loop before", tuning::bode(result.before.frequencies_hz, result.before.open_loop)}};
+  if (result.after) {
+    curves.push_back({"open loop after", tuning::bode(result.after->frequencies_hz, result.after->open_loop)});
+    curves.push_back({"closed loop after", tuning::bode(result.after->frequencies_hz, result.after->closed_loop)});
+  }
+  std::ofstream file(path, std::ios::binary);
+  file << tuning::bode_svg(curves, where);
+  file.close();
+  if (!file) throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
+}
+
+// True: the drive keeps the gains over power-off.
+bool store(DriveLink& link) {
+  const std::string_view name = link.product() != nullptr ? link.product()->name : std::string_view{};
+  return host::store_parameters(link.objects(), host::parameter_rules_of(name));
+}
+
+void print_storing(const Options& options, bool stored, bool written) {
+  if (stored) {
+    fmt::print("stored\n");
+  } else if (written) {
+    fmt::print("{}: the gains are lost with the power (`--store` stores, `params save` keeps them in a file)\n",
+               options.store ? "this drive has no command to store" : "not stored");
+  }
+}
+
+void run_itself(const Options& options) {
+  DriveLink link(options.bus, true);
+  link.operate(options.bus);
+  const InterruptGuard guard;
+  const auto axis = link.open_axis({});
+  const auto& dialect =
+      tuning::tuning_dialect_of(link.product() != nullptr ? link.product()->name : std::string_view{});
+  const auto units = axis->units();
+  if (options.reset_fault) axis->reset_fault();
+  const bool shown = on_terminal() && !options.bus.json;
+  const tuning::OwnTuningResult result = tuning::tune_by_itself(
+      *axis, dialect, units.value_or(host::AxisUnits{1.0, 1.0, 1.0}),
+      {.travel_revolutions = options.travel_revolutions, .progress = [&](const char* doing, double share) {
+         if (shown) fmt::print(stderr, "\r  {} {:.0f} %\x1B[K", doing, 100.0 * share);
+       }});
+  if (shown) fmt::print(stderr, "\r\x1B[K");
+  const bool stored = options.store && store(link);
+  if (options.bus.json) {
+    fmt::print("{}\n", ordered_json{{"node", axis->address()},
+                                    {"result", "tuned by the drive itself"},
+                                    {"gains", json_of(result.before, result.after)},
+                                    {"stored", stored}}
+                           .dump(2));
+    return;
+  }
+  fmt::print("{} {}: tuned by the drive itself\n", link.noun(), axis->address());
+  print_gains(result.before, result.after);
+  print_storing(options, stored, true);
+}
+
+void run(const Options& options) {
+  if (options.apply && options.propose) throw Failure::wrong_use("tune: give --apply or --propose, not both");
+  if (options.store && !options.apply && !options.itself) throw Failure::wrong_use("tune: --store goes with --apply");
+  if (options.itself) return run_itself(options);
+  const BusKind kind = bus_kind(options.bus).kind;
+  if (kind == BusKind::modbus || kind == BusKind::serial10) {
+    throw Failure::wrong_use(fmt::format(
+        "--bus {}: a frequency response needs samples at a fixed rate, which this bus does not give; --auto lets a "
+        "drive tune itself, or use its CAN or EtherCAT port",
+        options.bus.link));
+  }
+  DriveLink link(options.bus, true);
+  link.operate(options.bus);
+  const InterruptGuard guard;
+  host::ObjectClient& objects = link.objects();
+  const auto& dialect =
+      tuning::tuning_dialect_of(link.product() != nullptr ? link.product()->name : std::string_view{});
+  const auto axis = link.open_axis({});
+  const auto axis_units = axis->units();
+  if (!axis_units) {
+    throw Failure::did_not_work(
+        fmt::format("{}: the drive does not say how many units a revolution has (6092h, 608Fh)", objects.where()));
+  }
+  const tuning::TuningUnits units = tuning::tuning_units_of(objects, dialect, *axis_units);
+  if (options.reset_fault) axis->reset_fault();
+  const auto cyclic = link.open_cyclic(kind == BusKind::can ? tuning::tuning_drive(objects, dialect) : host::CanDrive{},
+                                       tuning::heartbeat_node_id, tuning::heartbeat_period, options.bus);
+  const bool shown = on_terminal() && !options.bus.json;
+  tuning::SessionResult result;
+  {
+    tuning::Tuner tuner(*cyclic, objects, dialect, units,
+                        {.travel_revolutions = options.travel_revolutions,
+                         .torque_limit = options.torque_percent / 100.0,
+                         .seconds = options.seconds,
+                         .cancelled = InterruptGuard::interrupted,
+                         .progress = [&](const char* doing, double share) {
+                           if (shown) fmt::print(stderr, "\r  {} {:.0f} %\x1B[K", doing, 100.0 * share);
+                         }});
+    result =
+        tuning::tune(tuner, objects, dialect, units, {.bandwidth_hz = options.bandwidth_hz, .apply = options.apply});
+  }
+  if (shown) fmt::print(stderr, "\r\x1B[K");
+  if (!options.plot.empty()) write_plot(options.plot, result, objects.where());
+  const bool stored = options.store && store(link);
+
+  if (options.bus.json) {
+    ordered_json json{{"node", axis->address()},
+                      {"result", options.apply ? "applied" : "proposed"},
+                      {"promised_bandwidth_hz", result.bandwidth_hz},
+                      {"before", json_of(result.before, units)},
+                      {"gains", json_of(result.gains_before, result.gains)},
+                      {"si",
+                       {{"velocity_kp", result.proposal.velocity.kp},
+                        {"velocity_ki", result.proposal.velocity.ki},
+                        {"position_kp", result.proposal.position_kp}}},
+                      {"predicted",
+                       {{"bandwidth_hz", result.predicted.bandwidth_hz},
+                        {"phase_margin_deg", number_or_null(result.predicted.margins.phase_margin_deg)}}}};
+    if (result.after) json["after"] = json_of(*result.after, units);
+    if (result.step_before) json["step_before"] = json_of(*result.step_before);
+    if (result.step_after) json["step_after"] = json_of(*result.step_after);
+    json["stored"] = stored;
+    fmt::print("{}\n", json.dump(2));
+    return;
+  }
+  const tuning::Measurement& before = result.before;
+  fmt::print(
+      "{} {}: inertia {:.3g} {}, friction {:.3g} {} at {:.0f} rpm, constant load {:.2g} {}, loop delay {:.2f} ms\n",
+      link.noun(), axis->address(), before.mechanics.inertia, units.inertia_name, before.friction, units.torque_name,
+      before.speed_rad_s * 60.0 / 6.283185307, before.constant_load, units.torque_name,
+      1e3 * before.controller.controller.delay_s);
+  if (const auto& resonance = before.mechanics.resonance) {
+    fmt::print("elastic: antiresonance {:.0f} Hz, resonance {:.0f} Hz, {:.0f} % of the inertia on the motor's side\n",
+               resonance->antiresonance_hz, resonance->resonance_hz,
+               100.0 * before.mechanics.rotor_inertia() / before.mechanics.inertia);
+  }
+  print_table(result.after ? *result.after : before);
+  print("before", before);
+  if (result.step_before) print("", *result.step_before);
+  fmt::print("{:<10}bandwidth {:.1f} Hz (promised {:.1f} Hz), phase margin {}\n", "predicted",
+             result.predicted.bandwidth_hz, result.bandwidth_hz,
+             figure(result.predicted.margins.phase_margin_deg, "deg"));
+  if (result.after) print("measured", *result.after);
+  if (result.step_after) print("", *result.step_after);
+  if (result.gains.empty()) {
+    fmt::print(
+        "in SI units (where this drive has its gains is not known): velocity loop {:.4g} {} s/rad and {:.4g} "
+        "{}/rad, position loop {:.3g} /s\n",
+        result.proposal.velocity.kp, units.torque_name, result.proposal.velocity.ki, units.torque_name,
+        result.proposal.position_kp);
+  } else {
+    fmt::print("{}\n", options.apply ? "written:" : "proposed, not written (--apply writes):");
+    print_gains(result.gains_before, result.gains);
+  }
+  print_storing(options, stored, options.apply);
+}
+
+}  // namespace
+
+void add_tune(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "tune",
+      "Measure a drive's velocity loop through CAN or EtherCAT, propose gains for a bandwidth, and with --apply write "
+      "them and measure what they make; the axis moves slowly, some revolutions forward and back");
+  add_bus_options(*command, options->bus, "Seconds to wait for each answer");
+  add_node_option(*command, options->bus);
+  add_serial_options(*command, options->bus);
+  add_cycle_options(*command, options->bus);
+  command
+      ->add_option("--bandwidth", options->bandwidth_hz,
+                   "Bandwidth of the closed velocity loop (-3 dB) in Hz; if not given six tenths of what is possible")
+      ->check(number_within(1.0, 1000.0));
+  command->add_flag("--propose,--dry-run", options->propose, "Write nothing (so it is without --apply)");
+  command->add_flag("--apply", options->apply, "Write the gains; the old ones are put back if it does not come true");
+  command->add_flag("--auto", options->itself, "Let the drive tune itself instead (iSMK), over any bus");
+  command->add_flag("--store", options->store, "Have the drive keep the gains over power-off");
+  command->add_option("--plot", options->plot, "Write a Bode plot to this file (SVG)");
+  command->add_option("--travel", options->travel_revolutions, "Motor revolutions the axis may go forward from here")
+      ->check(number_within(0.5, 1000.0))
+      ->capture_default_str();
+  command
+      ->add_option("--torque", options->torque_percent,
+                   "Percent of rated torque (iSMK: of the peak current) at which it ends")
+      ->check(number_within(1.0, 300.0))
+      ->capture_default_str();
+  command->add_option("--seconds", options->seconds, "Of each measurement; longer tells more of a noisy axis")
+      ->check(number_within(4.0, 600.0))
+      ->capture_default_str();
+  command->add_flag("--reset-fault", options->reset_fault, "Reset a fault first");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace servodrome::app

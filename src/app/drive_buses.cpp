@@ -1,0 +1,186 @@
+#include "app/drive_buses.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <fmt/format.h>
+
+#include "app/commands.hpp"
+#include "app/drive_group.hpp"
+
+namespace servodrome::app {
+namespace {
+
+// A group of drives as the studio's threads use it.
+class OpenGroup final : public studio::OpenBus {
+ public:
+  OpenGroup(const BusOptions& options, const std::vector<DriveGroup::Member>& members) : group_(options, members) {}
+  std::vector<host::ObjectClient*> drives() override {
+    std::vector<host::ObjectClient*> drives;
+    for (host::Axis402* axis : group_.axes()) drives.push_back(&axis->objects());
+    return drives;
+  }
+  // They share the bus: it runs for all of them.
+  void wait(host::Time span) override { group_.axes().front()->objects().wait(span); }
+
+ private:
+  DriveGroup group_;
+};
+
+struct Named {
+  BusOptions options;
+  std::vector<unsigned> nodes;
+};
+
+Named read_bus(const std::string& text, BusOptions options) {
+  const std::size_t equals = text.rfind('=');
+  options.link = text.substr(0, equals);
+  Named bus{std::move(options), {}};
+  if (equals == std::string::npos) return bus;
+  for (std::string_view rest = std::string_view(text).substr(equals + 1);;) {
+    const std::string_view number = rest.substr(0, rest.find(','));
+    unsigned node = 0;
+    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), node);
+    const bool known = std::find(bus.nodes.begin(), bus.nodes.end(), node) != bus.nodes.end();
+    if (error != std::errc() || end != number.data() + number.size() || node == 0 || node > 65535 || known) {
+      throw Failure::wrong_use(fmt::format(
+          "--bus {}: \"{}\" {}; write node-IDs, stations or positions behind the link, as socketcan:can0=1,3", text,
+          number, known ? "is given twice" : "is no number of a drive"));
+    }
+    bus.nodes.push_back(node);
+    if (number.size() == rest.size()) return bus;
+    rest.remove_prefix(number.size() + 1);
+  }
+}
+
+std::string product_name(const line::Product* product) {
+  return product != nullptr ? std::string(product->name) : std::string();
+}
+
+std::vector<studio::DrivePlan> drives_on_can(const Named& named) {
+  const auto bus = open_bus(named.options);
+  host::ScanOptions scan;
+  std::vector<studio::DrivePlan> drives;
+  const std::vector<host::FoundNode> found = host::scan(*bus, scan);
+  for (const host::FoundNode& node : found) {
+    const bool wanted = std::find(named.nodes.begin(), named.nodes.end(), node.node_id) != named.nodes.end();
+    if (named.nodes.empty() ? node.is_drive() : wanted) {
+      drives.push_back({{}, product_name(product_of(node)), node.node_id});
+    }
+  }
+  for (const unsigned node : named.nodes) {
+    if (std::none_of(drives.begin(), drives.end(), [node](const auto& drive) { return drive.address == node; })) {
+      throw Failure::did_not_work(
+          fmt::format("{}: node {} does not answer; check its node-ID, bit rate and power", bus->name(), node));
+    }
+  }
+  return drives;
+}
+
+std::vector<studio::DrivePlan> drives_on_ethercat(const Named& named) {
+  const auto master = open_ethercat_master(named.options);
+  const std::vector<host::FoundSlave> slaves = scan_segment(*master);
+  std::vector<studio::DrivePlan> drives;
+  if (!named.nodes.empty()) {
+    for (const unsigned node : named.nodes) {
+      BusOptions one = named.options;
+      one.node_id = node;
+      const host::FoundSlave& slave = choose_slave(*master, slaves, one);
+      drives.push_back({{}, product_name(product_of(slave)), slave.position});
+    }
+    return drives;
+  }
+  for (const host::FoundSlave& found : slaves) {
+    host::EthercatSlave slave(*master, found, named.options.answer_timeout());
+    if (is_drive(slave)) drives.push_back({{}, product_name(product_of(found)), found.position});
+  }
+  return drives;
+}
+
+// A serial line is not searched: a station that is silent takes a second.
+std::vector<studio::DrivePlan> drives_on_modbus(const Named& named, const std::string& link) {
+  host::ModbusClient client = open_modbus_client(named.options, link, {.timeout = named.options.answer_timeout()});
+  std::vector<unsigned> nodes = named.nodes;
+  if (nodes.empty()) nodes.push_back(0);  // the one alone behind a TCP address
+  std::vector<studio::DrivePlan> drives;
+  for (const unsigned node : nodes) {
+    BusOptions one = named.options;
+    one.node_id = node;
+    const std::uint8_t unit = modbus_unit(one, link);
+    const line::Product* product = named_product(one);
+    if (product == nullptr) product = &modbus_product(client, unit);
+    register_list_of(*product);  // it has one, or this says so
+    drives.push_back({{}, product_name(product), node});
+  }
+  return drives;
+}
+
+std::vector<studio::DrivePlan> drives_on_serial10(const Named& named) {
+  if (named.nodes.size() > 1) {
+    throw Failure::wrong_use(fmt::format("--bus {}: this protocol is for one drive", named.options.link));
+  }
+  BusOptions one = named.options;
+  if (!named.nodes.empty()) one.node_id = named.nodes.front();
+  DriveLink link(one, true);
+  link.objects().read<std::uint16_t>(0x6041);
+  return {{{}, product_name(link.product()), one.node_id}};
+}
+
+studio::BusPlan plan_of(const Named& named) {
+  const auto [kind, link] = bus_kind(named.options);
+  studio::BusPlan plan{named.options.link, "", {}, {}};
+  switch (kind) {
+    case BusKind::can:
+      plan.type = "can";
+      plan.drives = drives_on_can(named);
+      break;
+    case BusKind::ethercat:
+      plan.type = "ethercat";
+      plan.drives = drives_on_ethercat(named);
+      break;
+    case BusKind::modbus:
+      plan.type = "rs485";
+      plan.drives = drives_on_modbus(named, link);
+      break;
+    case BusKind::serial10:
+      plan.type = "rs485";
+      plan.drives = drives_on_serial10(named);
+      break;
+  }
+  if (plan.drives.empty()) {
+    throw Failure::did_not_work(
+        fmt::format("{}: no CiA 402 drive answers; check bit rate and power, or name the drives: --bus {}=1,2",
+                    plan.link, plan.link));
+  }
+  std::vector<DriveGroup::Member> members;
+  for (const studio::DrivePlan& drive : plan.drives) members.push_back({drive.address, drive.product});
+  plan.open = [options = named.options, members] { return std::make_unique<OpenGroup>(options, members); };
+  return plan;
+}
+
+}  // namespace
+
+std::vector<studio::BusPlan> find_drives(const std::vector<std::string>& buses, const BusOptions& common) {
+  std::vector<studio::BusPlan> plans;
+  std::vector<std::string> names;
+  for (const std::string& text : buses) {
+    const Named named = read_bus(text, common);
+    const auto same = [&named](const studio::BusPlan& plan) { return plan.link == named.options.link; };
+    if (std::any_of(plans.begin(), plans.end(), same)) {
+      throw Failure::wrong_use(fmt::format("--bus {}: the bus is given twice; name all its drives in one", text));
+    }
+    plans.push_back(plan_of(named));
+    // What it is and where: "ismc-1"; "ismk", if it is alone. The same on a second bus: "ismc-1-2".
+    for (studio::DrivePlan& drive : plans.back().drives) {
+      const std::string what = drive.product.empty() ? "drive" : drive.product;
+      const std::string plain = drive.address == 0 ? what : fmt::format("{}-{}", what, drive.address);
+      drive.name = plain;
+      for (int n = 2; std::find(names.begin(), names.end(), drive.name) != names.end(); ++n) {
+        drive.name = fmt::format("{}-{}", plain, n);
+      }
+      names.push_back(drive.name);
+    }
+  }
+  return plans;
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,8 @@
+#pragma once
+
+namespace servodrome::app {
+
+// The first signal that an InterruptGuard (bus_options.hpp) has taken note of; 0: none.
+int interrupting_signal();
+
+}  // namespace servodrome::app

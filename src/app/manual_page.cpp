@@ -1,0 +1,88 @@
+#include "app/manual_page.hpp"
+
+#include <fmt/format.h>
+
+namespace servodrome::app {
+namespace {
+
+// A hyphen that is typed is \-; a line that begins with a dot or an apostrophe would be a macro.
+std::string roff(const std::string& text) {
+  std::string escaped;
+  if (text.starts_with('.') || text.starts_with('\'')) escaped = "\\&";
+  for (const char c : text) {
+    if (c == '\\') {
+      escaped += "\\e";
+    } else if (c == '-') {
+      escaped += "\\-";
+    } else {
+      escaped += c;
+    }
+  }
+  return escaped;
+}
+
+std::string manual_head_of(const CommandArgument& argument) {
+  std::string head;
+  for (const std::string& name : argument.names) {
+    head += fmt::format("{}\\fB{}\\fR", head.empty() ? "" : ", ", roff(name));
+  }
+  if (const std::string value = argument.value_text(); !value.empty() && argument.names.back().starts_with("-")) {
+    head += fmt::format(" \\fI{}\\fR", roff(value));
+  }
+  return head;
+}
+
+std::string text_of_arguments(const std::vector<CommandArgument>& arguments) {
+  std::string text;
+  for (const CommandArgument& argument : arguments) {
+    if (argument.names.back() == "--help") continue;  // said once, above
+    std::string description = roff(argument.description);
+    if (argument.required && argument.names.back().starts_with("-")) description += " (required)";
+    if (!argument.default_value.empty()) description += fmt::format(" (default: {})", roff(argument.default_value));
+    text += fmt::format(".TP\n{}\n{}.\n", manual_head_of(argument), description);
+  }
+  return text;
+}
+
+constexpr const char* exit_status_section = R"(.SH EXIT STATUS
+.TP
+\fB0\fR
+It worked.
+.TP
+\fB1\fR
+It did not work; standard error says what, where and what to do.
+.TP
+\fB2\fR
+Wrong use: nothing was done.
+.TP
+\fB130\fR, \fB143\fR, \fB129\fR
+Broken off by Ctrl\-C, SIGTERM or a terminal that went away: an axis that moved has been brought to rest.
+)";
+constexpr const char* environment_section = R"(.SH ENVIRONMENT
+.TP
+\fBSERVODROME_TOKEN\fR
+The token with which other machines may write over the bench API of \fBservodrome up\fR.
+.TP
+\fBSERVODROME_STUDIO\fR
+Folder with the web page that \fBservodrome up\fR serves.
+)";
+
+}  // namespace
+
+std::string manual_page(const CommandNode& root) {
+  std::string page = fmt::format(
+      ".TH SERVODROME 1 \"\" \"servodrome " SERVODROME_VERSION
+      "\" \"User Commands\"\n.SH NAME\nservodrome \\- {}\n.SH SYNOPSIS\n.B servodrome\n\\fICOMMAND\\fR [OPTIONS]\n"
+      ".SH DESCRIPTION\n{}\n.PP\n\\fBservodrome\\fR \\fICOMMAND\\fR \\fB\\-\\-help\\fR shows a command's options.\n"
+      ".SH COMMANDS\n",
+      roff("software servo drives and the tools to commission them"), roff(root.description));
+  for (const CommandNode* command : all_commands(root)) {
+    if (command == &root) continue;
+    page += fmt::format(".SS {} {}\n{}.\n", roff(command->path), roff(usage_of(*command)), roff(command->description));
+    page += text_of_arguments(command->positionals);
+    page += text_of_arguments(command->options);
+  }
+  return page + exit_status_section + environment_section;
+}
+
+}  // namespace servodrome::app

@@ -1,0 +1,184 @@
+#include "app/shell_completion.hpp"
+
+#include <fmt/format.h>
+
+namespace servodrome::app {
+namespace {
+
+using Value = CommandArgument::Value;
+
+// Of descriptions, in single quotes of any of the three shells: what would end or change them is left out.
+std::string quotable(const std::string& text, const char* without) {
+  std::string kept;
+  for (const char c : text) {
+    if (std::string_view(without).find(c) == std::string_view::npos) kept += c;
+  }
+  return kept;
+}
+
+// "servodrome move:--to|servodrome move:--by": a pattern for `case`, of the options that `wanted` picks.
+template <typename Wanted>
+std::string pattern_of_options(const CommandNode& node, Wanted wanted) {
+  std::string pattern;
+  for (const CommandArgument& option : node.options) {
+    if (!wanted(option)) continue;
+    for (const std::string& name : option.names) {
+      pattern += fmt::format("{}\"{}:{}\"", pattern.empty() ? "" : "|", node.path, name);
+    }
+  }
+  return pattern;
+}
+
+bool takes_file(const CommandArgument& option) { return option.value == Value::text && option.choices.empty(); }
+bool takes_number(const CommandArgument& option) { return option.value == Value::number && option.choices.empty(); }
+
+// The lines of a `case` over "COMMAND:WORD BEFORE" of bash and zsh; `words`, `files` and `nothing` are what they do.
+std::string cases_of_values(const CommandNode& root, const char* words, const char* files, const char* nothing) {
+  std::string lines;
+  const auto add = [&lines](const std::string& pattern, const std::string& action) {
+    if (!pattern.empty()) lines += fmt::format("    {})\n      {}\n      return ;;\n", pattern, action);
+  };
+  for (const CommandNode* node : all_commands(root)) {
+    for (const CommandArgument& option : node->options) {
+      if (option.choices.empty()) continue;
+      const auto is_it = [&option](const CommandArgument& one) { return &one == &option; };
+      add(pattern_of_options(*node, is_it), fmt::format(fmt::runtime(words), fmt::join(option.choices, " ")));
+    }
+    add(pattern_of_options(*node, takes_file), files);
+    add(pattern_of_options(*node, takes_number), nothing);
+  }
+  return lines;
+}
+
+// "servodrome params"|"servodrome params save"|...
+std::string pattern_of_commands(const CommandNode& root) {
+  std::string pattern;
+  for (const CommandNode* node : all_commands(root)) {
+    if (node != &root) pattern += fmt::format("{}\"{}\"", pattern.empty() ? "" : "|", node->path);
+  }
+  return pattern;
+}
+
+}  // namespace
+
+std::string bash_completion(const CommandNode& root) {
+  std::string script =
+      "# bash completion of servodrome, as `servodrome completion bash` writes it\n"
+      "_servodrome() {\n"
+      "  local current=${COMP_WORDS[COMP_CWORD]} command=servodrome words= files= i\n"
+      "  COMPREPLY=()\n"
+      "  for ((i = 1; i < COMP_CWORD; i++)); do\n";
+  script += fmt::format("    case \"$command ${{COMP_WORDS[i]}}\" in\n      {}) command+=\" ${{COMP_WORDS[i]}}\" ;;\n",
+                        pattern_of_commands(root));
+  script += "    esac\n  done\n  case \"$command:${COMP_WORDS[COMP_CWORD - 1]}\" in\n";
+  script += cases_of_values(root, "COMPREPLY=($(compgen -W \"{}\" -- \"$current\"))",
+                            "compopt -o filenames 2>/dev/null; COMPREPLY=($(compgen -f -- \"$current\"))", ":");
+  script += "  esac\n  case \"$command\" in\n";
+  for (const CommandNode* node : all_commands(root)) {
+    std::string words;
+    bool files = false;
+    for (const CommandNode& command : node->commands) words += command.name + " ";
+    for (const CommandArgument& positional : node->positionals) {
+      files = files || takes_file(positional);
+      for (const std::string& choice : positional.choices) words += choice + " ";
+    }
+    for (const CommandArgument& option : node->options) words += fmt::format("{} ", fmt::join(option.names, " "));
+    if (!words.empty()) words.pop_back();
+    script += fmt::format("    \"{}\") words=\"{}\"{} ;;\n", node->path, words, files ? " files=1" : "");
+  }
+  script +=
+      "  esac\n"
+      "  COMPREPLY=($(compgen -W \"$words\" -- \"$current\"))\n"
+      "  if [[ -n $files && $current != -* ]]; then\n"
+      "    compopt -o filenames 2>/dev/null\n"
+      "    COMPREPLY+=($(compgen -f -- \"$current\"))\n"
+      "  fi\n"
+      "}\n"
+      "complete -F _servodrome servodrome\n";
+  return script;
+}
+
+std::string zsh_completion(const CommandNode& root) {
+  std::string script =
+      "#compdef servodrome\n"
+      "# zsh completion of servodrome, as `servodrome completion zsh` writes it\n"
+      "_servodrome() {\n"
+      "  local command=servodrome word files=\n"
+      "  local -a candidates\n"
+      "  for word in \"${(@)words[2,CURRENT-1]}\"; do\n";
+  script += fmt::format("    case \"$command $word\" in\n      {}) command+=\" $word\" ;;\n    esac\n  done\n",
+                        pattern_of_commands(root));
+  script += "  case \"$command:${words[CURRENT-1]}\" in\n";
+  script += cases_of_values(root, "compadd -- {}", "_files", ":");
+  script += "  esac\n  case \"$command\" in\n";
+  const auto described = [](const std::string& word, const std::string& text) {
+    return fmt::format("      '{}:{}'\n", word, quotable(text, "'"));
+  };
+  for (const CommandNode* node : all_commands(root)) {
+    std::string candidates;
+    bool files = false;
+    for (const CommandNode& command : node->commands) candidates += described(command.name, command.description);
+    for (const CommandArgument& positional : node->positionals) {
+      files = files || takes_file(positional);
+      for (const std::string& choice : positional.choices) candidates += described(choice, positional.names.back());
+    }
+    for (const CommandArgument& option : node->options) {
+      for (const std::string& name : option.names) candidates += described(name, option.description);
+    }
+    script += fmt::format("    \"{}\")\n      candidates=(\n{}      ){} ;;\n", node->path, candidates,
+                          files ? " files=1" : "");
+  }
+  script +=
+      "  esac\n"
+      "  _describe -t commands servodrome candidates\n"
+      "  [[ -n $files ]] && _files\n"
+      "}\n"
+      "_servodrome \"$@\"\n";
+  return script;
+}
+
+std::string fish_completion(const CommandNode& root) {
+  std::string script =
+      "# fish completion of servodrome, as `servodrome completion fish` writes it\n"
+      "function __servodrome_at\n"
+      "  set -l path servodrome\n"
+      "  for word in (commandline -opc)[2..-1]\n"
+      "    contains -- \"$path $word\" $__servodrome_commands\n"
+      "    and set path \"$path $word\"\n"
+      "  end\n"
+      "  test \"$path\" = \"$argv[1]\"\n"
+      "end\n"
+      "set -g __servodrome_commands";
+  for (const CommandNode* node : all_commands(root)) {
+    if (node != &root) script += fmt::format(" '{}'", node->path);
+  }
+  script += "\ncomplete -c servodrome -f\n";
+  for (const CommandNode* node : all_commands(root)) {
+    const auto add = [&](const std::string& what, const std::string& text) {
+      script += fmt::format("complete -c servodrome -n '__servodrome_at \"{}\"' {} -d '{}'\n", node->path, what,
+                            quotable(text, "'\\"));
+    };
+    for (const CommandNode& command : node->commands) add("-a " + command.name, command.description);
+    for (const CommandArgument& positional : node->positionals) {
+      if (takes_file(positional)) add("-F", positional.description);
+      if (!positional.choices.empty()) {
+        add(fmt::format("-a '{}'", fmt::join(positional.choices, " ")), positional.names.back());
+      }
+    }
+    for (const CommandArgument& option : node->options) {
+      std::string what;
+      for (const std::string& name : option.names) {
+        what += name.starts_with("--") ? fmt::format(" -l {}", name.substr(2)) : fmt::format(" -s {}", name.substr(1));
+      }
+      if (!option.choices.empty()) {
+        what += fmt::format(" -x -a '{}'", fmt::join(option.choices, " "));
+      } else if (option.value != Value::none) {
+        what += takes_file(option) ? " -r -F" : " -x";
+      }
+      add(what.substr(1), option.description);
+    }
+  }
+  return script;
+}
+
+}  // namespace servodrome::app

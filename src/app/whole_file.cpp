@@ -1,0 +1,39 @@
+#include "app/whole_file.hpp"
+
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
+#include <unistd.h>
+
+#include "app/commands.hpp"
+
+namespace servodrome::app {
+
+void write_whole_file(const std::string& path, const std::string& text) {
+  std::error_code error;
+  std::filesystem::path target = std::filesystem::canonical(path, error);
+  if (error) target = path;  // it is not there yet
+  const bool replaces = !std::filesystem::exists(target, error) || std::filesystem::is_regular_file(target, error);
+  const std::filesystem::path part = replaces ? std::filesystem::path(target.string() + ".part") : target;
+  {
+    std::ofstream file(part, std::ios::binary);
+    file << text;
+    file.close();
+    if (file && replaces) std::filesystem::rename(part, target, error);
+    if (file && !error) return;
+  }
+  if (replaces) std::filesystem::remove(part, error);
+  throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
+}
+
+void require_writable(const std::string& path) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) throw Failure::wrong_use(fmt::format("{}: it is a folder", path));
+  const bool is_there = std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error);
+  const std::filesystem::path folder = std::filesystem::absolute(path, error).parent_path();
+  const std::string checked = is_there ? path : folder.string();
+  if (::access(checked.c_str(), is_there ? W_OK : W_OK | X_OK) == 0) return;
+  throw Failure::wrong_use(fmt::format("{}: cannot be written; check path and rights", path));
+}
+
+}  // namespace servodrome::app
