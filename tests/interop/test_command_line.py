@@ -62,6 +62,8 @@ def test_run_a_script(client, bench, tmp_path):
     wait_for(lambda: abs(bench.true_position("reference") - before - COUNTS) <= 50, "the move")
     script.write_text("axis it 2\nenable\nexpect 603F == 5\n")
     assert f"{script}:3:1: " in client("run", script, status=1)
+    script.write_text("repeat 0\nenable\nend\n")
+    assert client("run", "--check", script, status=2).count(f"{script}:") == 1
     script.write_text("enabel\n")
     assert f"{script}:1:1: " in client("run", script, status=2)
 
@@ -104,7 +106,7 @@ def test_an_axis_is_stopped_when_the_terminal_goes_away(line):
     jog = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     wait_for(lambda: velocity_of(line) > 5, "the axis to turn")
     jog.send_signal(signal.SIGHUP)
-    assert jog.communicate(timeout=60)[1] and jog.returncode == 1
+    assert jog.communicate(timeout=60)[1] and jog.returncode == 128 + signal.SIGHUP
     wait_for(lambda: abs(velocity_of(line)) < 1, "the axis at rest")
 
 

@@ -378,6 +378,11 @@ def test_the_commands_work_over_modbus(serial_line, link):
     assert "moved" in servodrome("move", *ismk, "--by", 30000, "--velocity", round(300 * RPM))
     wait_for(lambda: abs(serial_line.bench.true_position("k1") - 30000) < 100, "position 30000")
     assert "operation enabled" in servodrome("monitor", *ismk, "--axis", "--for", 0.2)
+    scope = json.loads(servodrome("scope", *ismk, "--json", "--do", "enable", "--do", f"velocity {round(60 * RPM)}", "--do", "wait 0.5"))
+    assert scope["way"] == "Modbus requests" and scope["rows"] > 3 and scope["problems"] == [], scope
+    assert scope["channels"][0]["name"] == "position_actual_internal_value"
+    positions = scope["channels"][0]["values"]
+    assert max(positions) > positions[0] + 10000
     assert "--product" in servodrome("get", "--bus", bus, "--node", 1, "6041", status=2)
     assert "needs a CAN bus" in servodrome("nmt", "start", *reference, status=2)
 
@@ -391,3 +396,5 @@ def test_the_commands_work_with_the_ten_byte_protocol(start_serial_line):
     assert "moved" in servodrome("move", *bus, "--by", 30000, "--velocity", round(300 * RPM))
     wait_for(lambda: abs(line.bench.true_position("k1") - 30000) < 100, "position 30000")
     assert "refused" in servodrome("get", *bus, "5555", status=1)
+    scope = json.loads(servodrome("scope", *bus, "position", "--rate", 20, "--duration", 0.5, "--json"))
+    assert scope["way"] == "requests of the 10-byte protocol" and scope["rows"] > 3

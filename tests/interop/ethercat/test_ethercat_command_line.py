@@ -45,6 +45,18 @@ def test_get_and_set_by_position_and_alias(client, bench):
     assert "no slave has position or alias 77" in client("get", "--node", "77", "6041", status=2)
 
 
+def test_scope_looks_and_moves(client, bench):
+    looked = json.loads(client("scope", "--node", "2", "position", "statusword", "--duration", "0.2", "--json"))
+    assert looked["way"] == "process data in SAFEOP" and looked["rows"] + looked["missed"] >= 99, looked
+    assert states(client) == ["INIT", "PREOP"]
+    script = ["--do", "units revolutions", "--do", "enable", "--do", "move by 1 velocity 4", "--do", "wait 0.2"]
+    moved = json.loads(client("scope", "--node", "2", "position", "--rate", "250", "--json", *script))
+    assert moved["way"] == "process data in OP" and moved["problems"] == [], moved
+    positions = moved["channels"][0]["values"]
+    assert abs(positions[-1] - positions[0] - COUNTS) < COUNTS / 100
+    assert "operation enabled" not in bench.get("axes/drive2")["state"]
+
+
 def test_states(client):
     client("state", "preop")
     client("state", "safeop", "--node", "2")

@@ -1,0 +1,177 @@
+"""`servodrome tune` in real time, over CAN and EtherCAT in UDP.
+
+How good the gains are is measured in virtual time (tests/app/tuning_test.cpp). A computer that is busy loses cycles,
+and `tune` says so and measures nothing: then it is told to try again, and the test is skipped if it never succeeds.
+"""
+
+import json
+import signal
+import subprocess
+import xml.etree.ElementTree
+
+import pytest
+from line import PROGRAM, TRAVEL, Line, servodrome, wait_for
+
+pytestmark = pytest.mark.once
+
+LINE = f"""
+[[bus]]
+name = "can0"
+
+[[bus]]
+name = "ecat"
+type = "ethercat"
+
+[[axis]]
+name = "reference"
+product = "generic402"
+bus = "can0"
+node = 2
+{TRAVEL}
+
+[[axis]]
+name = "ismk"
+product = "ismk"
+bus = "can0"
+node = 4
+{TRAVEL}
+
+[[axis]]
+name = "reference-ec"
+product = "generic402-ec"
+bus = "ecat"
+{TRAVEL}
+
+[[axis]]
+name = "ismk-ec"
+product = "ismk-ea"
+bus = "ecat"
+{TRAVEL}
+"""
+# Bus, node, and the object with the proportional gain of the velocity loop.
+AXES = {
+    "reference": ("can0", 2, "2010/2"),
+    "ismk": ("can0", 4, "60F9/1"),
+    "reference-ec": ("ecat", 1, "2010/2"),
+    "ismk-ec": ("ecat", 2, "60F9/1"),
+}
+# What lost cycles look like. A heartbeat that comes too late is a fault of the drive. A slave whose watchdog has run
+# out (100 ms) leaves OP, and its drive operation enabled.
+TOO_BUSY = ("a computer that is less busy", "no longer sends its process data", "in a row", "8130h", "the drive has a fault")
+WATCHDOG = ("sync manager watchdog", "switch on disabled")
+ATTEMPTS = 8
+SHORT = ["--seconds", "4", "--reset-fault"]
+
+
+@pytest.fixture
+def tuned_line(tmp_path):
+    line = Line(tmp_path, LINE, ["can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0"])
+    yield line
+    line.stop()
+
+
+def start(line, axis, *words):
+    bus, node, _ = AXES[axis]
+    command = [PROGRAM, "tune", "--bus", line.links[bus][0], "--node", str(node), *map(str, words)]
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def in_time(attempt):
+    """What attempt() returns: (exit status wanted, process, output, complaint), once the computer was not too busy."""
+    for _ in range(ATTEMPTS):
+        wanted, process, out, said = attempt()
+        if process.returncode == wanted:
+            return out, said
+        busy = TOO_BUSY + (WATCHDOG if "udp:" in said else ())
+        assert process.returncode == 1 and any(text in said for text in busy), (process.returncode, said)
+    return pytest.skip(f"cycles were lost {ATTEMPTS} times: {said}")
+
+
+def tune(line, axis, *words):
+    def attempt():
+        process = start(line, axis, *words, *SHORT, "--json")
+        return 0, process, *process.communicate(timeout=200)
+
+    return json.loads(in_time(attempt)[0])
+
+
+def gain(line, axis):
+    return line.bench.get(f"axes/{axis}/objects/{AXES[axis][2]}")["value"]
+
+
+def is_at_rest(line, axis):
+    now = line.bench.axis(axis)
+    return now["state"] != "operation enabled" and abs(now["velocity_rpm"]) < 0.5
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_a_proposal_writes_nothing(axis, tuned_line):
+    before = gain(tuned_line, axis)
+    said = tune(tuned_line, axis, "--propose", "--bandwidth", 30)
+    assert said["result"] == "proposed" and "after" not in said and not said["stored"]
+    assert said["before"]["inertia"] > 0 and len(said["before"]["open_loop"]) > 10
+    assert said["gains"][0]["before"] == before and said["gains"][0]["after"] > 0
+    assert gain(tuned_line, axis) == before
+    assert is_at_rest(tuned_line, axis)
+
+
+@pytest.mark.parametrize("axis", ["reference", "reference-ec"])
+def test_gains_are_written_measured_and_drawn(axis, tuned_line, tmp_path):
+    picture = tmp_path / "bode.svg"
+    said = tune(tuned_line, axis, "--apply", "--bandwidth", 60, "--plot", picture)
+    assert said["result"] == "applied"
+    assert abs(said["after"]["bandwidth_hz"] / 60 - 1) <= 0.15
+    assert said["after"]["phase_margin_deg"] >= 40
+    assert gain(tuned_line, axis) == said["gains"][0]["after"] > 0
+    assert said["step_after"]["rise_ms"] > 0
+    drawn = "".join(xml.etree.ElementTree.parse(picture).getroot().itertext())
+    assert "open loop before" in drawn and "closed loop after" in drawn
+    assert is_at_rest(tuned_line, axis)
+
+
+@pytest.mark.parametrize("axis", ["ismk", "ismk-ec"])
+def test_an_ismk_tunes_itself(axis, tuned_line):
+    said = tune(tuned_line, axis, "--auto")
+    assert said["result"] == "tuned by the drive itself"
+    assert gain(tuned_line, axis) == said["gains"][0]["after"] > 0
+    wait_for(lambda: is_at_rest(tuned_line, axis), "the axis at rest")
+
+
+def until_it_moves(line, axis, process):
+    wait_for(
+        lambda: process.poll() is not None or abs(line.bench.axis(axis).get("velocity_rpm", 0)) > 10, "a moving axis"
+    )
+
+
+@pytest.mark.parametrize("axis", ["reference", "reference-ec"])
+def test_ctrl_c_stops_the_axis(axis, tuned_line):
+    before = gain(tuned_line, axis)
+
+    def attempt():
+        process = start(tuned_line, axis, "--apply", *SHORT)
+        until_it_moves(tuned_line, axis, process)
+        process.send_signal(signal.SIGINT)
+        return 130, process, *process.communicate(timeout=200)
+
+    _, said = in_time(attempt)
+    assert "interrupted" in said and "stopped" in said
+    assert is_at_rest(tuned_line, axis)
+    assert gain(tuned_line, axis) == before
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_the_supply_fails(axis, tuned_line):
+    process = start(tuned_line, axis, "--apply", *SHORT)
+    until_it_moves(tuned_line, axis, process)
+    tuned_line.bench.post(f"axes/{axis}/power", {"action": "off"})
+    _, said = process.communicate(timeout=200)
+    assert process.returncode == 1
+    assert said.startswith("servodrome: ") and ";" in said, said
+
+
+def test_wrong_uses(tuned_line):
+    can = ["--bus", tuned_line.links["can0"][0], "--node", 2]
+    assert "not both" in servodrome("tune", *can, "--apply", "--propose", status=2)
+    assert "--apply" in servodrome("tune", *can, "--store", status=2)
+    assert "fixed rate" in servodrome("tune", "--bus", "modbus:tcp:127.0.0.1:1", status=2)
+    assert "no automatic tuning" in servodrome("tune", *can, "--auto", status=1)
