@@ -124,9 +124,8 @@ class Client {
     buffer_.consume(buffer_.size());
     const std::size_t size = boost::asio::read_until(stream_.socket(), boost::asio::dynamic_buffer(text), ending);
     // What came behind it is read by who asks next.
-    const auto room = buffer_.prepare(text.size() - size);
-    std::memcpy(room.data(), text.data() + size, text.size() - size);
-    buffer_.commit(text.size() - size);
+    const auto rest = boost::asio::buffer(text) + size;
+    buffer_.commit(boost::asio::buffer_copy(buffer_.prepare(rest.size()), rest));
     return text.substr(0, size);
   }
   bool closed_by_peer() {
