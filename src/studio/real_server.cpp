@@ -96,9 +96,10 @@ void RealServer::resume(Pending& pending) {
 
 void RealServer::schedule() {
   const host::Time now = drives_.now();
-  host::Time next = std::min(now + view_period, jobs_.next_deadline());
+  // From when it last looked, not from now: requests in quick succession must not put it off.
+  host::Time next = std::min(next_view_, jobs_.next_deadline());
   for (const Pending& pending : pending_) next = std::min(next, pending.due);
-  timer_.expires_after(std::max(next - now, shortest_sleep));
+  timer_.expires_after(std::max(next, looked_ + shortest_sleep) - now);
   timer_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;  // scheduled anew
     look();
@@ -108,6 +109,7 @@ void RealServer::schedule() {
 
 void RealServer::look() {
   const host::Time now = drives_.now();
+  looked_ = now;
   jobs_.reached(now);
   std::vector<Pending*> due;
   for (Pending& pending : pending_) {

@@ -72,6 +72,7 @@ class RealServer {
   Jobs jobs_;
   std::vector<line::bench::RouteGroup> groups_;
   std::list<Pending> pending_;
+  host::Time looked_{};  // look() was there last
   host::Time next_view_{};
   host::Time next_attention_{};
   std::unique_ptr<line::bench::HttpServer> http_;
