@@ -57,6 +57,13 @@ void add_serial_options(CLI::App& command, BusOptions& options) {
                      "Product whose Modbus registers and peculiarities the drive has, if it does not say so itself");
 }
 
+void add_watch_option(CLI::App& command, BusOptions& options) {
+  command.add_flag(
+      "--no-watch", options.no_watch,
+      "CANopen: the drive does not watch this program's heartbeat (1016h, 6007h) meanwhile; it then goes on "
+      "with its last order when the cable is pulled");
+}
+
 void add_cycle_options(CLI::App& command, BusOptions& options) {
   command.add_option("--cycle", options.cycle_ms, "EtherCAT: milliseconds from process data to process data")
       ->check(number_within(0.25, 100.0))

@@ -26,6 +26,8 @@ struct BusOptions {
   unsigned bit_rate = 115200;
   std::string format = "8N1";
   std::string product{};
+  // Of CANopen
+  bool no_watch = false;
   // Of EtherCAT
   double cycle_ms = 2.0;
   bool clocks = false;
@@ -51,6 +53,8 @@ void add_bus_options(CLI::App& command, BusOptions& options, const std::string& 
 void add_node_option(CLI::App& command, BusOptions& options);
 // For commands that work on other buses as well: --bit-rate, --format and --product, and what --bus takes.
 void add_serial_options(CLI::App& command, BusOptions& options);
+// --no-watch, for commands that move an axis.
+void add_watch_option(CLI::App& command, BusOptions& options);
 // --cycle and --clocks, for commands that take EtherCAT slaves to OP.
 void add_cycle_options(CLI::App& command, BusOptions& options);
 

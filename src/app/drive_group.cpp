@@ -52,6 +52,10 @@ void DriveGroup::open_can(const BusOptions& options, const std::vector<Member>& 
                                                host::SdoOptions{.timeout = options.answer_timeout()}),
              named_product(own));
   }
+  if (options.no_watch) return;
+  std::vector<host::ObjectClient*> drives;
+  for (const auto& objects : objects_) drives.push_back(objects.get());
+  watch_.emplace(*bus_, drives);
 }
 
 void DriveGroup::open_modbus(const BusOptions& options, const std::vector<Member>& members, const std::string& link) {

@@ -12,7 +12,8 @@ class DriveGroup {
     std::string product = {};  // "": as the drive or --product says
   };
 
-  // EtherCAT slaves go to OP, together, and stay there as long as this lives and waits. Throws Failure if a drive
+  // EtherCAT slaves go to OP, together, and stay there as long as this lives and waits; CANopen drives watch this
+  // program's heartbeat as long (host::MasterWatch), unless the options say no. Throws Failure if a drive
   // cannot be told, HostError if the link cannot be opened or a drive does not answer.
   DriveGroup(const BusOptions& options, const std::vector<Member>& members);
 
@@ -35,6 +36,7 @@ class DriveGroup {
   std::vector<std::unique_ptr<host::EthercatSlave>> slaves_;
   std::optional<host::EthercatOperation> operation_;
   std::vector<std::unique_ptr<host::ObjectClient>> objects_;
+  std::optional<host::MasterWatch> watch_;
   std::vector<std::unique_ptr<host::Axis402>> axes_;
   std::vector<host::Axis402*> pointers_;
 };

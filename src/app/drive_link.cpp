@@ -262,7 +262,14 @@ void DriveLink::open_ethercat(const BusOptions& options, bool drives) {
   objects_ = std::make_unique<host::CoeObjects>(*slave_);
 }
 
+void DriveLink::be_watched(const BusOptions& options) {
+  if (!bus_ || options.no_watch) return;
+  host::ObjectClient* const drives[] = {objects_.get()};
+  watch_.emplace(*bus_, drives);
+}
+
 void DriveLink::operate(const BusOptions& options) {
+  be_watched(options);
   if (!slave_) return;
   host::EthercatSlave* const slaves[] = {slave_.get()};
   operation_.emplace(*ethercat_, line_, slaves, operation_options(options));

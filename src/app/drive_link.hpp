@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "app/bus_options.hpp"
-#include "host/canopen/master.hpp"
+#include "host/canopen/master_watch.hpp"
 #include "host/conform/subject.hpp"
 #include "host/cyclic/can_cyclic_bus.hpp"
 #include "host/cyclic/ethercat_cyclic_bus.hpp"
@@ -30,10 +30,14 @@ class DriveLink {
   // "node", "station", "slave" or "drive", as its bus calls it.
   const char* noun() const { return bus_ ? "node" : modbus_ ? "station" : slave_ ? "slave" : "drive"; }
 
-  // An EtherCAT slave goes to OP, and stays there as long as this lives and waits; on other buses nothing happens.
+  // Before an axis is moved: be_watched(), and an EtherCAT slave goes to OP, and stays there as long as this lives and
+  // waits. On other buses nothing happens.
   // Axes opened before are not to be used any more.
   void operate(const BusOptions& options);
   bool operates() const { return operation_.has_value(); }
+  // A CANopen drive watches this program's heartbeat as long as this lives (host::MasterWatch), unless the options say
+  // no.
+  void be_watched(const BusOptions& options);
   // The process data of the drive, at the cycle of the options: of a CANopen node those that `on_can` names, of an
   // EtherCAT slave, which is to operate, those that it maps. A CANopen drive gets this program's heartbeat as long as
   // this lives. Throws Failure on a bus that has none.
@@ -70,6 +74,7 @@ class DriveLink {
   std::optional<host::Master> can_master_;
   host::Bus::Subscription heartbeat_;
   std::unique_ptr<host::ObjectClient> objects_;
+  std::optional<host::MasterWatch> watch_;
   host::SdoClient* sdo_ = nullptr;
   const line::Product* product_ = nullptr;
   bool asked_product_ = false;

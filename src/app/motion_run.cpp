@@ -23,6 +23,7 @@ void add_motion_options(CLI::App& command, MotionOptions& options, const std::st
   add_bus_options(command, options.bus, timeout_help);
   add_node_option(command, options.bus);
   add_serial_options(command, options.bus);
+  add_watch_option(command, options.bus);
   add_cycle_options(command, options.bus);
   command.add_flag("--revolutions", options.revolutions,
                    "Numbers are motor revolutions, /s and /s2, instead of the drive's units");

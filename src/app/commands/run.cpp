@@ -147,6 +147,7 @@ void add_run(CLI::App& app) {
   command->remove_option(command->get_option("--timeout"));
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);
+  add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
   command->add_flag("--disable", options->disable,
                     "Disable the drives at the end, instead of leaving those that the script enabled at rest (on "

@@ -225,6 +225,7 @@ class Session {
 
   // The script; then, if a duration is given, until it is over.
   void move(scope::Recorder& recorder, Outcome& outcome) {
+    link_.be_watched(options_.bus);
     const auto axis = link_.open_axis(sampler_->objects(), {});
     host::Axis402* const axes[] = {axis.get()};
     host::script::RunOptions run_options;
@@ -455,6 +456,7 @@ void add_scope(CLI::App& app) {
   add_bus_options(*command, options->bus, "Seconds to wait for the trigger");
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);
+  add_watch_option(*command, options->bus);
   command->add_flag("--clocks", options->bus.clocks, "EtherCAT: distributed clocks with SYNC0, instead of free run");
   command->callback([options] { record(*options); });
 }

@@ -279,6 +279,7 @@ void add_tune(CLI::App& app) {
   add_bus_options(*command, options->bus, "Seconds to wait for each answer");
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);
+  add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
   command
       ->add_option("--bandwidth", options->bandwidth_hz,

@@ -103,9 +103,11 @@ Bus::Subscription Master::produce_sync(Time period, std::uint8_t counter_overflo
 }
 
 Bus::Subscription Master::produce_heartbeat(std::uint8_t own_node_id, Time period, NmtState state) {
-  return bus_.every(period, [this, own_node_id, state] {
+  const auto beat = [this, own_node_id, state] {
     bus_.send(error_control_base + own_node_id, {static_cast<std::uint8_t>(state)});
-  });
+  };
+  beat();
+  return bus_.every(period, beat);
 }
 
 void Master::send_pdo(std::uint32_t can_id, std::span<const std::uint8_t> data) {

@@ -49,6 +49,7 @@ class Master {
   void send_sync();
   // With the counter of object 1019h: 1..overflow (2..240), or none (0).
   [[nodiscard]] Bus::Subscription produce_sync(Time period, std::uint8_t counter_overflow = 0);
+  // The first one at once.
   [[nodiscard]] Bus::Subscription produce_heartbeat(std::uint8_t own_node_id, Time period,
                                                     NmtState state = NmtState::operational);
 

@@ -1,0 +1,93 @@
+#include "host/canopen/master_watch.hpp"
+
+#include <gmock/gmock.h>
+
+#include "app/axis_rig.hpp"
+
+// What becomes of a moving axis whose master's cable is pulled.
+namespace servodrome::host {
+namespace {
+
+using namespace test;
+
+class Watched : public testing::TestWithParam<RigCase> {
+ protected:
+  std::uint32_t watched_time() { return rig.objects().read<std::uint32_t>(0x1016, 1); }
+  std::optional<std::int16_t> option() { return rig.objects().read_if_present<std::int16_t>(0x6007); }
+  void pull_cable_while_moving() {
+    Axis402 axis(rig.objects(), rig.options());
+    axis.enable();
+    const AxisUnits units = axis.units().value_or(AxisUnits{131072, 131072, 131072});
+    const MotionProfile profile{.velocity = static_cast<std::uint32_t>(units.velocity)};
+    const std::string problem = problem_of([&] {
+      axis.move_to(static_cast<std::int32_t>(500 * units.position), profile, 60s, [&](const AxisStatus&) {
+        if (std::abs(rig.shaft_counts() - start) > 1000) rig.cut();
+      });
+    });
+    EXPECT_THAT(problem, testing::HasSubstr("mem:"));
+  }
+  double counts_in_a_second() {
+    const double before = rig.shaft_counts();
+    rig.line.run_until(rig.line.now() + 1s);
+    return std::abs(rig.shaft_counts() - before);
+  }
+
+  AxisRig rig{GetParam()};
+  double start = rig.shaft_counts();
+};
+INSTANTIATE_TEST_SUITE_P(Drives, Watched,
+                         testing::Values(RigCase{"ismc"}, RigCase{"pronet"}, RigCase{"ismk"}, RigCase{"generic402"}),
+                         [](const auto& row) { return row.param.name(); });
+
+TEST_P(Watched, StopsWhenTheCableIsPulled) {
+  ObjectClient* const drives[] = {&rig.objects()};
+  const MasterWatch watch(*rig.can, drives);
+  EXPECT_EQ(watch.watched(), 1U);
+  pull_cable_while_moving();
+  rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
+  EXPECT_LT(counts_in_a_second(), 100.0);
+}
+
+TEST_P(Watched, GoesOnWhenItIsNot) {
+  pull_cable_while_moving();
+  rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
+  EXPECT_GT(counts_in_a_second(), 1000.0);
+}
+
+TEST_P(Watched, IsLeftAsItWas) {
+  const auto before = option();
+  ObjectClient* const drives[] = {&rig.objects()};
+  {
+    const MasterWatch watch(*rig.can, drives);
+    EXPECT_EQ(watched_time(), 0x7F05DCU);
+    EXPECT_NE(option(), 0);
+    rig.objects().wait(10s);  // as long as it is there, the drive is content
+    EXPECT_FALSE(rig.objects().latest_emergency());
+  }
+  EXPECT_EQ(watched_time(), 0U);
+  EXPECT_EQ(option(), before);
+  rig.objects().wait(5s);
+  EXPECT_FALSE(rig.objects().latest_emergency());
+}
+
+TEST_P(Watched, AnotherMastersIsNotTakenAway) {
+  constexpr std::uint32_t another = 0x7E0BB8;
+  rig.objects().write<std::uint32_t>(0x1016, 1, another);
+  ObjectClient* const drives[] = {&rig.objects()};
+  {
+    const MasterWatch watch(*rig.can, drives);
+    EXPECT_EQ(watch.watched(), 0U);
+    EXPECT_EQ(watched_time(), another);
+  }
+  EXPECT_EQ(watched_time(), another);
+}
+
+TEST_P(Watched, WhatAPulledCableLeftBehindIsOurs) {
+  rig.objects().write<std::uint32_t>(0x1016, 1, 0x7F05DC);
+  ObjectClient* const drives[] = {&rig.objects()};
+  { const MasterWatch watch(*rig.can, drives); }
+  EXPECT_EQ(watched_time(), 0U);
+}
+
+}  // namespace
+}  // namespace servodrome::host
