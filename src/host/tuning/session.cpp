@@ -99,7 +99,14 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
                                    [](const GainValue& a, const GainValue& b) { return a.number == b.number; });
       if (same) break;
     }
-    const double measured = result.after->bandwidth_hz.value_or(0.0);
+    if (!result.after->bandwidth_hz) {
+      const auto& heard = result.after->frequencies_hz;
+      throw HostError(fmt::format("what was measured with the new gains shows no bandwidth: the axis answers to {} "
+                                  "frequencies{}",
+                                  heard.size(), heard.empty() ? "" : fmt::format(" up to {:.0f} Hz", heard.back())),
+                      objects.where(), "longer --seconds, or a computer that is less busy");
+    }
+    const double measured = *result.after->bandwidth_hz;
     const double margin = result.after->margins.phase_margin_deg.value_or(0.0);
     if (std::abs(measured / result.bandwidth_hz - 1.0) > promised_tolerance || margin < promised_phase_margin) {
       throw HostError(fmt::format("measured with the new gains: bandwidth {:.1f} Hz for {:.1f} Hz promised, phase "
