@@ -103,7 +103,13 @@ def velocity_of(line):
 @pytest.mark.once
 def test_an_axis_is_stopped_when_the_terminal_goes_away(line):
     command = [PROGRAM, "jog", "--bus", line.links["can0"][0], "--node", "2", "--velocity", str(COUNTS // 8), "--seconds", "60"]
-    jog = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    jog = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # whoever runs the tests may have left it out
+    )
     wait_for(lambda: velocity_of(line) > 5, "the axis to turn")
     jog.send_signal(signal.SIGHUP)
     assert jog.communicate(timeout=60)[1] and jog.returncode == 128 + signal.SIGHUP
