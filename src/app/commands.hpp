@@ -20,6 +20,9 @@ class Failure : public std::runtime_error {
   int exit_status_;
 };
 
+// To standard error, from a command that goes on.
+void warn(const std::string& message);
+
 void add_up(CLI::App& app);
 void add_check(CLI::App& app);
 void add_products(CLI::App& app);

@@ -19,6 +19,7 @@ class OpenGroup final : public studio::OpenBus {
     for (host::Axis402* axis : group_.axes()) drives.push_back(&axis->objects());
     return drives;
   }
+  void back(std::size_t drive) override { group_.renew_watch(drive); }
   // They share the bus: it runs for all of them.
   void wait(host::Time span) override { group_.axes().front()->objects().wait(span); }
 

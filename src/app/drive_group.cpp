@@ -55,7 +55,11 @@ void DriveGroup::open_can(const BusOptions& options, const std::vector<Member>& 
   if (options.no_watch) return;
   std::vector<host::ObjectClient*> drives;
   for (const auto& objects : objects_) drives.push_back(objects.get());
-  watch_.emplace(*bus_, drives);
+  watch_.emplace(*bus_, drives, warn);
+}
+
+void DriveGroup::renew_watch(std::size_t axis) {
+  if (watch_) watch_->renew(*objects_[axis]);
 }
 
 void DriveGroup::open_modbus(const BusOptions& options, const std::vector<Member>& members, const std::string& link) {

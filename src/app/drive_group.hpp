@@ -18,6 +18,8 @@ class DriveGroup {
   DriveGroup(const BusOptions& options, const std::vector<Member>& members);
 
   const std::vector<host::Axis402*>& axes() const { return pointers_; }
+  // A drive has come back, maybe from a reset: a CANopen drive then watches as before. Throws HostError.
+  void renew_watch(std::size_t axis);
   // A slave that leaves OP with its motor on takes that for a fault: disable first.
   bool operates() const { return operation_.has_value(); }
 

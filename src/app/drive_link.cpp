@@ -265,7 +265,7 @@ void DriveLink::open_ethercat(const BusOptions& options, bool drives) {
 void DriveLink::be_watched(const BusOptions& options) {
   if (!bus_ || options.no_watch) return;
   host::ObjectClient* const drives[] = {objects_.get()};
-  watch_.emplace(*bus_, drives);
+  watch_.emplace(*bus_, drives, warn);
 }
 
 void DriveLink::operate(const BusOptions& options) {

@@ -20,7 +20,7 @@ constexpr std::array commands{
 };
 
 int report(int exit_status, std::string_view message) {
-  fmt::print(stderr, "servodrome: {}\n", message);
+  warn(std::string(message));
   return exit_status;
 }
 
@@ -64,6 +64,8 @@ void refuse_unknown_command(const CLI::App& app, int argc, char** argv) {
 }
 
 }  // namespace
+
+void servodrome::app::warn(const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); }
 
 int main(int argc, char** argv) {
   CLI::App app("Software servo drives on real field buses, and the tools to commission them.", "servodrome");

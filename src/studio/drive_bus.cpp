@@ -49,6 +49,7 @@ DriveBus::DriveBus(BusPlan plan, std::unique_ptr<OpenBus> open, Clock::time_poin
     : plan_(std::move(plan)),
       start_(start),
       next_poll_(plan_.drives.size()),
+      silent_(plan_.drives.size(), false),
       stop_when_back_(plan_.drives.size(), false) {
   state_.drives.resize(plan_.drives.size());
   for (DriveState& drive : state_.drives) drive.problem = JobError{"the drive was not asked yet", plan_.link, ""};
@@ -137,6 +138,7 @@ void DriveBus::serve(OpenBus& open) {
     options.dialect = host::dialect_of(plan_.drives[i].product);
     axes_.emplace_back(*open.drives()[i], options);
     next_poll_[i] = {};
+    silent_[i] = false;
   }
   {
     const std::lock_guard lock(mutex_);
@@ -244,6 +246,8 @@ bool DriveBus::poll_one(OpenBus& open) {
   }
   try {
     if (stop) objects.write<std::uint16_t>(0x6040, 0, quick_stop_word);
+    if (silent_[i]) open.back(i);
+    silent_[i] = false;
     seen.status = axes_[i].status();
     seen.controlword = objects.read_if_present<std::uint16_t>(0x6040).value_or(0);
     const bool asks_why = (seen.status.statusword & fault_or_warning) != 0;
@@ -251,6 +255,7 @@ bool DriveBus::poll_one(OpenBus& open) {
     seen.problem.reset();
   } catch (const host::ObjectError& error) {
     seen.problem = error_of(error, plan_.link);
+    silent_[i] = silent_[i] || !error.answered();
     const std::lock_guard lock(mutex_);
     stop_when_back_[i] = stop;
   }

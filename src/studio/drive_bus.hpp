@@ -26,6 +26,8 @@ class OpenBus {
   virtual ~OpenBus() = default;
   // In the order in which they were asked for.
   virtual std::vector<host::ObjectClient*> drives() = 0;
+  // A drive answers again that did not, maybe after a reset. Throws HostError.
+  virtual void back(std::size_t drive) = 0;
   // Lets the bus run. Throws HostError when it is lost.
   virtual void wait(host::Time span) = 0;
 };
@@ -152,6 +154,7 @@ class DriveBus {
   // Of the thread
   std::vector<host::Axis402> axes_;
   std::vector<Clock::time_point> next_poll_;
+  std::vector<bool> silent_;
   std::vector<bool> stop_when_back_;
   std::thread thread_;
 };

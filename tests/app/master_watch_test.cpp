@@ -82,6 +82,46 @@ TEST_P(Watched, AnotherMastersIsNotTakenAway) {
   EXPECT_EQ(watched_time(), another);
 }
 
+TEST_P(Watched, AnotherMastersInAnotherSubIndexIsNotTakenAway) {
+  const auto entries = rig.objects().read<std::uint8_t>(0x1016, 0);
+  if (entries < 2) return;  // the drive watches one at most
+  const auto before = option();
+  rig.objects().write<std::uint32_t>(0x1016, entries, 0x7E0BB8);
+  ObjectClient* const drives[] = {&rig.objects()};
+  const MasterWatch watch(*rig.can, drives);
+  EXPECT_EQ(watch.watched(), 0U);
+  EXPECT_EQ(option(), before);
+}
+
+TEST_P(Watched, SaysWhatItCannotPutBack) {
+  const auto before = option();
+  std::vector<std::string> said;
+  {
+    ObjectClient* const drives[] = {&rig.objects()};
+    const MasterWatch watch(*rig.can, drives, [&](const std::string& sentence) { said.push_back(sentence); });
+    rig.cut();
+  }
+  using testing::HasSubstr;
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_THAT(said[0], testing::AllOf(HasSubstr("mem:"), HasSubstr("1016h:01 = 007F05DCh"), HasSubstr("next reset")));
+  EXPECT_EQ(said[0].find("6007h = 1") != std::string::npos, before == 0);
+}
+
+TEST_P(Watched, IsToldAnewAfterAReset) {
+  const auto before = option();
+  {
+    ObjectClient* const drives[] = {&rig.objects()};
+    MasterWatch watch(*rig.can, drives);
+    Master(*rig.can).command_and_wait(NmtCommand::reset_node, static_cast<std::uint8_t>(rig.objects().address()), 10s);
+    EXPECT_EQ(watched_time(), 0U);
+    watch.renew(rig.objects());
+    EXPECT_EQ(watched_time(), 0x7F05DCU);
+    EXPECT_NE(option(), 0);
+  }
+  EXPECT_EQ(watched_time(), 0U);
+  EXPECT_EQ(option(), before);
+}
+
 TEST_P(Watched, WhatAPulledCableLeftBehindIsOurs) {
   rig.objects().write<std::uint32_t>(0x1016, 1, 0x7F05DC);
   ObjectClient* const drives[] = {&rig.objects()};

@@ -67,8 +67,8 @@ def patiently(test):
 class Studio:
     """`servodrome studio` on buses, until stop()."""
 
-    def __init__(self, *buses):
-        command = [PROGRAM, "studio", "--api", "127.0.0.1:0", "--json", "--timeout", "2"]
+    def __init__(self, *buses, options=()):
+        command = [PROGRAM, "studio", "--api", "127.0.0.1:0", "--json", "--timeout", "2", *options]
         for bus in buses:
             command += ["--bus", bus]
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
@@ -247,23 +247,53 @@ class studio_request:
         pass
 
 
-def test_a_drive_that_is_unplugged_is_stopped_when_it_is_back(studio, line):
-    axis = "ismc-1"
+def unplug_while_it_turns(studio, line, axis):
     wait_for(lambda: studio.bench.axis(axis)["powered"], axis)
     studio.does(axis, do="enable")
     studio.does(axis, do="velocity", **turns(axis, velocity=0.05, acceleration=1))
-    line.bench.post("buses/can0/disturb", {"cut": True, "axis": "ismc"})
+    line.bench.post("buses/can0/disturb", {"cut": True, "axis": NAMES[axis]})
     silent = wait_for(lambda: studio.bench.axis(axis).get("problem"), "the silence")
     assert silent["what"] and silent["hint"]
     with pytest.raises(ApiError) as refused:
         studio.job(axis, do="move", by=1)
     assert refused.value.status == 409
-    # The others go on.
-    studio.does("generic402", do="enable")
+
+
+def watch_of(line, axis):
+    return line.bench.get(f"axes/{NAMES[axis]}/objects/1016/1")["value"]
+
+
+def test_a_drive_that_is_unplugged_stops_by_itself(line):
+    axis = "ismc-1"
+    before = watch_of(line, axis)
+    studio = Studio(*buses_of(line))
+    unplug_while_it_turns(studio, line, axis)
+    studio.does("generic402", do="enable")  # the others go on
+    assert watch_of(line, axis) == 0x7F05DC
+    wait_for(lambda: line.bench.axis("ismc")["state"] == "fault", "the loss, as the drive sees it")
+    wait_for(lambda: abs(line.bench.axis("ismc")["velocity_rpm"]) < 0.5, "the axis at rest")
+    line.bench.delete("buses/can0/disturb")
+    wait_for(lambda: studio.bench.axis(axis)["powered"], "the drive")
+    studio.does(axis, do="reset_fault")
+    studio.does(axis, do="enable")
+    # A reset takes the watch from it: it is told anew.
+    line.bench.post("axes/ismc/power", {"action": "off"})
+    wait_for(lambda: studio.bench.axis(axis).get("problem"), "the silence")
+    line.bench.post("axes/ismc/power", {"action": "on"})
+    wait_for(lambda: studio.bench.axis(axis)["powered"] and watch_of(line, axis) == 0x7F05DC, "the watch")
+    studio.stop()
+    assert watch_of(line, axis) == before
+
+
+def test_a_drive_that_is_not_watched_is_stopped_when_it_is_back(line):
+    axis = "ismc-1"
+    studio = Studio(*buses_of(line), options=["--no-watch"])
+    unplug_while_it_turns(studio, line, axis)
     assert line.bench.axis("ismc")["state"] == "operation enabled"
     line.bench.delete("buses/can0/disturb")
     wait_for(lambda: studio.bench.axis(axis)["powered"], "the drive")
     wait_for(lambda: abs(line.bench.axis("ismc")["velocity_rpm"]) < 0.5, "the axis at rest")
+    studio.stop()
 
 
 def test_a_bus_goes_away_and_comes_back(tmp_path):

@@ -85,6 +85,7 @@ void add_studio(CLI::App& app) {
   add_bus_options(*command, options->bus, "Seconds to wait for each answer of a drive");
   add_serial_options(*command, options->bus);
   add_cycle_options(*command, options->bus);
+  add_watch_option(*command, options->bus);
   command->remove_option(command->get_option("--bus"));
   command
       ->add_option(

@@ -1,5 +1,8 @@
 #include "host/canopen/master_watch.hpp"
 
+#include <algorithm>
+#include <fmt/format.h>
+
 namespace servodrome::host {
 namespace {
 
@@ -10,26 +13,39 @@ constexpr std::int16_t malfunction = 1;
 constexpr std::uint32_t ours =
     std::uint32_t{master_node_id} << 16 | static_cast<std::uint32_t>(MasterWatch::longest_silence.count());
 
+// The drive has a first consumer heartbeat time, and whom it watches is nobody, or us: that is what a program left
+// behind whose cable was pulled.
+bool is_free(ObjectClient& drive) {
+  const auto entries = drive.read_if_present<std::uint8_t>(consumer_heartbeat_time, 0).value_or(0);
+  for (unsigned sub = 1; sub <= entries; ++sub) {
+    const auto watched =
+        drive.read_if_present<std::uint32_t>(consumer_heartbeat_time, static_cast<std::uint8_t>(sub)).value_or(0);
+    if (watched != 0 && watched != ours) return false;
+  }
+  return entries > 0;
+}
+
 }  // namespace
 
-MasterWatch::MasterWatch(Bus& bus, std::span<ObjectClient* const> drives) : master_(bus) {
+MasterWatch::MasterWatch(Bus& bus, std::span<ObjectClient* const> drives, Tell tell)
+    : tell_(std::move(tell)), master_(bus) {
   try {
     for (ObjectClient* drive : drives) begin(*drive);
   } catch (const HostError&) {
     end();
     throw;
   }
-  // A drive watches from the first one it hears.
-  if (!watching_.empty()) {
-    heartbeat_ = master_.produce_heartbeat(master_node_id, heartbeat_period, NmtState::operational);
-  }
+  if (!watching_.empty()) beat();
+}
+
+// A drive watches from the first one it hears.
+void MasterWatch::beat() {
+  heartbeat_.emplace(master_.produce_heartbeat(master_node_id, heartbeat_period, NmtState::operational));
 }
 
 void MasterWatch::begin(ObjectClient& drive) {
   try {
-    const auto time = drive.read_if_present<std::uint32_t>(consumer_heartbeat_time, 1);
-    // Ours is what a program left behind whose cable was pulled.
-    if (!time || (*time != 0 && *time != ours)) return;
+    if (!is_free(drive)) return;
     drive.write<std::uint32_t>(consumer_heartbeat_time, 1, ours);
     watching_.push_back({&drive, false});
     if (drive.read_if_present<std::int16_t>(abort_connection_option) == no_action) {
@@ -41,15 +57,34 @@ void MasterWatch::begin(ObjectClient& drive) {
   }
 }
 
-void MasterWatch::end() {
+void MasterWatch::renew(ObjectClient& drive) {
+  const auto known =
+      std::find_if(watching_.begin(), watching_.end(), [&](const auto& its) { return its.drive == &drive; });
+  // What it was before is known, if it was not reset.
+  const bool option_changed = known != watching_.end() && known->option_changed;
+  if (known != watching_.end()) watching_.erase(known);
+  begin(drive);
+  if (option_changed && !watching_.empty() && watching_.back().drive == &drive) watching_.back().option_changed = true;
+  if (!heartbeat_ && !watching_.empty()) beat();
+}
+
+void MasterWatch::end() noexcept {
   for (const Watching& watching : watching_) {
+    bool freed = false;
     try {
       watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
+      freed = true;
       if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
     } catch (const HostError&) {
+      if (!tell_) continue;
       // Why it does not answer is told by whoever wanted something of it.
+      const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", ours);
+      const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
+      tell_(fmt::format("{}: it keeps {}{}{} of this program until its next reset", watching.drive->where(), watch,
+                        !watch.empty() && !option.empty() ? " and " : "", option));
     }
   }
+  watching_.clear();
 }
 
 }  // namespace servodrome::host
