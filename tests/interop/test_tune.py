@@ -1,7 +1,7 @@
 """`servodrome tune` in real time, over CAN and EtherCAT in UDP.
 
 How good the gains are is measured in virtual time (tests/app/tuning_test.cpp). A computer that is busy loses cycles,
-and `tune` says so and measures nothing: then it is told to try again, and the test is skipped if it never succeeds.
+and `tune` says so and measures nothing: then it is told to try again, and if it never succeeds the drive is as it was.
 """
 
 import json
@@ -132,7 +132,8 @@ def test_gains_are_written_measured_and_drawn(axis, tuned_line, tmp_path):
         assert said["step_after"]["rise_ms"] > 0
         drawn = "".join(xml.etree.ElementTree.parse(picture).getroot().itertext())
         assert "open loop before" in drawn and "closed loop after" in drawn
-    assert gain(tuned_line, axis) == (said["gains"][0]["after"] if said else before) > 0
+        assert said["gains"][0]["after"] > 0
+    assert gain(tuned_line, axis) == (said["gains"][0]["after"] if said else before)
     assert is_at_rest(tuned_line, axis)
 
 
@@ -141,7 +142,8 @@ def test_an_ismk_tunes_itself(axis, tuned_line):
     before = gain(tuned_line, axis)
     if said := tune(tuned_line, axis, "--auto"):
         assert said["result"] == "tuned by the drive itself"
-    assert gain(tuned_line, axis) == (said["gains"][0]["after"] if said else before) > 0
+        assert said["gains"][0]["after"] > 0
+    assert gain(tuned_line, axis) == (said["gains"][0]["after"] if said else before)
     wait_for(lambda: is_at_rest(tuned_line, axis), "the axis at rest")
 
 

@@ -104,15 +104,16 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
       throw HostError(fmt::format("what was measured with the new gains shows no bandwidth: the axis answers to {} "
                                   "frequencies{}",
                                   heard.size(), heard.empty() ? "" : fmt::format(" up to {:.0f} Hz", heard.back())),
-                      objects.where(), "longer --seconds, or a computer that is less busy");
+                      objects.where(), "measure with longer --seconds" + text_of_losses(result.after->lost_cycles));
     }
     const double measured = *result.after->bandwidth_hz;
     const double margin = result.after->margins.phase_margin_deg.value_or(0.0);
     if (std::abs(measured / result.bandwidth_hz - 1.0) > promised_tolerance || margin < promised_phase_margin) {
-      throw HostError(fmt::format("measured with the new gains: bandwidth {:.1f} Hz for {:.1f} Hz promised, phase "
-                                  "margin {:.0f} degrees",
-                                  measured, result.bandwidth_hz, margin),
-                      objects.where(), "ask for a lower --bandwidth");
+      throw HostError(
+          fmt::format("measured with the new gains: bandwidth {:.1f} Hz for {:.1f} Hz promised, phase margin {:.0f} "
+                      "degrees",
+                      measured, result.bandwidth_hz, margin),
+          objects.where(), "ask for a lower --bandwidth" + text_of_losses(result.after->lost_cycles));
     }
     if (request.steps) result.step_after = tuner.step();
   } catch (const Cancelled&) {

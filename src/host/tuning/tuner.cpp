@@ -17,7 +17,8 @@ constexpr unsigned over_torque_cycles = 20;
 constexpr unsigned tolerated_losses = 20;
 constexpr double ramp_s = 0.3;
 constexpr double good_coherence = 0.9;
-constexpr double travel_slack = 0.25;  // revolutions
+constexpr std::size_t fewest_frequencies = 12;  // that it must answer to so clearly
+constexpr double travel_slack = 0.25;           // revolutions
 constexpr unsigned step_repeats = 8;
 const Time slice = std::chrono::milliseconds(20);
 
@@ -67,7 +68,13 @@ Tuner::Tuner(CyclicBus& bus, ObjectClient& objects, const TuningDialect& dialect
 Tuner::~Tuner() { bus_.on_cycle({}); }
 
 void Tuner::fail(const std::string& happened, const std::string& remedy) const {
-  throw HostError(happened, axis_.where(), remedy);
+  throw HostError(happened, axis_.where(), remedy + text_of_losses(lost_cycles() - lost_before_));
+}
+
+std::string text_of_losses(std::uint64_t cycles) {
+  if (cycles == 0) return {};
+  return fmt::format("; {} cycles were lost meanwhile: choose a longer --cycle, or a computer that is less busy",
+                     cycles);
 }
 
 // Takes in what the drive says, and makes the next command. Where something is wrong the axis is braked by a quick stop
@@ -109,7 +116,8 @@ void Tuner::cycle() {
       const double slack = travel_slack * turn;
       if (travelled_ < -slack || travelled_ > options_.travel_revolutions * turn + slack) {
         stop_because(fmt::format("the axis is {:.2f} revolutions from where it stood", travelled_ / turn),
-                     fmt::format("it was allowed {:g}; allow more with --travel", options_.travel_revolutions));
+                     fmt::format("it was allowed {:g} forward and {:g} back; allow more with --travel",
+                                 options_.travel_revolutions, travel_slack));
       }
     }
   }
@@ -123,6 +131,11 @@ void Tuner::cycle() {
   const std::int32_t number = whole_number(wanted * units_.velocity_per_rad_s);
   target_velocity_.set(number);
   command_ = number / units_.velocity_per_rad_s;
+}
+
+std::uint64_t Tuner::lost_cycles() const {
+  const CycleCounters counters = bus_.counters();
+  return counters.missed + counters.skipped;
 }
 
 void Tuner::wait(double seconds) {
@@ -158,6 +171,7 @@ void Tuner::wait_until(const Done& done, double timeout_s, const std::string& wh
 void Tuner::enable() {
   problem_.clear();
   losses_ = over_torque_ = 0;
+  lost_before_ = lost_cycles();
   command_of_cycle_ = {};
   bus_.on_cycle([this] { cycle(); });
   wait(5 * sample_s_);  // until the first statusword is there
@@ -230,7 +244,7 @@ Tuner::Record Tuner::record(const Multisine& excitation, unsigned periods, doubl
     std::uint64_t n = 0;
     double mean = torque_now_;
     double peak = 0.0;
-    const auto losses_before = bus_.counters();
+    const std::uint64_t lost_before = lost_cycles();
     command_of_cycle_ = [&] {
       if (n >= period) {
         record.command.push_back(command_);  // what went out one cycle ago: the same shift for all
@@ -262,11 +276,9 @@ Tuner::Record Tuner::record(const Multisine& excitation, unsigned periods, doubl
       if (options_.progress) options_.progress("measuring", static_cast<double>(i) / periods);
       wait(seconds);
     }
-    const auto losses = bus_.counters();
-    const auto bad = losses.missed + losses.skipped - losses_before.missed - losses_before.skipped;
+    const std::uint64_t bad = lost_cycles() - lost_before;
     if (bad * 100 > n) {
-      fail(fmt::format("{} of {} cycles were lost, which spoils the measurement", bad, n),
-           "choose a longer --cycle, or a computer that is less busy");
+      fail("too many cycles were lost, which spoils the measurement", fmt::format("at most 1 % of {} may be", n));
     }
     const std::size_t whole = record.command.size() / period * period;
     record.command.resize(whole);
@@ -338,6 +350,12 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
     found.closed_loop.push_back(found.velocity_by_command[i].response / hold_gain(point.frequency_hz, sample_s_) *
                                 std::polar(1.0, w * (loop->effective_delay_s - law.delay_s)));
   }
+  if (found.frequencies_hz.size() < fewest_frequencies) {
+    fail(fmt::format("the axis answers clearly to {} of {} frequencies only", found.frequencies_hz.size(),
+                     found.velocity_by_command.size()),
+         "check that it turns freely; measure with longer --seconds");
+  }
+  found.lost_cycles = lost_cycles() - lost_before_;
   found.margins = margins_of(found.frequencies_hz, found.open_loop);
   found.bandwidth_hz = bandwidth_of(found.frequencies_hz, found.closed_loop);
   for (const ResponsePoint& point : found.velocity_by_command) {

@@ -41,7 +41,11 @@ struct Measurement {
   double constant_load = 0.0;  // half their sum: gravity
   double speed_rad_s = 0.0;
   double least_coherence = 1.0;  // of velocity by command, below twice the bandwidth
+  std::uint64_t lost_cycles = 0;
 };
+
+// What is to be said of a measurement during which cycles were lost, behind another sentence; "" of 0.
+std::string text_of_losses(std::uint64_t cycles);
 
 struct StepResponse {
   double sample_s = 0.0;
@@ -81,6 +85,8 @@ class Tuner {
   void wait_until(const Done& done, double timeout_s, const std::string& what);
   void move_at(double velocity_rad_s);
   Record record(const Multisine& excitation, unsigned periods, double bias_rad_s);
+  std::uint64_t lost_cycles() const;  // since the bus runs
+  // With a word on cycles lost since the axis was enabled.
   [[noreturn]] void fail(const std::string& happened, const std::string& remedy) const;
 
   CyclicBus& bus_;
@@ -104,8 +110,9 @@ class Tuner {
   double velocity_ = 0.0;   // rad/s, mean of the last period
   double torque_now_ = 0.0;
   unsigned over_torque_ = 0;
-  unsigned losses_ = 0;
-  double command_ = 0.0;  // rad/s, as sent, rounded
+  unsigned losses_ = 0;            // cycles in a row
+  std::uint64_t lost_before_ = 0;  // lost_cycles() when it was enabled
+  double command_ = 0.0;           // rad/s, as sent, rounded
   std::function<double()> command_of_cycle_;
 };
 
