@@ -18,14 +18,14 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Time longest_sleep = 1ms;    // what the axes do by themselves is at most this late
-constexpr Time longest_stride = 10ms;  // of line time before links and API are looked after again
+constexpr Time longest_sleep = 1ms;  // what the axes do by themselves is at most this late
 constexpr auto log_flush_time = 100ms;
 // While frames come on an Ethernet interface: how late other links, the API and what a CAN bus does by itself can be.
 constexpr Time time_between_turns = 250us;
 constexpr auto attention_period = 20ms;
 constexpr auto breath = 1ms;           // between two looks whether the stream has been read
 constexpr auto pacing_period = 5ms;    // between two passages of virtual time that passes by itself
+constexpr Time longest_pause = 100ms;  // of real time that is made good
 constexpr auto longest_pacing = 20ms;  // of real time that one may take
 constexpr Time pacing_stride = 10ms;   // of line time, between two looks at the clock
 
@@ -124,7 +124,7 @@ void LineServer::log(NamedSerialBus& bus, const std::string& path, std::function
 }
 
 void LineServer::run() {
-  start_ = std::chrono::steady_clock::now() - line_.now();
+  real_pace_.begin(std::chrono::steady_clock::now(), line_.now());
   epoch_ = wall_clock() - line_.now();
   real_ = line_.clock_mode() == ClockMode::real;
   if (real_) schedule();
@@ -134,12 +134,7 @@ void LineServer::run() {
   flush_logs();
 }
 
-Time LineServer::now() {
-  if (!real_) return line_.now();
-  const auto present = std::chrono::steady_clock::now();
-  give_up_lag(present);
-  return std::max<Time>(line_.now(), present - start_);
-}
+Time LineServer::now() { return real_ ? due() : line_.now(); }
 
 void LineServer::wake() {
   if (!real_ || woken_) return;
@@ -151,22 +146,17 @@ void LineServer::wake() {
   });
 }
 
-// Before anything is dated: a request that came after a pause belongs to the time that is left, not to a future of the
-// line that it would wait for.
-void LineServer::give_up_lag(std::chrono::steady_clock::time_point present) {
-  const Time behind = present - start_ - line_.now();
-  if (behind <= most_behind) return;
-  start_ += behind;
-  line_.add_lag(behind);
+Time LineServer::due() {
+  const Time due = real_pace_.due(std::chrono::steady_clock::now(), line_.now());
+  if (real_pace_.given_up() > Time{}) line_.add_lag(real_pace_.given_up());
+  return due;
 }
 
 Time LineServer::catch_up() {
   if (!real_) return line_.now();
-  const auto present = std::chrono::steady_clock::now();
-  give_up_lag(present);
-  line_.run_until(std::min<Time>(present - start_, line_.now() + longest_stride));
-  if (present >= next_flush_) {
-    next_flush_ = present + log_flush_time;
+  line_.run_until(due());
+  if (const auto moment = real_pace_.moment_of(line_.now()); moment >= next_flush_) {
+    next_flush_ = moment + log_flush_time;
     flush_logs();
   }
   return line_.now();
@@ -216,7 +206,7 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy) {
 }
 
 void LineServer::schedule() {
-  timer_.expires_at(start_ + std::min(line_.next_bus_event(), line_.now() + longest_sleep));
+  timer_.expires_at(real_pace_.moment_of(std::min(line_.next_bus_event(), line_.now() + longest_sleep)));
   timer_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;  // scheduled anew
     catch_up();
@@ -287,7 +277,7 @@ void LineServer::let_time_pass() {
   pacer_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;
     const auto began = std::chrono::steady_clock::now();
-    const auto passed = std::min<Time>(began - paced_at_, most_behind);
+    const auto passed = std::min<Time>(began - paced_at_, longest_pause);
     const Time target = line_.now() + std::chrono::duration_cast<Time>(passed * pace_);
     // What this processor does not manage is given up, so that there is time for requests.
     while (line_.now() < target && std::chrono::steady_clock::now() - began < longest_pacing) {

@@ -16,6 +16,7 @@
 #include "line/bench/scope/web_sockets.hpp"
 #include "line/bench/static_files.hpp"
 #include "line/line.hpp"
+#include "line/real_pace.hpp"
 #include "links/can/link.hpp"
 
 namespace servodrome::line {
@@ -24,12 +25,9 @@ namespace servodrome::line {
 // in the thread that calls run().
 //
 // In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a
-// millisecond. When it falls more than `most_behind` behind, the missing time is given up (Line::lag), so that a
-// machine that is too slow runs a slow line instead of one that never comes up again.
+// millisecond. What it cannot catch up with is given up (RealPace, Line::lag).
 class LineServer final : private links::LineHost {
  public:
-  static constexpr Time most_behind = std::chrono::milliseconds(100);
-
   // Opens everything, or throws (links::LinkError, std::runtime_error) with nothing left open.
   explicit LineServer(const LineSettings& settings);
   ~LineServer() override;
@@ -103,7 +101,7 @@ class LineServer final : private links::LineHost {
   void serve_frames();
   void serve_busy(const std::vector<links::EthercatLink*>& busy);
   void schedule();
-  void give_up_lag(std::chrono::steady_clock::time_point present);
+  Time due();
   void flush_logs();
   void attend();
   void pace();
@@ -124,7 +122,7 @@ class LineServer final : private links::LineHost {
   std::unique_ptr<bench::WebSockets> web_sockets_;
   std::vector<bench::RouteGroup> more_routes_;
   std::unique_ptr<bench::HttpServer> http_;
-  std::chrono::steady_clock::time_point start_{};  // of the line's time 0, moved on by what was given up
+  RealPace real_pace_;
   std::chrono::steady_clock::time_point next_flush_{};
   bool real_ = false;   // real time has begun
   bool woken_ = false;  // catching up is on its way

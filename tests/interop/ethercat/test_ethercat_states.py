@@ -1,6 +1,8 @@
 """Each mistake of a master's, and the AL status code a slave refuses with (ETG.1000.6 6.4, ETG.1020 11)."""
 
+import signal
 import struct
+import time
 
 import pytest
 from line import wait_for
@@ -187,6 +189,18 @@ def test_watchdog_of_process_data(master):
     master.pass_cycles(5)
     assert request(master.slaves[0], SAFEOP | ERROR) == (SAFEOP, 0)
     assert request(master.slaves[0], OP) == (OP, 0)
+
+
+def test_a_line_that_gets_no_processor_keeps_its_slaves(line, master, bench):
+    """Time that the line could not run does not count as silence of its master's, who has been sending meanwhile."""
+    master.run(watchdog_ms=1000)
+    line.process.send_signal(signal.SIGSTOP)
+    time.sleep(3)
+    line.process.send_signal(signal.SIGCONT)
+    master.pass_cycles(20)
+    clock = bench.get("clock")
+    assert clock["lag_ms"] > 2900 and clock["lag_count"] >= 1
+    assert [status(slave) for slave in master.slaves] == [(OP, 0)] * 2
 
 
 def test_a_watchdog_of_zero_never_expires(master, bench):

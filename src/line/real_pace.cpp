@@ -1,0 +1,14 @@
+#include "line/real_pace.hpp"
+
+#include <algorithm>
+
+namespace servodrome::line {
+
+Time RealPace::due(Moment present, Time line_now) {
+  const Time behind = present - start_ - line_now;
+  given_up_ = behind > most_behind ? behind / step * step : Time{};
+  start_ += given_up_;
+  return std::max<Time>(line_now, present - start_);
+}
+
+}  // namespace servodrome::line

@@ -1,0 +1,60 @@
+#include "line/real_pace.hpp"
+
+#include <gtest/gtest.h>
+
+namespace servodrome::line {
+namespace {
+
+using namespace std::chrono_literals;
+
+class Paced : public testing::Test {
+ protected:
+  // The line runs to what is due `passed` after the beginning.
+  Time run_at(Time passed) { return line_now = pace.due(start + passed, line_now); }
+
+  RealPace::Moment start = RealPace::Moment(1234ms);
+  Time line_now = 5ms;  // it has run before
+  RealPace pace = [this] {
+    RealPace begun;
+    begun.begin(start, line_now);
+    return begun;
+  }();
+};
+
+TEST_F(Paced, FollowsTheClock) {
+  EXPECT_EQ(run_at(0ms), 5ms);
+  EXPECT_EQ(run_at(1ms), 6ms);
+  EXPECT_EQ(run_at(21ms), 26ms) << "20 ms are caught up with";
+  EXPECT_EQ(pace.given_up(), 0ms);
+  EXPECT_EQ(pace.moment_of(30ms), start + 25ms);
+}
+
+TEST_F(Paced, NeverGoesBack) {
+  run_at(10ms);
+  EXPECT_EQ(run_at(9ms), 15ms);
+  line_now += 3ms;  // by a request
+  EXPECT_EQ(run_at(11ms), 18ms);
+}
+
+TEST_F(Paced, GivesUpWhatIsTooMuch) {
+  run_at(10ms);
+  EXPECT_EQ(run_at(10ms + 95ms + 300us), 15ms + 3ms + 300us) << "four times 23 are given up";
+  EXPECT_EQ(pace.given_up(), 92ms);
+  EXPECT_EQ(run_at(10ms + 96ms), 15ms + 4ms) << "and stay so";
+  EXPECT_EQ(pace.given_up(), 0ms);
+  EXPECT_EQ(pace.moment_of(19ms), start + 106ms);
+}
+
+TEST_F(Paced, IsNeverFurtherBehindThanSaid) {
+  for (Time pause = 0ms; pause < 500ms; pause += 1700us) {
+    const Time before = line_now;
+    const Time after = pace.due(start += pause, before);
+    EXPECT_LE(after - before, RealPace::most_behind);
+    EXPECT_EQ(pace.given_up() % RealPace::step, 0ms);
+    EXPECT_EQ(after - before + pace.given_up(), pause);
+    line_now = after;
+  }
+}
+
+}  // namespace
+}  // namespace servodrome::line
