@@ -1,5 +1,6 @@
 #include "app/whole_file.hpp"
 
+#include <cerrno>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
@@ -15,15 +16,20 @@ void write_whole_file(const std::string& path, const std::string& text) {
   if (error) target = path;  // it is not there yet
   const bool replaces = !std::filesystem::exists(target, error) || std::filesystem::is_regular_file(target, error);
   const std::filesystem::path part = replaces ? std::filesystem::path(target.string() + ".part") : target;
+  error.clear();
   {
+    errno = 0;
     std::ofstream file(part, std::ios::binary);
     file << text;
     file.close();
-    if (file && replaces) std::filesystem::rename(part, target, error);
-    if (file && !error) return;
+    if (!file) error.assign(errno != 0 ? errno : EIO, std::generic_category());
+    if (!error && replaces) std::filesystem::rename(part, target, error);
   }
-  if (replaces) std::filesystem::remove(part, error);
-  throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
+  if (!error) return;
+  std::error_code ignored;
+  if (replaces) std::filesystem::remove(part, ignored);
+  throw Failure::did_not_work(
+      fmt::format("{}: cannot be written: {}; check path, rights and disk", path, error.message()));
 }
 
 void require_writable(const std::string& path) {

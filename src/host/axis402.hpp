@@ -166,6 +166,8 @@ class Axis402 {
   // Halt (605Dh) until at rest; homing is broken off, a move dropped. In profile torque by a velocity of 0, which is
   // then the mode: a halt would let the axis coast.
   void stop();
+  // The same after an error, which is told in any case: "", or why the axis could not be stopped.
+  std::string try_to_stop() noexcept;
   // The same, but resume() lets the motion go on; nothing else but disable() and stop() is to come between. Not in
   // profile torque.
   void halt();

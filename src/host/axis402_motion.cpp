@@ -57,9 +57,10 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
     if (!halted_ && now - ordered_ >= settling && done(word)) return;
     if (now >= deadline) {
       const std::int32_t at = position();
-      stop();
-      fail(fmt::format("{} took longer than {:g} s and was stopped; position was {}", doing,
-                       std::chrono::duration<double>(timeout).count(), at),
+      const std::string problem = try_to_stop();
+      fail(fmt::format("{} took longer than {:g} s and {}; position was {}", doing,
+                       std::chrono::duration<double>(timeout).count(),
+                       problem.empty() ? "was stopped" : fmt::format("could not be stopped ({})", problem), at),
            "check speeds, limits and load, or allow it more time");
     }
   }

@@ -74,11 +74,7 @@ void Axis402::jog(const MotionProfile& profile, const JogDemand& demand) {
       asked = *wanted;
     }
   } catch (...) {
-    try {
-      stop();
-    } catch (const HostError&) {
-      // What went wrong before is told.
-    }
+    try_to_stop();
     throw;
   }
   stop();
@@ -153,6 +149,15 @@ void Axis402::stop() {
     write_controlword(enabled);
   } else if (mode == OperationMode::homing) {
     write_controlword(enabled);  // bit 4 is 0: broken off
+  }
+}
+
+std::string Axis402::try_to_stop() noexcept {
+  try {
+    stop();
+    return {};
+  } catch (const std::exception& error) {
+    return error.what();
   }
 }
 

@@ -132,7 +132,7 @@ ProbePositions Axis402::wait_for_probe(const ProbeRequest& request, Time timeout
       const auto came = [](bool wanted, bool seen_edge) {
         return !wanted ? "not asked for" : seen_edge ? "seen" : "did not come";
       };
-      if (enabled_before) stop();
+      if (enabled_before) try_to_stop();
       fail(fmt::format("{} took longer than {:g} s (positive edge: {}, negative edge: {})", doing,
                        std::chrono::duration<double>(timeout).count(),
                        came(request.positive_edge, seen.positive.has_value()),

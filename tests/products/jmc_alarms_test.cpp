@@ -787,6 +787,22 @@ TEST(JmcAlarms, LossOfOutputsWhileEnabled) {
   }
 }
 
+// A master that ends while the axis stops by an alarm leaves that alarm to be seen.
+TEST(JmcAlarms, LeavingOperationalWhileAnAlarmStopsTheAxis) {
+  JmcBus rig;
+  rig.connect();
+  rig.enable_in(9);
+  rig.put<std::int32_t>(JmcBus::Out::velocity, 10'000);
+  rig.cycles(300);
+  rig.device.drive().inject(drive::Cause::over_speed, true);
+  rig.cycles(2);
+  ASSERT_EQ(rig.device.drive().state(), PowerState::fault_reaction_active);
+  ASSERT_EQ(rig.request(4), rig.good(4));
+  rig.run_ms(2000);
+  EXPECT_EQ(rig.device.drive().state(), PowerState::fault);
+  EXPECT_EQ(rig.get(0x603F), 0xA420);
+}
+
 // A master that takes an enabled drive out of Operational leaves it without valid outputs.
 TEST(JmcAlarms, LeavingOperationalWhileEnabled) {
   JmcBus rig;

@@ -1,11 +1,9 @@
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <fmt/format.h>
-#include <memory>
 #include <vector>
 
 #include "app/commands.hpp"
+#include "app/whole_file.hpp"
 #include "describe/description.hpp"
 #include "line/nearest_name.hpp"
 #include "line/registry.hpp"
@@ -52,16 +50,6 @@ std::string document(const std::string& format, const line::Product& product) {
   return describe::markdown(description);
 }
 
-void write(const std::string& path, const std::string& text) {
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "wb"), &std::fclose);
-  const bool written =
-      file && std::fwrite(text.data(), 1, text.size(), file.get()) == text.size() && std::fflush(file.get()) == 0;
-  if (!written) {
-    throw Failure::did_not_work(fmt::format("cannot write {}: {}; choose a folder that exists and may be written to",
-                                            path, std::strerror(errno)));
-  }
-}
-
 void run(const Options& options) {
   const line::Product* product = line::find_product(line::all_products(), options.product);
   if (product == nullptr) {
@@ -71,7 +59,11 @@ void run(const Options& options) {
                                          line::suggestion(options.product, names)));
   }
   const std::string text = document(options.format, *product);
-  write(options.output.empty() || options.output == "-" ? "/dev/stdout" : options.output, text);
+  if (options.output.empty() || options.output == "-") {
+    std::fwrite(text.data(), 1, text.size(), stdout);  // whether it could be written is looked at in the end
+  } else {
+    write_whole_file(options.output, text);
+  }
 }
 
 }  // namespace

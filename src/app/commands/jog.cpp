@@ -104,7 +104,7 @@ void torque(const TorqueOptions& options) {
           progress(status);
         });
       } catch (...) {
-        axis.stop();
+        axis.try_to_stop();
         throw;
       }
       axis.stop();

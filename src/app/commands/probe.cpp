@@ -37,7 +37,7 @@ void run(const Options& options) {
         if (by) axis.start_move_by(*by, profile);
         seen = axis.wait_for_probe(request, options.bus.timeout(), progress);
       } catch (...) {
-        if (by) axis.stop();
+        if (by) axis.try_to_stop();
         throw;
       }
       if (by) axis.stop();

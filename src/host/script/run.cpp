@@ -402,11 +402,8 @@ class Runner {
     std::string problems;
     const auto stop = [&](Member& member) {
       if (!member.enabled) return;
-      try {
-        member.axis->stop();
-      } catch (const HostError& error) {
-        problems += fmt::format("{}{}", problems.empty() ? "" : "; ", error.what());
-      }
+      const std::string problem = member.axis->try_to_stop();
+      if (!problem.empty()) problems += fmt::format("{}{}", problems.empty() ? "" : "; ", problem);
     };
     for (std::size_t i = 0; i < members_.size(); ++i) {
       if (i != last_axis_) stop(members_[i]);

@@ -199,9 +199,12 @@ void JmcEc::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat
   using ethercat::AlState;
   if (from == AlState::operational) {
     // No outputs come any more: 6007h says what to do, and the alarm says why. A master that takes the drive out of
-    // Operational while it works leaves it without valid outputs.
+    // Operational while it works leaves it without valid outputs; one that stops by an alarm needs none.
+    const bool stops = drive().state() == drive::PowerState::fault_reaction_active;
     const auto why = cause != ethercat::AlStatusCode::none ? cause : ethercat::AlStatusCode::no_valid_outputs;
-    drive().communication_lost(jmc_ec::communication_cause(jmc_ec::communication_alarm_index(why)));
+    if (cause != ethercat::AlStatusCode::none || !stops) {
+      drive().communication_lost(jmc_ec::communication_cause(jmc_ec::communication_alarm_index(why)));
+    }
   }
   if (cause != ethercat::AlStatusCode::none) bus_error(cause);
   if (from == AlState::pre_operational && to == AlState::safe_operational) {
