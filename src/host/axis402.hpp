@@ -167,7 +167,7 @@ class Axis402 {
   // then the mode: a halt would let the axis coast.
   void stop();
   // The same after an error, which is told in any case: "", or why the axis could not be stopped.
-  std::string try_to_stop() noexcept;
+  std::string try_to_stop();
   // The same, but resume() lets the motion go on; nothing else but disable() and stop() is to come between. Not in
   // profile torque.
   void halt();

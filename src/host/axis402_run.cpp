@@ -152,11 +152,11 @@ void Axis402::stop() {
   }
 }
 
-std::string Axis402::try_to_stop() noexcept {
+std::string Axis402::try_to_stop() {
   try {
     stop();
     return {};
-  } catch (const std::exception& error) {
+  } catch (const HostError& error) {
     return error.what();
   }
 }
