@@ -24,23 +24,6 @@ using line::bench::Route;
 constexpr std::int64_t most_samples = 131'072;
 constexpr double believed = 0.7;  // coherence of what bandwidth and margins are read from
 
-std::shared_ptr<const Recording> ended_recording(Call& call) {
-  const std::string_view text = call.arguments.front();
-  std::uint32_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  const bool number = error == std::errc() && end == text.data() + text.size();
-  auto recording = number ? static_cast<BodePlots*>(call.context)->find()(id) : nullptr;
-  if (recording == nullptr) {
-    throw ApiError{404, fmt::format("there is no recording \"{}\"", text.substr(0, 40)), "address",
-                   "GET /api/v1/recordings lists them; the oldest make room for new ones"};
-  }
-  if (!recording->ended()) {
-    throw ApiError{409, "the recording has not ended", std::string(text),
-                   "wait for the state \"done\", or POST .../stop"};
-  }
-  return recording;
-}
-
 double number_in_query(const Call& call, std::string_view key, double otherwise, double least, double most) {
   const auto text = query_value(call, key);
   if (!text) return otherwise;
@@ -98,7 +81,7 @@ Json open_loop_of(const Curve& closed) {
 }
 
 Json show_bode(Call& call) {
-  const auto recording = ended_recording(call);
+  const auto recording = ended_recording(call, static_cast<BodePlots*>(call.context)->find());
   const Recording::Plan& plan = recording->plan();
   const auto highest = static_cast<double>(plan.channels.size() - 1);
   const auto input = static_cast<std::size_t>(number_in_query(call, "input", 0.0, 0.0, highest));

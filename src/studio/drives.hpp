@@ -33,6 +33,10 @@ class Drives {
   virtual std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) = 0;
   // How a host drives this axis.
   virtual host::AxisOptions options(const std::string& axis) const = 0;
+  // As `servodrome products` lists it; "": none of ours.
+  virtual std::string product(const std::string& axis) const = 0;
+  // An access takes less than a tenth of a millisecond, and always as long.
+  virtual bool has_cycles() const = 0;
   // What a revolution is in the drive's units. Throws HostError if it cannot be asked.
   virtual host::AxisUnits units(const std::string& axis) = 0;
   // Quick stop of every axis that is enabled, at once: what is wrong, in the order of names(); nothing: it stands or is

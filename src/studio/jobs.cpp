@@ -1,6 +1,7 @@
 #include "studio/jobs.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
 #include <system_error>
 
@@ -64,7 +65,13 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   job.due = drives_.now();
   Job& kept = jobs_.emplace_back(std::move(job));
   kept.task = std::make_unique<Task>([this, &kept] { carry_out(kept); });
+  tell(kept);
   return kept;
+}
+
+void Jobs::tell(const Job& job) const {
+  if (!publish_) return;
+  publish_({{"kind", "job"}, {"axis", job.axis}, {"tick", drives_.now() / line::tick_length}, {"job", view_of(job)}});
 }
 
 // The body of a job's task.
@@ -81,10 +88,16 @@ void Jobs::carry_out(Job& job) {
   host::Axis402 host_axis(*objects, options);
   const host::Time began = drives_.now();
   try {
-    job.order.carry_out(host_axis, [this, &job] {
+    Conduct conduct;
+    conduct.released = [this, &job] {
       const bool silent = job.order.lives_on_signs && wall_clock_() - job.sign_of_life > longest_silence;
       return job.cancelled || silent;
-    });
+    };
+    conduct.progress = [this, &job](const char* doing, double share) { note_progress(job, doing, share); };
+    conduct.product = drives_.product(job.axis);
+    conduct.has_cycles = drives_.has_cycles();
+    job.order.carry_out(host_axis, conduct);
+    job.found = std::move(conduct.found);
     const std::chrono::duration<double> took = drives_.now() - began;
     job.result = JobResult{host_axis.position() / job.order.scale.units().position, took.count()};
     job.state = JobState::done;
@@ -100,6 +113,14 @@ void Jobs::carry_out(Job& job) {
   }
 }
 
+// Told when it is something else, and each twentieth.
+void Jobs::note_progress(Job& job, const char* doing, double share) const {
+  const bool other = !job.progress || job.progress->doing != doing;
+  if (!other && std::abs(share - job.progress->share) < 0.05) return;
+  job.progress = Job::Progress{doing, share};
+  tell(job);
+}
+
 void Jobs::resume(Job& job) {
   try {
     job.task->resume();
@@ -108,11 +129,15 @@ void Jobs::resume(Job& job) {
                          "end other programs, or raise the limit of threads"};
     job.state = JobState::failed;
   }
-  if (job.state != JobState::running) job.task.reset();
+  if (job.state == JobState::running) return;
+  job.task.reset();
+  tell(job);
 }
 
 void Jobs::cancel(Job& job) {
-  if (job.state == JobState::running) job.cancelled = true;
+  if (job.state != JobState::running || job.cancelled) return;
+  job.cancelled = true;
+  tell(job);
 }
 
 void Jobs::abandon(Job& job, std::string reason) {
@@ -122,6 +147,7 @@ void Jobs::abandon(Job& job, std::string reason) {
   job.task.reset();
   job.state = JobState::cancelled;
   job.error = JobError{std::move(reason), job.axis, ""};
+  tell(job);
 }
 
 void Jobs::sign_of_life(Job& job) {

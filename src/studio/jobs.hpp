@@ -33,10 +33,19 @@ struct Job {
   std::chrono::steady_clock::time_point sign_of_life{};
   std::optional<JobError> error{};
   std::optional<JobResult> result{};
+  line::bench::Json found{};  // of a job that finds something out
+  struct Progress {
+    std::string doing{};
+    double share = 0.0;  // 0 .. 1
+  };
+  std::optional<Progress> progress{};
 
   host::Time due{};  // when it is to go on
   std::unique_ptr<Task> task{};
 };
+
+// As GET /api/v1/jobs/{id} shows it.
+line::bench::Json view_of(const Job& job);
 
 // What axes are doing on behalf of somebody at the API: at most one job each, carried out by the host library in the
 // drives' time. Everything happens in one thread, which calls `reached`; requests between two such calls find every job
@@ -44,6 +53,7 @@ struct Job {
 class Jobs {
  public:
   using WallClock = std::function<std::chrono::steady_clock::time_point()>;
+  using Publish = std::function<void(const line::bench::Json& event)>;
   static constexpr std::size_t most_remembered = 64;
   static constexpr auto longest_silence = std::chrono::milliseconds(500);  // of jobs that live on signs of life
 
@@ -54,6 +64,9 @@ class Jobs {
   ~Jobs();
   Jobs(const Jobs&) = delete;
   Jobs& operator=(const Jobs&) = delete;
+
+  // Who hears of each job that begins, is to end and is over: events of the stream (docs/bench-api.md).
+  void on_event(Publish publish) { publish_ = std::move(publish); }
 
   // The calls of docs/bench-api.md, "Jobs"; the group refers to this.
   line::bench::RouteGroup routes();
@@ -96,9 +109,12 @@ class Jobs {
   void resume(Job& job);
   // Without touching the drive.
   void abandon(Job& job, std::string reason);
+  void tell(const Job& job) const;
+  void note_progress(Job& job, const char* doing, double share) const;
 
   Drives& drives_;
   WallClock wall_clock_;
+  Publish publish_;
   std::uint64_t last_id_ = 0;
   std::list<Job> jobs_;  // the oldest first
 };

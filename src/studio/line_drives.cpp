@@ -25,6 +25,10 @@ std::unique_ptr<host::ObjectClient> LineDrives::open(const std::string& axis, Wa
 
 host::AxisOptions LineDrives::options(const std::string& axis) const { return options_for(find(axis)); }
 
+std::string LineDrives::product(const std::string& axis) const {
+  return std::string(find(axis).settings().product->name);
+}
+
 host::AxisUnits LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
 
 std::vector<std::optional<JobError>> LineDrives::stop_all() {

@@ -16,6 +16,8 @@ class LineDrives final : public Drives {
   void require_ready(const std::string& axis) const override;
   std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
   host::AxisOptions options(const std::string& axis) const override;
+  std::string product(const std::string& axis) const override;
+  bool has_cycles() const override { return true; }
   host::AxisUnits units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 

@@ -8,14 +8,14 @@
 
 #include "line/nearest_name.hpp"
 #include "studio/excitation.hpp"
+#include "studio/tuning_order.hpp"
 
 namespace servodrome::studio {
 namespace {
 
 using line::bench::ApiError;
 using line::bench::BodyReader;
-using Released = std::function<bool()>;
-using CarryOut = std::function<void(host::Axis402&, const Released&)>;
+using CarryOut = std::function<void(host::Axis402&, Conduct&)>;
 
 constexpr double longest_timeout_s = 3600.0;
 constexpr double usual_timeout_s = 60.0;
@@ -88,19 +88,19 @@ class Numbers {
 };
 
 CarryOut enable(Numbers&) {
-  return [](host::Axis402& axis, const Released&) { axis.enable(); };
+  return [](host::Axis402& axis, Conduct&) { axis.enable(); };
 }
 CarryOut disable(Numbers&) {
-  return [](host::Axis402& axis, const Released&) { axis.disable(); };
+  return [](host::Axis402& axis, Conduct&) { axis.disable(); };
 }
 CarryOut reset_fault(Numbers&) {
-  return [](host::Axis402& axis, const Released&) { axis.reset_fault(); };
+  return [](host::Axis402& axis, Conduct&) { axis.reset_fault(); };
 }
 CarryOut quick_stop(Numbers&) {
-  return [](host::Axis402& axis, const Released&) { axis.quick_stop(); };
+  return [](host::Axis402& axis, Conduct&) { axis.quick_stop(); };
 }
 CarryOut stop(Numbers&) {
-  return [](host::Axis402& axis, const Released&) { axis.stop(); };
+  return [](host::Axis402& axis, Conduct&) { axis.stop(); };
 }
 
 CarryOut home(Numbers& numbers) {
@@ -110,7 +110,7 @@ CarryOut home(Numbers& numbers) {
   request.zero_speed = numbers.velocity<std::uint32_t>("zero_speed");
   request.acceleration = numbers.acceleration("acceleration");
   request.offset = numbers.position<std::int32_t>("offset");
-  return [request, timeout = numbers.timeout()](host::Axis402& axis, const Released&) { axis.home(request, timeout); };
+  return [request, timeout = numbers.timeout()](host::Axis402& axis, Conduct&) { axis.home(request, timeout); };
 }
 
 CarryOut move(Numbers& numbers) {
@@ -121,7 +121,7 @@ CarryOut move(Numbers& numbers) {
                    "give the target position under \"to\", or the distance under \"by\""};
   }
   const host::MotionProfile profile = numbers.profile(true);
-  return [to, by, profile, timeout = numbers.timeout()](host::Axis402& axis, const Released&) {
+  return [to, by, profile, timeout = numbers.timeout()](host::Axis402& axis, Conduct&) {
     if (to) {
       axis.move_to(*to, profile, timeout);
     } else {
@@ -133,7 +133,7 @@ CarryOut move(Numbers& numbers) {
 CarryOut velocity(Numbers& numbers) {
   const auto target = numbers.required<std::int32_t>("velocity", &Numbers::velocity<std::int32_t>);
   const host::MotionProfile profile = numbers.profile(false);
-  return [target, profile, timeout = numbers.timeout()](host::Axis402& axis, const Released&) {
+  return [target, profile, timeout = numbers.timeout()](host::Axis402& axis, Conduct&) {
     axis.run_at(target, profile, timeout);
   };
 }
@@ -143,7 +143,7 @@ CarryOut torque(Numbers& numbers) {
   numbers.body().required("percent");
   const auto target = numbers.whole<std::int16_t>("percent", permille_per_percent).value_or(std::int16_t{});
   const host::TorqueProfile profile{.slope = numbers.whole<std::uint32_t>("slope", permille_per_percent)};
-  return [target, profile, timeout = numbers.timeout()](host::Axis402& axis, const Released&) {
+  return [target, profile, timeout = numbers.timeout()](host::Axis402& axis, Conduct&) {
     axis.run_torque(target, profile, timeout);
   };
 }
@@ -151,9 +151,9 @@ CarryOut torque(Numbers& numbers) {
 CarryOut jog(Numbers& numbers) {
   const auto target = numbers.required<std::int32_t>("velocity", &Numbers::velocity<std::int32_t>);
   const host::MotionProfile profile = numbers.profile(false);
-  return [target, profile](host::Axis402& axis, const Released& released) {
+  return [target, profile](host::Axis402& axis, Conduct& conduct) {
     axis.jog(profile, [&](const host::AxisStatus&) -> std::optional<std::int32_t> {
-      if (released()) return std::nullopt;
+      if (conduct.released()) return std::nullopt;
       return target;
     });
   };
@@ -190,8 +190,8 @@ Excitation excitation(Numbers& numbers) {
 }
 
 CarryOut excited_by(Excitation excitation) {
-  return [excitation = std::move(excitation)](host::Axis402& axis, const Released& released) {
-    excite(axis, excitation, released);
+  return [excitation = std::move(excitation)](host::Axis402& axis, Conduct& conduct) {
+    excite(axis, excitation, conduct.released);
   };
 }
 
@@ -216,6 +216,29 @@ CarryOut step_and_back(Numbers& numbers) {
   return excited_by(std::move(step_response));
 }
 
+constexpr double usual_tuning_travel = 4.0;  // revolutions
+
+TuningOrder tuning_order(Numbers& numbers) {
+  TuningOrder order{.revolution = numbers.revolution()};
+  order.tuner.travel_revolutions = numbers.body().number("travel", 0.5, 1000.0).value_or(usual_tuning_travel);
+  return order;
+}
+
+CarryOut tune(Numbers& numbers) {
+  BodyReader& body = numbers.body();
+  TuningOrder order = tuning_order(numbers);
+  order.session.bandwidth_hz = body.number("bandwidth_hz", 1.0, 1000.0);
+  order.session.apply = body.boolean("apply").value_or(false);
+  order.tuner.torque_limit = body.number("torque_percent", 1.0, 300.0).value_or(60.0) / 100.0;
+  order.tuner.seconds = body.number("seconds", 4.0, 600.0).value_or(order.tuner.seconds);
+  return [order](host::Axis402& axis, Conduct& conduct) { tune_axis(axis, order, conduct); };
+}
+
+CarryOut tune_itself(Numbers& numbers) {
+  const TuningOrder order = tuning_order(numbers);
+  return [order](host::Axis402& axis, Conduct& conduct) { let_axis_tune_itself(axis, order, conduct); };
+}
+
 struct Kind {
   const char* name;
   CarryOut (*read)(Numbers& numbers);
@@ -235,6 +258,8 @@ constexpr std::array kinds{
     Kind{"jog", jog, false, true},
     Kind{"sweep", sweep},
     Kind{"step", step_and_back},
+    Kind{"tune", tune},
+    Kind{"tune_itself", tune_itself},
 };
 
 const Kind& kind_of(const std::string& name) {

@@ -22,14 +22,22 @@ class Scale {
   host::AxisUnits units_{1.0, 1.0, 1.0};
 };
 
+// How an order is carried out: what is asked, told and found meanwhile.
+struct Conduct {
+  std::function<bool()> released{};  // it is to end: no sign of life came in time, or somebody said so
+  std::function<void(const char* doing, double share)> progress{};
+  std::string product{};      // as `servodrome products` lists it; "": unknown
+  bool has_cycles = false;    // objects can be read and written each millisecond
+  line::bench::Json found{};  // of an order that finds something out
+};
+
 struct Order {
   std::string what;             // "move"
   bool takes_over = false;      // ends another job of the axis, instead of being refused
   bool lives_on_signs = false;  // goes on while signs of life come
   bool in_revolutions = false;
   Scale scale{};
-  // Does it; `released`: it is to end, since no sign of life came in time or somebody said so.
-  std::function<void(host::Axis402& axis, const std::function<bool()>& released)> carry_out{};
+  std::function<void(host::Axis402& axis, Conduct& conduct)> carry_out{};  // does it
 };
 
 // `units` is asked for what a revolution is, if the request has its numbers in revolutions. Throws ApiError for what

@@ -53,10 +53,14 @@ class RealDrives final : public Drives, public line::bench::Source {
 
   // --- Drives
   host::Time now() const override { return DriveBus::Clock::now() - start_; }
+  // Wall-clock time of its beginning.
+  host::Time wall_epoch() const { return wall_epoch_; }
   std::vector<std::string> names() const override;
   void require_ready(const std::string& axis) const override;
   std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
   host::AxisOptions options(const std::string& axis) const override;
+  std::string product(const std::string& axis) const override { return axis_of(axis).product; }
+  bool has_cycles() const override { return false; }
   host::AxisUnits units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
@@ -85,6 +89,7 @@ class RealDrives final : public Drives, public line::bench::Source {
                                     const std::string& key, Json view, std::function<double()> value);
 
   DriveBus::Clock::time_point start_;
+  host::Time wall_epoch_;
   std::vector<std::unique_ptr<DriveBus>> buses_;
   std::vector<Axis> axes_;
   std::vector<Told> told_;

@@ -36,7 +36,11 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
       scope_(drives),
       web_sockets_(scope_),
       jobs_(drives),
-      groups_{real_routes(drives), jobs_.routes(), {line::bench::recording_routes(), &scope_}} {
+      recording_export_([this](std::uint32_t id) { return scope_.recordings().find(id); },
+                        [&drives] { return drives.wall_epoch(); }),
+      groups_{
+          real_routes(drives), jobs_.routes(), recording_export_.routes(), {line::bench::recording_routes(), &scope_}} {
+  jobs_.on_event([this](const line::bench::Json& event) { scope_.publish(event); });
   line::bench::HttpHandlers handlers;
   handlers.answer = [this](Request&& request, line::bench::HttpHandlers::Reply reply) {
     answer(std::move(request), std::move(reply));

@@ -12,6 +12,7 @@
 #include "line/bench/static_files.hpp"
 #include "studio/jobs.hpp"
 #include "studio/real_drives.hpp"
+#include "studio/recording_export.hpp"
 
 namespace servodrome::studio {
 
@@ -70,6 +71,7 @@ class RealServer {
   line::bench::Scope scope_;
   line::bench::WebSockets web_sockets_;
   Jobs jobs_;
+  RecordingExport recording_export_;
   std::vector<line::bench::RouteGroup> groups_;
   std::list<Pending> pending_;
   host::Time looked_{};  // look() was there last

@@ -3,6 +3,8 @@
 #include <charconv>
 #include <fmt/format.h>
 
+#include "host/tuning/drive_gains.hpp"
+#include "host/tuning/gain_guide.hpp"
 #include "line/nearest_name.hpp"
 #include "studio/jobs.hpp"
 
@@ -30,19 +32,6 @@ const char* word(JobState state) {
 }
 
 Json view_of(const JobError& error) { return Json{{"what", error.what}, {"where", error.where}, {"hint", error.hint}}; }
-
-Json view_of(const Job& job) {
-  Json view{{"id", job.id},
-            {"axis", job.axis},
-            {"do", job.order.what},
-            {"units", job.order.in_revolutions ? "revolutions" : "drive"},
-            {"state", word(job.state)},
-            {"began_tick", job.began_tick}};
-  if (job.state == JobState::running && job.cancelled) view["ending"] = true;
-  if (job.error) view["error"] = view_of(*job.error);
-  if (job.result) view["result"] = {{"position", job.result->position}, {"seconds", job.result->seconds}};
-  return view;
-}
 
 Job& job_argument(Call& call) {
   const std::string_view text = call.arguments.front();
@@ -109,9 +98,26 @@ Json show_units(Call& call) {
   }
 }
 
+// What a person turns, in the manual's order; values, units and ranges are those of the objects.
+Json show_gains(Call& call) {
+  const std::string axis = axis_name(call);
+  const Drives& drives = jobs_of(call).drives();
+  const std::string product = drives.product(axis);
+  const host::tuning::TuningDialect& dialect = host::tuning::tuning_dialect_of(product);
+  Json gains = Json::array();
+  for (const host::tuning::GainLine& line : host::tuning::gain_guide_of(product)) {
+    gains.push_back({{"object", text_of(line.object)}, {"set", line.set}, {"does", line.does}});
+  }
+  return Json{{"gains", std::move(gains)},
+              {"measures", drives.has_cycles()},
+              {"writes", !dialect.gains.empty()},
+              {"tunes_itself", dialect.tunes_itself}};
+}
+
 constexpr std::array table{
     Route{Method::post, "/api/v1/axes/{}/jobs", begin_job, 201},
     Route{Method::get, "/api/v1/axes/{}/units", show_units},
+    Route{Method::get, "/api/v1/axes/{}/gains", show_gains},
     Route{Method::get, "/api/v1/jobs", list_jobs},
     Route{Method::get, "/api/v1/jobs/{}", show_job},
     Route{Method::delete_, "/api/v1/jobs/{}", end_job},
@@ -120,6 +126,23 @@ constexpr std::array table{
 };
 
 }  // namespace
+
+Json view_of(const Job& job) {
+  Json view{{"id", job.id},
+            {"axis", job.axis},
+            {"do", job.order.what},
+            {"units", job.order.in_revolutions ? "revolutions" : "drive"},
+            {"state", word(job.state)},
+            {"began_tick", job.began_tick}};
+  if (job.state == JobState::running && job.cancelled) view["ending"] = true;
+  if (job.state == JobState::running && job.progress) {
+    view["progress"] = {{"doing", job.progress->doing}, {"share", job.progress->share}};
+  }
+  if (job.error) view["error"] = view_of(*job.error);
+  if (job.result) view["result"] = {{"position", job.result->position}, {"seconds", job.result->seconds}};
+  if (!job.found.is_null()) view["found"] = job.found;
+  return view;
+}
 
 line::bench::RouteGroup Jobs::routes() { return {table, this}; }
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "host/abort_text.hpp"
+#include "studio/task.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -13,9 +14,25 @@ constexpr host::Time access_time = line::tick_length;
 
 }  // namespace
 
-// On the way out of a task that is ended nothing can wait any more: what puts things back then takes no time.
+// False: on the way out of a task that is ended no time can pass any more.
+bool ServiceObjects::pass(host::Time span) {
+  if (!wait_) return false;
+  const host::Time until = line_.now() + std::max(span, access_time);
+  if (std::uncaught_exceptions() == 0) {
+    wait_(until);
+    return true;
+  }
+  // Who cleans up after an error takes his time.
+  try {
+    wait_(until);
+    return true;
+  } catch (const Task::Ended&) {
+    return false;
+  }
+}
+
 void ServiceObjects::wait(host::Time span) {
-  if (wait_ && std::uncaught_exceptions() == 0) wait_(line_.now() + std::max(span, access_time));
+  if (wait_ && !pass(span)) throw host::HostError("the job has ended", where(), "begin it again when you like");
 }
 
 void ServiceObjects::require_power() const {
@@ -38,7 +55,7 @@ const dictionary::Entry& ServiceObjects::find(host::ObjectAddress object, bool u
 }
 
 std::vector<std::byte> ServiceObjects::upload(host::ObjectAddress object) {
-  wait(access_time);
+  pass(access_time);
   const dictionary::Entry& entry = find(object, true);
   dictionary::ReadValue value;
   const dictionary::AbortCode abort = axis_.device().dictionary().read(entry, value);
@@ -47,7 +64,7 @@ std::vector<std::byte> ServiceObjects::upload(host::ObjectAddress object) {
 }
 
 void ServiceObjects::download(host::ObjectAddress object, std::span<const std::byte> data) {
-  wait(access_time);
+  pass(access_time);
   const dictionary::Entry& entry = find(object, false);
   const dictionary::AbortCode abort = axis_.device().dictionary().write(entry, data);
   if (abort != dictionary::AbortCode::none) refuse(object, abort, false);

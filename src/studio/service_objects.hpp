@@ -8,7 +8,8 @@
 namespace servodrome::studio {
 
 // The objects of an axis at its drive's service port, without a bus between: what a maker's own commissioning tool is
-// connected to. Objects that the fieldbus does not see are there as well.
+// connected to. Objects that the fieldbus does not see are there as well. Who puts things back on the way out of a task
+// that is ended still reaches them; only wait() throws HostError then.
 class ServiceObjects final : public host::ObjectClient {
  public:
   // Lets the line's time pass until it is `until`; may throw to leave the caller.
@@ -26,6 +27,7 @@ class ServiceObjects final : public host::ObjectClient {
   std::string where() const override { return axis_.settings().name; }
 
  private:
+  bool pass(host::Time span);
   const dictionary::Entry& find(host::ObjectAddress object, bool upload) const;
   void require_power() const;
   [[noreturn]] void refuse(host::ObjectAddress object, dictionary::AbortCode abort, bool upload) const;

@@ -10,6 +10,7 @@ import { LinePage } from './pages/line';
 import { ObjectsPage } from './pages/objects';
 import { PlantPage } from './pages/plant';
 import { ScopePage } from './pages/scope';
+import { TuningPage } from './pages/tuning';
 import { useRoute } from './route';
 import { update, useLine } from './store';
 import { type Theme, useTheme } from './theme';
@@ -18,12 +19,13 @@ const pages = [
   ['', 'Line', LinePage],
   ['axis', 'Axis', AxisPage],
   ['scope', 'Scope', ScopePage],
+  ['tuning', 'Tuning', TuningPage],
   ['faults', 'Faults', FaultsPage],
   ['objects', 'Objects', ObjectsPage],
   ['plant', 'I/O and plant', PlantPage],
   ['bus', 'Bus', BusPage],
 ] as const;
-const ofAxis = ['axis', 'faults', 'objects', 'plant'];
+const ofAxis = ['axis', 'tuning', 'faults', 'objects', 'plant'];
 
 export function App() {
   const { page, name } = useRoute();

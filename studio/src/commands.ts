@@ -1,7 +1,7 @@
 import { get, post, put, remove, segment } from './api/client';
 import type { Job, ObjectValue } from './api/types';
 import { complain } from './notices';
-import { noteJob } from './store';
+import { noteJob, overWithin } from './store';
 
 export const axisPath = (axis: string) => `/axes/${segment(axis)}`;
 
@@ -16,20 +16,20 @@ export const writeObject = (axis: string, index: number, sub: number, value: Obj
 
 export const power = (axis: string, action: 'on' | 'off' | 'cycle') => post(`${axisPath(axis)}/power`, { action });
 
-const wait = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
-
 export async function startJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job> {
   const job = await post<Job>(`${axisPath(axis)}/jobs`, request);
   noteJob(job);
   return job;
 }
 
+const ask_ms = 3000; // when the stream is silent
+
 // Until the job is over, however long it lasts.
 export async function finish(job: Job): Promise<Job> {
   let now = job;
   while (now.state === 'running') {
-    await wait(150);
-    now = await get<Job>(`/jobs/${job.id}`);
+    const told = await overWithin(job, ask_ms);
+    now = told ?? (await get<Job>(`/jobs/${job.id}`));
     noteJob(now);
   }
   return now;

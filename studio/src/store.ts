@@ -48,8 +48,30 @@ export const useAxis = (name: string) => useLine((line) => line.axes[name] as Ax
 // Why there is no such thing here; undefined: there is; null: not known yet.
 export const useMissing = (what: Missing) => useLine(({ line }) => (line === null ? null : line.missing[what]));
 
+// News may come by two ways, and the older one later.
 export function noteJob(job: Job) {
+  const known = state.jobs[job.axis];
+  if (known && (known.id > job.id || (known.id === job.id && known.state !== 'running'))) return;
   update({ jobs: { ...state.jobs, [job.axis]: job } });
+}
+
+// The job when the stream has said that it is over; null: not within that time, or another took its place.
+export function overWithin(job: Job, ms: number): Promise<Job | null> {
+  return new Promise((resolve) => {
+    const look = () => {
+      const latest = state.jobs[job.axis];
+      if (latest?.id === job.id && latest.state !== 'running') end(latest);
+      else if (latest && latest.id > job.id) end(null);
+    };
+    const end = (job: Job | null) => {
+      clearTimeout(timer);
+      unlisten();
+      resolve(job);
+    };
+    const timer = setTimeout(() => end(null), ms);
+    const unlisten = listen(look);
+    look();
+  });
 }
 
 let serial = 0;
@@ -63,14 +85,13 @@ function takeAxes(views: AxisView[], clock?: Clock) {
   update({ link: 'up', axes, order: same ? state.order : Object.keys(axes), ...(clock ? { clock } : {}) });
 }
 
-// The latest of each axis. Jobs of other pages and of scripts are seen as well, so they are asked for now and then.
+// The latest of each axis, those of other pages and of scripts as well. Once a connection; then the stream tells.
 async function takeJobs() {
   const { jobs } = await get<{ jobs: Job[] }>('/jobs');
   const latest: Record<string, Job> = {};
   for (const job of jobs) if (!(latest[job.axis]?.id > job.id)) latest[job.axis] = job;
-  if (JSON.stringify(latest) !== JSON.stringify(state.jobs)) update({ jobs: latest });
+  update({ jobs: latest });
 }
-const jobs_ms = 1000;
 
 async function takeLine() {
   update({ line: await get<LineView>('/line') });
@@ -86,6 +107,7 @@ function begin({ start, version = '' }: { start: string; version?: string }) {
     version,
     ...(other ? { restarted: true, epoch: state.epoch + 1, jobs: {}, lastEvent: null } : {}),
   });
+  takeJobs().catch(() => undefined); // the banner says it
 }
 
 export let stream: Stream;
@@ -96,9 +118,9 @@ export function connect() {
     connected: begin,
     lost: () => update({ link: 'lost' }),
     axes: takeAxes,
-    event: (event) => update({ lastEvent: { ...event, serial: ++serial } }),
+    event: (event) => {
+      if (event.kind === 'job' && event.job) noteJob(event.job);
+      else update({ lastEvent: { ...event, serial: ++serial } });
+    },
   });
-  setInterval(() => {
-    if (state.link === 'up' && !document.hidden) takeJobs().catch(() => undefined); // the banner says it
-  }, jobs_ms);
 }

@@ -1,11 +1,14 @@
 """`servodrome studio`: the studio's server in front of drives on buses, which are those of a line in another process."""
 
+import io
 import json
 import subprocess
 import time
+import urllib.request
 
 import pytest
 from line import COUNTS, PROGRAM, TRAVEL, ApiError, Bench, Line, servodrome, wait_for
+from mcap.reader import make_reader
 
 DRIVES = f"""
 [[bus]]
@@ -229,6 +232,14 @@ def test_records_by_asking(studio, line):
     assert len(positions) > 5
     assert abs(positions[-1] - positions[0] - 2 * COUNTS) < COUNTS / 10
     assert all(b >= a - COUNTS / 100 for a, b in zip(positions, positions[1:]))
+    with urllib.request.urlopen(f"{studio.bench.url}/recordings/{recording['id']}/data.mcap", timeout=60) as file:
+        reader = make_reader(io.BytesIO(file.read()), validate_crcs=True)
+    messages = list(reader.iter_messages())
+    assert {channel.topic for _, channel, _ in messages} == {"/ismc-1"}
+    fields = [json.loads(message.data) for _, _, message in messages]
+    assert [row["position_counts"] for row in fields if row["position_counts"] is not None] == positions
+    assert "velocity_actual_value_606C_00" in fields[0]
+    assert abs(messages[-1][2].log_time / 1e9 - time.time()) < 3600
 
 
 class studio_request:
@@ -238,8 +249,6 @@ class studio_request:
         self.url = f"{studio.bench.url}/{path}"
 
     def __enter__(self):
-        import urllib.request
-
         with urllib.request.urlopen(self.url, timeout=60) as response:
             return response.read().decode().splitlines()
 

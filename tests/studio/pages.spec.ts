@@ -13,7 +13,7 @@ interface Violation {
 
 const pages: Record<string, string> = {
   line: '/', axis: '/axis/reference', homing: '/axis/ismc?do=home', scope: '/scope', faults: '/faults/reference', objects: '/objects/reference',
-  plant: '/plant/reference', bus: '/bus', traffic: '/bus/traffic?bus=can0', parameters: '/objects/reference?view=parameters', pdos: '/objects/reference?view=pdos',
+  plant: '/plant/reference', bus: '/bus', traffic: '/bus/traffic?bus=can0', parameters: '/objects/reference?view=parameters', pdos: '/objects/reference?view=pdos', tuning: '/tuning/ismk',
 };
 
 for (const [name, path] of Object.entries(pages)) {

@@ -25,6 +25,8 @@ test('a move is recorded, and its overshoot read', async ({ page, open, picture 
   const [csv] = await Promise.all([page.waitForEvent('download'), page.getByRole('link', { name: 'CSV' }).click()]);
   const lines = readFileSync(await csv.path(), 'utf8').trim().split('\n');
   expect(lines.length).toBeGreaterThan(4000);
+  const [mcap] = await Promise.all([page.waitForEvent('download'), page.getByRole('link', { name: 'MCAP' }).click()]);
+  expect(readFileSync(await mcap.path()).subarray(0, 8).toString('latin1')).toBe('\x89MCAP0\r\n');
   const [png] = await Promise.all([page.waitForEvent('download'), page.getByRole('button', { name: 'PNG' }).click()]);
   expect(readFileSync(await png.path()).subarray(1, 4).toString()).toBe('PNG');
 });

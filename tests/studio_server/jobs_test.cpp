@@ -114,6 +114,35 @@ INSTANTIATE_TEST_SUITE_P(Jobs, EveryProduct, testing::ValuesIn(product_names()),
   return name;
 });
 
+TEST_F(JobsTest, AreToldAsTheyGo) {
+  std::vector<json> told;
+  jobs_.jobs().on_event([&told](const line::bench::Json& event) { told.push_back(event); });
+  const std::uint64_t enabling = begin("ismc", R"({"do": "enable"})");
+  ASSERT_EQ(told.size(), 1U);
+  EXPECT_EQ(told[0]["kind"], "job");
+  EXPECT_EQ(told[0]["axis"], "ismc");
+  EXPECT_EQ(told[0]["job"], job(enabling));
+  finish(enabling);
+  ASSERT_EQ(told.size(), 2U);
+  EXPECT_EQ(told[1]["job"], job(enabling));
+  EXPECT_EQ(told[1]["job"]["state"], "done");
+  EXPECT_GT(told[1]["tick"], told[0]["tick"]);
+
+  const std::uint64_t moving = begin("ismc", R"({"do": "move", "by": 10000000, "velocity": 100000})");
+  pass(50ms);
+  ask(Method::delete_, fmt::format("jobs/{}", moving));
+  ask(Method::delete_, fmt::format("jobs/{}", moving));  // it is to end already
+  ASSERT_EQ(told.size(), 4U);
+  EXPECT_EQ(told[3]["job"]["ending"], true);
+  finish(moving);
+  const std::uint64_t running_up = begin("ismc", R"({"do": "velocity", "velocity": 100000})");
+  ask(Method::post, "stop");
+  ASSERT_EQ(told.size(), 7U);
+  EXPECT_EQ(told[4]["job"]["state"], "cancelled");
+  EXPECT_EQ(told[6]["job"]["id"], running_up);
+  EXPECT_EQ(told[6]["job"]["error"]["what"], "all axes were stopped");
+}
+
 constexpr const char* profile = R"("acceleration": 50, "units": "revolutions")";
 
 TEST_P(EveryProduct, IsEnabledHomedMovedAndDisabled) {

@@ -11,6 +11,7 @@
 #include "host/tuning/bode_plot.hpp"
 #include "host/tuning/own_tuning.hpp"
 #include "host/tuning/session.hpp"
+#include "studio/tuning_json.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -31,52 +32,6 @@ struct Options {
   double torque_percent = 60.0;
   double seconds = 10.0;
 };
-
-ordered_json number_or_null(const std::optional<double>& value) {
-  return value ? ordered_json(*value) : ordered_json(nullptr);
-}
-
-ordered_json json_of(const std::vector<tuning::GainValue>& before, const std::vector<tuning::GainValue>& after) {
-  ordered_json list = ordered_json::array();
-  for (std::size_t i = 0; i < after.size(); ++i) {
-    const tuning::GainObject& gain = *after[i].gain;
-    list.push_back({{"object", text_of(gain.object)},
-                    {"name", gain.name},
-                    {"unit", gain.unit_text},
-                    {"before", before[i].number},
-                    {"after", after[i].number}});
-  }
-  return list;
-}
-
-ordered_json json_of(const tuning::Measurement& measured, const tuning::TuningUnits& units) {
-  ordered_json json{{"bandwidth_hz", number_or_null(measured.bandwidth_hz)},
-                    {"crossover_hz", number_or_null(measured.margins.crossover_hz)},
-                    {"phase_margin_deg", number_or_null(measured.margins.phase_margin_deg)},
-                    {"gain_margin_db", number_or_null(measured.margins.gain_margin_db)},
-                    {"inertia", measured.mechanics.inertia},
-                    {"inertia_unit", units.inertia_name},
-                    {"friction", measured.friction},
-                    {"constant_load", measured.constant_load},
-                    {"torque_unit", units.torque_name},
-                    {"loop_delay_ms", 1e3 * measured.controller.controller.delay_s}};
-  if (const auto& resonance = measured.mechanics.resonance) {
-    json["antiresonance_hz"] = resonance->antiresonance_hz;
-    json["resonance_hz"] = resonance->resonance_hz;
-  }
-  ordered_json points = ordered_json::array();
-  for (const tuning::BodePoint& point : tuning::bode(measured.frequencies_hz, measured.open_loop)) {
-    points.push_back({{"hz", point.frequency_hz}, {"gain_db", point.gain_db}, {"phase_deg", point.phase_deg}});
-  }
-  json["open_loop"] = points;
-  return json;
-}
-
-ordered_json json_of(const tuning::StepResponse& step) {
-  return {{"rise_ms", 1e3 * step.rise_s},
-          {"overshoot_percent", 100.0 * step.overshoot},
-          {"settling_ms", 1e3 * step.settling_s}};
-}
 
 std::string figure(const std::optional<double>& value, const char* unit) {
   return value ? fmt::format("{:.1f} {}", *value, unit) : std::string("not seen");
@@ -159,11 +114,10 @@ void run_itself(const Options& options) {
   if (shown) fmt::print(stderr, "\r\x1B[K");
   const bool stored = options.store && store(link);
   if (options.bus.json) {
-    fmt::print("{}\n", ordered_json{{"node", axis->address()},
-                                    {"result", "tuned by the drive itself"},
-                                    {"gains", json_of(result.before, result.after)},
-                                    {"stored", stored}}
-                           .dump(2));
+    ordered_json json{{"node", axis->address()}};
+    json.update(studio::json_of(result));
+    json["stored"] = stored;
+    fmt::print("{}\n", json.dump(2));
     return;
   }
   fmt::print("{} {}: tuned by the drive itself\n", link.noun(), axis->address());
@@ -217,21 +171,8 @@ void run(const Options& options) {
   const bool stored = options.store && store(link);
 
   if (options.bus.json) {
-    ordered_json json{{"node", axis->address()},
-                      {"result", options.apply ? "applied" : "proposed"},
-                      {"promised_bandwidth_hz", result.bandwidth_hz},
-                      {"before", json_of(result.before, units)},
-                      {"gains", json_of(result.gains_before, result.gains)},
-                      {"si",
-                       {{"velocity_kp", result.proposal.velocity.kp},
-                        {"velocity_ki", result.proposal.velocity.ki},
-                        {"position_kp", result.proposal.position_kp}}},
-                      {"predicted",
-                       {{"bandwidth_hz", result.predicted.bandwidth_hz},
-                        {"phase_margin_deg", number_or_null(result.predicted.margins.phase_margin_deg)}}}};
-    if (result.after) json["after"] = json_of(*result.after, units);
-    if (result.step_before) json["step_before"] = json_of(*result.step_before);
-    if (result.step_after) json["step_after"] = json_of(*result.step_after);
+    ordered_json json{{"node", axis->address()}};
+    json.update(studio::json_of(result, units));
     json["stored"] = stored;
     fmt::print("{}\n", json.dump(2));
     return;

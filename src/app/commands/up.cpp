@@ -24,6 +24,7 @@
 #include "studio/bode_routes.hpp"
 #include "studio/commissioning.hpp"
 #include "studio/jobs.hpp"
+#include "studio/recording_export.hpp"
 #include "studio/traffic.hpp"
 
 namespace servodrome::app {
@@ -270,8 +271,12 @@ void run(const Options& options) {
   line::LineServer& server = *opened;
   studio::LineJobs jobs(server.line());
   server.add_routes(jobs.routes());
+  jobs.jobs().on_event([&server](const line::bench::Json& event) { server.publish(event); });
   studio::BodePlots bode_plots([&server](std::uint32_t id) { return server.recording(id); });
   server.add_routes(bode_plots.routes());
+  studio::RecordingExport recording_export([&server](std::uint32_t id) { return server.recording(id); },
+                                           [&server] { return server.wall_epoch(); });
+  server.add_routes(recording_export.routes());
   for (const line::bench::RouteGroup& group : studio::commissioning_routes()) server.add_routes(group);
   studio::Traffic traffic(server.line(), [&server] { return server.wall_epoch(); });
   server.add_routes(traffic.routes());

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <string>
+#include <vector>
 
 #include "host/scope/recording.hpp"
 
@@ -15,6 +18,20 @@ std::string csv_of(const Recording& recording);
 // MCAP 0, chunks not compressed, with index and statistics: a topic for each group, JSON messages by a JSON schema,
 // times of the wall clock (Recording::zero_unix_ns).
 std::string mcap_of(const Recording& recording);
+
+// The same of rows that are looked up while the file is laid out: what a call gives is its next part of some 256
+// KiB, "" when there is no more.
+struct Table {
+  std::vector<Channel> channels;
+  std::vector<std::size_t> groups;  // of the channels
+  std::vector<std::string> topics;  // of the groups
+  std::size_t rows = 0;
+  std::string source{};
+  std::string way{};
+  std::function<double(std::size_t row, std::size_t channel)> value;
+  std::function<std::int64_t(std::size_t row, std::size_t group)> unix_ns;  // when
+};
+std::function<std::string()> mcap_parts_of(Table table);
 
 // A picture: a panel for each unit, one time axis.
 std::string svg_of(const Recording& recording);

@@ -1,7 +1,10 @@
 // MCAP 0 (mcap.dev/spec): a container of time-stamped messages that robotics tools read.
 #include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
 #include <map>
+#include <memory>
+#include <utility>
 
 #include "host/scope/export.hpp"
 
@@ -10,7 +13,7 @@ namespace servodrome::host::scope {
 namespace {
 
 constexpr std::string_view mcap_magic("\x89MCAP0\r\n", 8);
-constexpr std::size_t mcap_chunk_bytes = std::size_t{1} << 20;
+constexpr std::size_t mcap_chunk_bytes = std::size_t{1} << 18;  // laid out in some milliseconds
 
 enum class McapRecord : std::uint8_t {
   header = 0x01,
@@ -66,16 +69,25 @@ std::string json_string(std::string_view text) {
   return quoted + '"';
 }
 
+// JSON has no number for what is none.
+std::string text_of_json(double number) { return std::isfinite(number) ? text_of_number(number) : "null"; }
+
 class McapWriter {
  public:
-  explicit McapWriter(const Recording& recording) : recording_(recording) {}
+  explicit McapWriter(Table table) : table_(std::move(table)) {}
 
-  std::string write() {
-    file_.raw(mcap_magic).record(McapRecord::header, McapBytes().string("").string("servodrome"));
-    for (std::size_t row = 0; row < recording_.rows();) row = write_chunk(row);
-    file_.record(McapRecord::data_end, McapBytes().number(std::uint32_t{0}));
-    write_summary();
-    return file_.text();
+  // The next part: a chunk, with what comes before the first or behind the last. "": that was all.
+  std::string next() {
+    if (ended_) return {};
+    if (row_ == 0) part_.raw(mcap_magic).record(McapRecord::header, McapBytes().string("").string("servodrome"));
+    if (row_ < table_.rows) row_ = write_chunk(row_);
+    if (row_ >= table_.rows) {
+      part_.record(McapRecord::data_end, McapBytes().number(std::uint32_t{0}));
+      write_summary();
+      ended_ = true;
+    }
+    given_ += part_.size();
+    return std::exchange(part_, {}).text();
   }
 
  private:
@@ -89,12 +101,15 @@ class McapWriter {
     std::size_t index_bytes = 0;
   };
 
+  // In the file.
+  std::size_t place() const { return given_ + part_.size(); }
+
   static std::uint16_t channel_id(std::size_t group) { return static_cast<std::uint16_t>(group + 1); }
 
   std::vector<const Channel*> members(std::size_t group) const {
     std::vector<const Channel*> found;
-    for (std::size_t i = 0; i < recording_.channels.size(); ++i) {
-      if (recording_.groups[i] == group) found.push_back(&recording_.channels[i]);
+    for (std::size_t i = 0; i < table_.channels.size(); ++i) {
+      if (table_.groups[i] == group) found.push_back(&table_.channels[i]);
     }
     return found;
   }
@@ -107,39 +122,38 @@ class McapWriter {
     }
     McapBytes bytes;
     bytes.number(channel_id(group))
-        .string(fmt::format("servodrome.scope.{}", group + 1))
+        .string("servodrome" + table_.topics[group])
         .string("jsonschema")
         .string(fmt::format("{{\"type\":\"object\",\"properties\":{{{}}}}}", properties));
     return bytes;
   }
   McapBytes channel(std::size_t group) const {
-    const auto all = members(group);
     McapBytes metadata;
-    metadata.string("source").string(recording_.source).string("way").string(recording_.way);
+    metadata.string("source").string(table_.source).string("way").string(table_.way);
     McapBytes bytes;
     bytes.number(channel_id(group))
         .number(channel_id(group))
-        .string(all.size() == 1 ? "/scope/" + all.front()->name : std::string("/scope"))
+        .string(table_.topics[group])
         .string("json")
         .string(metadata.text());
     return bytes;
   }
   void write_schemas_and_channels(McapBytes& into) const {
-    for (std::size_t group = 0; group < recording_.group_count; ++group) {
+    for (std::size_t group = 0; group < table_.topics.size(); ++group) {
       into.record(McapRecord::schema, schema(group)).record(McapRecord::channel, channel(group));
     }
   }
 
   std::uint64_t time_ns(std::size_t row, std::size_t group) const {
-    return static_cast<std::uint64_t>(recording_.zero_unix_ns + recording_.time_of_group(row, group).count());
+    return static_cast<std::uint64_t>(table_.unix_ns(row, group));
   }
 
   std::string message(std::size_t row, std::size_t group) const {
     std::string json = "{";
-    for (std::size_t i = 0; i < recording_.channels.size(); ++i) {
-      if (recording_.groups[i] != group) continue;
-      json += fmt::format("{}{}:{}", json.size() == 1 ? "" : ",", json_string(recording_.channels[i].name),
-                          text_of_number(recording_.value(row, i)));
+    for (std::size_t i = 0; i < table_.channels.size(); ++i) {
+      if (table_.groups[i] != group) continue;
+      json += fmt::format("{}{}:{}", json.size() == 1 ? "" : ",", json_string(table_.channels[i].name),
+                          text_of_json(table_.value(row, i)));
     }
     return json + "}";
   }
@@ -150,8 +164,8 @@ class McapWriter {
     write_schemas_and_channels(content);
     Chunk chunk{.first_ns = time_ns(row, 0)};
     std::map<std::uint16_t, McapBytes> indexes;
-    for (; row < recording_.rows() && content.size() < mcap_chunk_bytes; ++row) {
-      for (std::size_t group = 0; group < recording_.group_count; ++group) {
+    for (; row < table_.rows && content.size() < mcap_chunk_bytes; ++row) {
+      for (std::size_t group = 0; group < table_.topics.size(); ++group) {
         const std::uint64_t at = time_ns(row, group);
         chunk.first_ns = std::min(chunk.first_ns, at);
         chunk.last_ns = std::max(chunk.last_ns, at);
@@ -164,9 +178,9 @@ class McapWriter {
                                                 .raw(message(row, group)));
       }
     }
-    chunk.at = file_.size();
+    chunk.at = place();
     chunk.content_bytes = content.size();
-    file_.record(McapRecord::chunk, McapBytes()
+    part_.record(McapRecord::chunk, McapBytes()
                                         .number(chunk.first_ns)
                                         .number(chunk.last_ns)
                                         .number(static_cast<std::uint64_t>(content.size()))
@@ -174,12 +188,12 @@ class McapWriter {
                                         .string("")
                                         .number(static_cast<std::uint64_t>(content.size()))
                                         .raw(content.text()));
-    chunk.bytes = file_.size() - chunk.at;
+    chunk.bytes = place() - chunk.at;
     for (const auto& [id, entries] : indexes) {
-      chunk.index_at[id] = file_.size();
-      file_.record(McapRecord::message_index, McapBytes().number(id).string(entries.text()));
+      chunk.index_at[id] = place();
+      part_.record(McapRecord::message_index, McapBytes().number(id).string(entries.text()));
     }
-    chunk.index_bytes = file_.size() - chunk.at - chunk.bytes;
+    chunk.index_bytes = place() - chunk.at - chunk.bytes;
     chunks_.push_back(chunk);
     return row;
   }
@@ -201,7 +215,7 @@ class McapWriter {
   }
 
   McapBytes statistics() const {
-    const std::uint64_t rows = recording_.rows();
+    const std::uint64_t rows = table_.rows;
     std::uint64_t first = 0;
     std::uint64_t last = 0;
     if (!chunks_.empty()) {
@@ -209,11 +223,11 @@ class McapWriter {
       last = chunks_.back().last_ns;
     }
     McapBytes counts;
-    for (std::size_t group = 0; group < recording_.group_count; ++group) counts.number(channel_id(group)).number(rows);
+    for (std::size_t group = 0; group < table_.topics.size(); ++group) counts.number(channel_id(group)).number(rows);
     McapBytes bytes;
-    bytes.number(rows * recording_.group_count)
-        .number(static_cast<std::uint16_t>(recording_.group_count))
-        .number(static_cast<std::uint32_t>(recording_.group_count))
+    bytes.number(rows * table_.topics.size())
+        .number(static_cast<std::uint16_t>(table_.topics.size()))
+        .number(static_cast<std::uint32_t>(table_.topics.size()))
         .number(std::uint32_t{0})
         .number(std::uint32_t{0})
         .number(static_cast<std::uint32_t>(chunks_.size()))
@@ -224,44 +238,66 @@ class McapWriter {
   }
 
   void write_summary() {
-    const std::size_t start = file_.size();
+    const std::size_t start = place();
     McapBytes offsets;
     // Records of one kind, and where they are.
     const auto group = [&](McapRecord kind, const auto& write_records) {
-      const std::size_t first = file_.size();
+      const std::size_t first = place();
       write_records();
-      if (file_.size() == first) return;
+      if (place() == first) return;
       offsets.record(McapRecord::summary_offset, McapBytes()
                                                      .number(static_cast<std::uint8_t>(kind))
                                                      .number(static_cast<std::uint64_t>(first))
-                                                     .number(static_cast<std::uint64_t>(file_.size() - first)));
+                                                     .number(static_cast<std::uint64_t>(place() - first)));
     };
     group(McapRecord::schema, [&] {
-      for (std::size_t i = 0; i < recording_.group_count; ++i) file_.record(McapRecord::schema, schema(i));
+      for (std::size_t i = 0; i < table_.topics.size(); ++i) part_.record(McapRecord::schema, schema(i));
     });
     group(McapRecord::channel, [&] {
-      for (std::size_t i = 0; i < recording_.group_count; ++i) file_.record(McapRecord::channel, channel(i));
+      for (std::size_t i = 0; i < table_.topics.size(); ++i) part_.record(McapRecord::channel, channel(i));
     });
-    group(McapRecord::statistics, [&] { file_.record(McapRecord::statistics, statistics()); });
+    group(McapRecord::statistics, [&] { part_.record(McapRecord::statistics, statistics()); });
     group(McapRecord::chunk_index, [&] {
-      for (const Chunk& chunk : chunks_) file_.record(McapRecord::chunk_index, chunk_index(chunk));
+      for (const Chunk& chunk : chunks_) part_.record(McapRecord::chunk_index, chunk_index(chunk));
     });
-    const std::size_t offsets_start = file_.size();
-    file_.raw(offsets.text());
-    file_.record(McapRecord::footer, McapBytes()
+    const std::size_t offsets_start = place();
+    part_.raw(offsets.text());
+    part_.record(McapRecord::footer, McapBytes()
                                          .number(static_cast<std::uint64_t>(start))
                                          .number(static_cast<std::uint64_t>(offsets_start))
                                          .number(std::uint32_t{0}));
-    file_.raw(mcap_magic);
+    part_.raw(mcap_magic);
   }
 
-  const Recording& recording_;
-  McapBytes file_;
+  Table table_;
+  std::size_t row_ = 0;
+  bool ended_ = false;
+  std::size_t given_ = 0;  // bytes of former parts
+  McapBytes part_;
   std::vector<Chunk> chunks_;
 };
 
 }  // namespace
 
-std::string mcap_of(const Recording& recording) { return McapWriter(recording).write(); }
+std::function<std::string()> mcap_parts_of(Table table) {
+  return [writer = std::make_shared<McapWriter>(std::move(table))] { return writer->next(); };
+}
+
+std::string mcap_of(const Recording& recording) {
+  std::vector<std::string> topics(recording.group_count);
+  for (std::size_t i = 0; i < recording.channels.size(); ++i) {
+    std::string& topic = topics[recording.groups[i]];
+    topic = topic.empty() ? "/scope/" + recording.channels[i].name : "/scope";
+  }
+  const auto next =
+      mcap_parts_of({recording.channels, recording.groups, std::move(topics), recording.rows(), recording.source,
+                     recording.way, [&](std::size_t row, std::size_t channel) { return recording.value(row, channel); },
+                     [&](std::size_t row, std::size_t group) {
+                       return recording.zero_unix_ns + recording.time_of_group(row, group).count();
+                     }});
+  std::string file;
+  for (std::string part = next(); !part.empty(); part = next()) file += part;
+  return file;
+}
 
 }  // namespace servodrome::host::scope

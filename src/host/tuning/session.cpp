@@ -79,8 +79,23 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
   if (!request.apply) return result;
   if (request.steps) result.step_before = tuner.step();
 
-  std::string back;
+  std::string back;  // how putting back went
+  // Whatever leaves this, unless the promise has come true.
+  struct PuttingBack {
+    ObjectClient& objects;
+    std::span<const GainValue> gains;
+    std::string& outcome;
+    bool kept = false;
+    ~PuttingBack() {
+      try {
+        if (!kept) outcome = put_back_gains(objects, gains);
+      } catch (...) {
+        // The caller is to end, and cannot wait for the drive.
+      }
+    }
+  };
   try {
+    PuttingBack putting_back{objects, result.gains_before, back};
     Proposal aimed = result.proposal;
     for (int correction = 0;; ++correction) {
       write_gains(objects, result.gains);
@@ -116,11 +131,11 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
           objects.where(), "ask for a lower --bandwidth" + text_of_losses(result.after->lost_cycles));
     }
     if (request.steps) result.step_after = tuner.step();
+    putting_back.kept = true;
   } catch (const Cancelled&) {
-    throw Cancelled("interrupted", objects.where(), put_back_gains(objects, result.gains_before));
+    throw Cancelled("interrupted", objects.where(), back);
   } catch (const HostError& error) {
-    throw HostError(error.happened(), error.where(),
-                    fmt::format("{}; {}", error.remedy(), put_back_gains(objects, result.gains_before)));
+    throw HostError(error.happened(), error.where(), fmt::format("{}; {}", error.remedy(), back));
   }
   return result;
 }

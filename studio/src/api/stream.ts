@@ -1,5 +1,5 @@
 import { decodeFrame, type Frame } from './frame';
-import type { AxisView, Channel, ChannelRequest, Clock, Problem } from './types';
+import type { AxisView, Channel, ChannelRequest, Clock, Job, Problem } from './types';
 
 // The WebSocket /api/v1/stream: one for the page. It comes back by itself, and then asks again for all it was asked for.
 
@@ -7,6 +7,7 @@ export interface ServerEvent {
   kind: string;
   axis?: string;
   tick?: number;
+  job?: Job; // of "job"
   [key: string]: unknown;
 }
 

@@ -164,6 +164,8 @@ export interface Job {
   began_tick?: number;
   error?: Problem;
   result?: { position?: number; seconds?: number };
+  progress?: { doing: string; share: number };
+  found?: unknown; // of a job that finds something out
 }
 
 // A channel is asked for by signal or object; the server answers with a name and a unit.

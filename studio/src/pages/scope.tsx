@@ -203,6 +203,7 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
             <span className="grow" />
             <Button isDisabled={!range} onPress={() => keep({ from: null, to: null })}>All</Button>
             <a className="button" href={`/api/v1/recordings/${recording.id}/data.csv`} download={`recording-${recording.id}.csv`}>CSV</a>
+            <a className="button" href={`/api/v1/recordings/${recording.id}/data.mcap`} download={`recording-${recording.id}.mcap`}>MCAP</a>
             <Button onPress={() => box.current && savePicture(box.current, `recording-${recording.id}.png`)}>PNG</Button>
           </div>
           <MeasureTable samples={samples} a={a} b={b} range={range} />

@@ -71,6 +71,10 @@ export function Lanes(props: LanesProps) {
 // A following error has the position's unit, and not its size.
 const laneOf = ({ unit, name }: Curve) => (/error|deviation/.test(name) ? `${unit}, error` : unit);
 
+// uPlot leaves out what is null; what is not a number would take its scale from it.
+const gaps = (values: ArrayLike<number>): ArrayLike<number | null> =>
+  Array.isArray(values) && values.some(Number.isNaN) ? (values as number[]).map((value) => (Number.isNaN(value) ? null : value)) : values;
+
 const font = '11px system-ui, sans-serif';
 
 function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, last, title, unit = 'ms', logarithmic = false }: LanesProps & { last: boolean; title: string }) {
@@ -192,7 +196,7 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
   }, [shape, look, laneHeight, last, title, unit, logarithmic]);
 
   useEffect(() => {
-    plot.current?.setData([x, ...curves.map(({ values }) => values)] as uPlot.AlignedData);
+    plot.current?.setData([x, ...curves.map(({ values }) => gaps(values))] as uPlot.AlignedData);
   }, [x, curves, shape, look, laneHeight, last, title, unit, logarithmic]);
 
   const [from, to] = range ?? [NaN, NaN];

@@ -1,0 +1,28 @@
+#include "studio/ended_recording.hpp"
+
+#include <charconv>
+#include <fmt/format.h>
+
+namespace servodrome::studio {
+
+using line::bench::ApiError;
+
+std::shared_ptr<const line::bench::Recording> ended_recording(const line::bench::Call& call,
+                                                              const FindRecording& find) {
+  const std::string_view text = call.arguments.front();
+  std::uint32_t id = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  const bool number = error == std::errc() && end == text.data() + text.size();
+  auto recording = number ? find(id) : nullptr;
+  if (recording == nullptr) {
+    throw ApiError{404, fmt::format("there is no recording \"{}\"", text.substr(0, 40)), "address",
+                   "GET /api/v1/recordings lists them; the oldest make room for new ones"};
+  }
+  if (!recording->ended()) {
+    throw ApiError{409, "the recording has not ended", std::string(text),
+                   "wait for the state \"done\", or POST .../stop"};
+  }
+  return recording;
+}
+
+}  // namespace servodrome::studio

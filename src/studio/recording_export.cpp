@@ -1,0 +1,74 @@
+#include "studio/recording_export.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <fmt/format.h>
+
+#include "host/scope/export.hpp"
+#include "line/axis.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+using line::bench::Call;
+using line::bench::Json;
+using line::bench::Method;
+using line::bench::Recording;
+using line::bench::Route;
+
+// "following_error" of a signal; "following_error_actual_value_60F4_00" of an object.
+std::string field_name(const Json& channel) {
+  std::string name = channel.value("name", std::string());
+  if (channel.contains("object")) name += "_" + channel.value("object", std::string());
+  const bool is_object = channel.contains("object");
+  std::string field;
+  for (const char c : is_object ? name : channel.value("signal", name)) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) != 0) {
+      field += c;
+    } else if (!field.empty() && field.back() != '_') {
+      field += '_';
+    }
+  }
+  return field;
+}
+
+// A topic for each axis: its channels are the fields of its messages.
+host::scope::Table table_of(std::shared_ptr<const Recording> recording, std::int64_t epoch_ns) {
+  host::scope::Table table;
+  std::vector<std::string> axes;
+  for (const line::bench::NamedChannel& channel : recording->plan().channels) {
+    const auto known = std::find(axes.begin(), axes.end(), channel.axis);
+    table.groups.push_back(static_cast<std::size_t>(known - axes.begin()));
+    if (known == axes.end()) axes.push_back(channel.axis);
+    table.channels.push_back({.name = field_name(channel.view), .unit = channel.view.value("unit", std::string())});
+  }
+  for (const std::string& axis : axes) table.topics.push_back("/" + axis);
+  table.rows = static_cast<std::size_t>(recording->samples());
+  table.source = recording->plan().name;
+  table.way = fmt::format("every {} us", static_cast<double>(recording->plan().stride) * drive::tick_seconds * 1e6);
+  table.unix_ns = [recording, epoch_ns](std::size_t row, std::size_t) {
+    return epoch_ns + recording->tick(static_cast<std::int64_t>(row)) * links::Time(line::tick_length).count();
+  };
+  table.value = [recording](std::size_t row, std::size_t channel) {
+    return recording->value(channel, static_cast<std::int64_t>(row));
+  };
+  return table;
+}
+
+}  // namespace
+
+Json RecordingExport::show_mcap(Call& call) {
+  const auto& own = *static_cast<const RecordingExport*>(call.context);
+  auto table = table_of(ended_recording(call, own.find_), own.epoch_().count());
+  call.content = line::bench::Content{"application/octet-stream", {}, host::scope::mcap_parts_of(std::move(table))};
+  return nullptr;
+}
+
+line::bench::RouteGroup RecordingExport::routes() {
+  static constexpr std::array table{Route{Method::get, "/api/v1/recordings/{}/data.mcap", show_mcap}};
+  return {table, this};
+}
+
+}  // namespace servodrome::studio

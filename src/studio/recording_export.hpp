@@ -1,0 +1,25 @@
+#pragma once
+
+#include "links/time.hpp"
+#include "studio/ended_recording.hpp"
+
+namespace servodrome::studio {
+
+// Recordings as files of other programs: docs/bench-api.md, "Recordings".
+class RecordingExport {
+ public:
+  // `epoch`: wall-clock time of tick 0, as it is when a file is asked for.
+  RecordingExport(FindRecording find, std::function<links::Time()> epoch)
+      : find_(std::move(find)), epoch_(std::move(epoch)) {}
+
+  // The group refers to this.
+  line::bench::RouteGroup routes();
+
+ private:
+  static line::bench::Json show_mcap(line::bench::Call& call);
+
+  FindRecording find_;
+  std::function<links::Time()> epoch_;
+};
+
+}  // namespace servodrome::studio

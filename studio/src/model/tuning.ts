@@ -1,0 +1,96 @@
+import type { BodePoint } from './bode';
+
+// What the server's jobs "tune" and "tune_itself" find (docs/bench-api.md, "Tuning").
+
+export interface GainLine {
+  object: string; // "60F9:01"
+  set: string;
+  does: string;
+}
+
+export interface Gains {
+  gains: GainLine[];
+  measures: boolean; // the server can sample this drive at a fixed rate
+  writes: boolean; // and knows where a proposal goes
+  tunes_itself: boolean;
+}
+
+export interface GainChange {
+  object: string;
+  name: string;
+  unit: string;
+  before: number;
+  after: number;
+}
+
+export interface LoopMeasured {
+  bandwidth_hz: number | null;
+  crossover_hz: number | null;
+  phase_margin_deg: number | null;
+  gain_margin_db: number | null;
+  inertia: number;
+  inertia_unit: string;
+  friction: number;
+  constant_load: number;
+  torque_unit: string;
+  loop_delay_ms: number;
+  antiresonance_hz?: number;
+  resonance_hz?: number;
+  open_loop: BodePoint[];
+  closed_loop: BodePoint[];
+}
+
+export interface StepMeasured {
+  rise_ms: number;
+  overshoot_percent: number;
+  settling_ms: number;
+  sample_ms: number;
+  velocity: number[];
+}
+
+export interface Tuned {
+  result: 'proposed' | 'applied' | 'tuned by the drive itself';
+  gains: GainChange[];
+  promised_bandwidth_hz?: number;
+  predicted?: { bandwidth_hz: number; phase_margin_deg: number | null };
+  si?: { velocity_kp: number; velocity_ki: number; position_kp: number };
+  before?: LoopMeasured;
+  after?: LoopMeasured;
+  step_before?: StepMeasured;
+  step_after?: StepMeasured;
+}
+
+export const placeOf = (object: string): [number, number] => {
+  const [index, sub] = object.split(':');
+  return [parseInt(index, 16), parseInt(sub, 16)];
+};
+
+// Lines of a set together, sets in the order in which they come.
+export function setsOf(gains: GainLine[]): [string, GainLine[]][] {
+  const sets = new Map<string, GainLine[]>();
+  for (const gain of gains) sets.set(gain.set, [...(sets.get(gain.set) ?? []), gain]);
+  return [...sets];
+}
+
+export interface Figure {
+  label: string;
+  unit: string;
+  digits: number;
+  before: number | null | undefined;
+  promised?: number | null | undefined;
+  after: number | null | undefined;
+}
+
+// What is compared of before and after; a row without any number is left out.
+export function figuresOf({ before, after, step_before, step_after, predicted, promised_bandwidth_hz }: Tuned): Figure[] {
+  const rows: Figure[] = [
+    { label: 'Bandwidth, closed loop, -3 dB', unit: 'Hz', digits: 1, before: before?.bandwidth_hz, promised: promised_bandwidth_hz, after: after?.bandwidth_hz },
+    { label: 'Crossover, open loop, 0 dB', unit: 'Hz', digits: 1, before: before?.crossover_hz, after: after?.crossover_hz },
+    { label: 'Phase margin', unit: '°', digits: 0, before: before?.phase_margin_deg, promised: predicted?.phase_margin_deg, after: after?.phase_margin_deg },
+    { label: 'Gain margin', unit: 'dB', digits: 1, before: before?.gain_margin_db, after: after?.gain_margin_db },
+    { label: 'Step: rises in', unit: 'ms', digits: 1, before: step_before?.rise_ms, after: step_after?.rise_ms },
+    { label: 'Step: overshoots by', unit: '%', digits: 0, before: step_before?.overshoot_percent, after: step_after?.overshoot_percent },
+    { label: 'Step: within 5 % after', unit: 'ms', digits: 0, before: step_before?.settling_ms, after: step_after?.settling_ms },
+  ];
+  return rows.filter((row) => [row.before, row.promised, row.after].some((value) => typeof value === 'number'));
+}

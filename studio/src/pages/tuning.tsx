@@ -1,0 +1,282 @@
+import { useCallback, useEffect, useMemo, useState } from 'react';
+import type { Job, ObjectEntry, ObjectValue } from '../api/types';
+import { axisPath, cancelJob, readObject, runJob, writeObject } from '../commands';
+import { at, type BodePoint } from '../model/bode';
+import { addressOf } from '../model/objects';
+import { figuresOf, placeOf, setsOf, type GainLine, type Gains, type StepMeasured, type Tuned } from '../model/tuning';
+import { fixed, significant } from '../model/units';
+import { attempt, tell } from '../notices';
+import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
+import { Button, Link, NumberInput, Panel, Readout, Scroll, Trouble } from '../parts/controls';
+import { Lanes, type Curve } from '../parts/lanes';
+import { useResource } from '../resource';
+import { useRoute } from '../route';
+import { useAxis, useLine } from '../store';
+
+const tunes = ['tune', 'tune_itself'];
+
+export function TuningPage() {
+  const { name: asked } = useRoute();
+  const name = usePageAxis(asked);
+  const powered = useAxis(name)?.powered ?? false;
+  const { value: gains, problem } = useResource<Gains>(`${axisPath(name)}/gains`);
+  const job = useTuningJob(name);
+  const found = job?.found as Tuned | undefined;
+  return (
+    <>
+      <AxisTabs page="tuning" name={name} />
+      {!powered && <p className="empty">Without power there is nothing to tune.</p>}
+      <Trouble problem={problem} />
+      {powered && gains && (
+        <div className="column">
+          <Tune axis={name} gains={gains} job={job} />
+          {found && job && <Found axis={name} found={found} />}
+          <GainTable axis={name} gains={gains.gains} changed={`${job?.id} ${job?.state}`} />
+        </div>
+      )}
+    </>
+  );
+}
+
+// The axis' latest job that tunes: one that the server remembers, or that has begun since.
+function useTuningJob(axis: string): Job | undefined {
+  const known = useResource<{ jobs: Job[] }>('/jobs').value?.jobs.filter((job) => job.axis === axis && tunes.includes(job.do)).at(-1);
+  const latest = useLine((line) => line.jobs[axis] as Job | undefined);
+  const [seen, setSeen] = useState<Job | undefined>();
+  useEffect(() => {
+    if (latest && tunes.includes(latest.do)) setSeen(latest);
+  }, [latest]);
+  return seen?.axis === axis && seen.id >= (known?.id ?? 0) ? seen : known;
+}
+
+function Tune({ axis, gains, job }: { axis: string; gains: Gains; job: Job | undefined }) {
+  const [bandwidth, setBandwidth] = useState(NaN);
+  const [travel, setTravel] = useState(4);
+  const [torque, setTorque] = useState(60);
+  const [seconds, setSeconds] = useState(4);
+  const running = useLine((line) => line.jobs[axis]?.state === 'running');
+  const tuning = job?.state === 'running' ? job : undefined;
+  const start = (apply: boolean) =>
+    attempt(async () => {
+      const request = { do: 'tune', apply, travel, torque_percent: torque, seconds, ...(Number.isFinite(bandwidth) ? { bandwidth_hz: bandwidth } : {}) };
+      const over = await runJob(axis, request);
+      if (over?.state === 'done') tell(apply ? `${axis}: the new gains are written, not stored` : `${axis}: nothing was written`);
+    });
+  return (
+    <Panel title="Tune the velocity loop" aside={tuning && <Button onPress={() => attempt(() => cancelJob(tuning))}>End</Button>}>
+      {gains.measures ? (
+        <>
+          <p className="note">
+            The axis goes slowly forward and back while it is shaken gently: what it answers gives the loop, the inertia and resonances, and gains for a bandwidth. It
+            is disabled at the end. If what is promised does not come true, the old gains are put back.
+          </p>
+          <div className="form">
+            <NumberInput label="Bandwidth (empty: six tenths of what is possible)" unit="Hz" value={bandwidth} minimum={1} maximum={1000} onChange={setBandwidth} />
+            <NumberInput label="Travel allowed, forward" unit="rev" value={travel} minimum={0.5} maximum={1000} onChange={setTravel} />
+            <NumberInput label="Ends at" unit="% torque" value={torque} minimum={1} maximum={300} onChange={setTorque} />
+            <NumberInput label="Each measurement" unit="s" value={seconds} minimum={4} maximum={600} onChange={setSeconds} />
+          </div>
+          <div className="buttons">
+            <Button isDisabled={running} onPress={() => start(false)}>Measure and propose</Button>
+            {gains.writes && <Button kind="main" isDisabled={running} onPress={() => start(true)}>Tune</Button>}
+            {gains.tunes_itself && <Button isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>}
+          </div>
+          {!gains.writes && <p className="note quiet">Where this drive has its gains is not known, or its manual prints none: a proposal is in SI units.</p>}
+        </>
+      ) : (
+        <>
+          <p className="note">The loop is measured by process data at a fixed rate, on the bus of the drive: "servodrome tune" does that{gains.tunes_itself ? '.' : ', while the studio is off the bus.'}</p>
+          {gains.tunes_itself && (
+            <div className="buttons">
+              <Button isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>
+            </div>
+          )}
+        </>
+      )}
+      {tuning && (
+        <p className="progress" role="status">
+          <progress max={1} value={tuning.progress?.share ?? 0} aria-label="Progress of the tuning" /> {tuning.progress?.doing ?? 'enabling'}
+        </p>
+      )}
+      {job?.state === 'failed' || job?.state === 'cancelled' ? <Trouble problem={job.error} /> : null}
+    </Panel>
+  );
+}
+
+function Found({ axis, found }: { axis: string; found: Tuned }) {
+  const figures = figuresOf(found);
+  const loop = found.after ?? found.before;
+  const changed = found.gains.filter(({ before, after }) => before !== after);
+  const write = (which: 'before' | 'after', done: string) =>
+    attempt(async () => {
+      for (const gain of changed) await writeObject(axis, ...placeOf(gain.object), gain[which]);
+      tell(`${axis}: ${done}`);
+    });
+  const text = (value: number | null | undefined, digits: number) => (typeof value === 'number' ? fixed(value, digits) : '–');
+  return (
+    <Panel
+      title="What was found"
+      aside={
+        changed.length > 0 && (
+          <>
+            <Button onPress={() => write('after', 'the new gains are written')}>Write the new gains</Button>
+            <Button onPress={() => write('before', 'the old gains are back')}>Put the old ones back</Button>
+          </>
+        )
+      }
+    >
+      {loop && (
+        <dl className="readouts" aria-label="Mechanics">
+          <Readout label="Inertia" value={significant(loop.inertia)} unit={loop.inertia_unit} />
+          <Readout label="Friction" value={significant(loop.friction)} unit={loop.torque_unit} title="at the speed of the measurement" />
+          <Readout label="Constant load" value={significant(loop.constant_load)} unit={loop.torque_unit} />
+          <Readout label="Delay of the loop" value={fixed(loop.loop_delay_ms, 2)} unit="ms" />
+          {loop.resonance_hz !== undefined && <Readout label="Resonance" value={fixed(loop.resonance_hz, 0)} unit="Hz" title={`antiresonance ${fixed(loop.antiresonance_hz ?? 0, 0)} Hz`} />}
+        </dl>
+      )}
+      {figures.length > 0 && (
+        <Scroll label="Before and after">
+          <table className="table" aria-label="Before and after">
+            <thead><tr><th scope="col" className="wide">velocity loop</th><th scope="col">before</th><th scope="col">promised</th><th scope="col">after</th><th scope="col">unit</th></tr></thead>
+            <tbody>
+              {figures.map(({ label, unit, digits, before, promised, after }) => (
+                <tr key={label}>
+                  <th scope="row">{label}</th>
+                  <td>{text(before, digits)}</td>
+                  <td>{text(promised, digits)}</td>
+                  <td>{text(after, digits)}</td>
+                  <td className="text">{unit}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </Scroll>
+      )}
+      {found.gains.length > 0 ? (
+        <Scroll label="Gains before and after">
+          <table className="table" aria-label="Gains before and after">
+            <thead><tr><th scope="col">object</th><th scope="col" className="wide">gain</th><th scope="col">before</th><th scope="col">{found.result === 'proposed' ? 'proposed' : 'after'}</th><th scope="col">unit</th></tr></thead>
+            <tbody>
+              {found.gains.map(({ object, name, unit, before, after }) => (
+                <tr key={object}>
+                  <th scope="row" className="mono">{object}</th>
+                  <td className="text">{name}</td>
+                  <td>{before}</td>
+                  <td>{before === after ? <span className="quiet">as it was</span> : after}</td>
+                  <td className="text">{unit}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </Scroll>
+      ) : (
+        found.si && (
+          <p className="note">
+            Proposed: velocity loop {significant(found.si.velocity_kp)} {loop?.torque_unit} s/rad and {significant(found.si.velocity_ki)} {loop?.torque_unit}/rad, position loop {significant(found.si.position_kp)} /s.
+          </p>
+        )
+      )}
+      {found.before && <LoopPlot before={found.before.open_loop} after={found.after?.open_loop} />}
+      {found.step_before && <StepPlot before={found.step_before} after={found.step_after} />}
+    </Panel>
+  );
+}
+
+function LoopPlot({ before, after }: { before: BodePoint[]; after: BodePoint[] | undefined }) {
+  const shown = after ?? before;
+  const x = useMemo(() => shown.map(({ hz }) => hz), [shown]);
+  const curves = useMemo(() => {
+    const two = (name: string, unit: string, tone: number, of: (point: BodePoint) => number): Curve[] => [
+      { name: after ? `${name} after` : name, unit, tone, values: shown.map(of) },
+      ...(after ? [{ name: `${name} before`, unit, tone, values: x.map((hz) => at(before, hz)).map((point) => (point ? of(point) : NaN)), faint: true }] : []),
+    ];
+    return [...two('gain', 'dB', 0, (point) => point.gain_db), ...two('phase', '°', 1, (point) => point.phase_deg)];
+  }, [shown, before, after, x]);
+  if (x.length < 2) return null;
+  return <Lanes label="Open velocity loop" x={x} curves={curves} range={null} unit="Hz" logarithmic />;
+}
+
+function StepPlot({ before, after }: { before: StepMeasured; after: StepMeasured | undefined }) {
+  const shown = after ?? before;
+  const x = useMemo(() => shown.velocity.map((_, i) => i * shown.sample_ms), [shown]);
+  const curves: Curve[] = useMemo(
+    () => [
+      { name: after ? 'velocity after' : 'velocity', unit: 'of the step', tone: 2, values: shown.velocity },
+      ...(after ? [{ name: 'velocity before', unit: 'of the step', tone: 2, values: before.velocity, faint: true }] : []),
+    ],
+    [shown, before, after],
+  );
+  return <Lanes label="Step of the velocity" x={x} curves={curves} range={null} unit="ms" />;
+}
+
+const refresh_ms = 2000;
+
+// Everything that is turned, in the drive's units, as the drive has it now.
+function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; changed: string }) {
+  const objects = useResource<{ objects: ObjectEntry[] }>(gains.length > 0 ? `${axisPath(axis)}/objects` : null).value?.objects;
+  const [values, setValues] = useState<ReadonlyMap<string, ObjectValue>>(new Map());
+  const read = useCallback(async () => {
+    const answers = await Promise.all(gains.map(({ object }) => readObject(axis, ...placeOf(object)).catch(() => null)));
+    setValues((before) => {
+      const same = gains.every(({ object }, i) => before.get(object) === answers[i]);
+      return same ? before : new Map(gains.map(({ object }, i) => [object, answers[i]]));
+    });
+  }, [axis, gains]);
+  useEffect(() => {
+    void read();
+    const timer = setInterval(() => void (document.hidden || read()), refresh_ms);
+    return () => clearInterval(timer);
+  }, [read, changed]);
+  const entries = useMemo(() => new Map((objects ?? []).map((entry) => [addressOf(entry), entry])), [objects]);
+  if (gains.length === 0) return <p className="empty">The manual of this drive prints no gains: there is nothing to be turned by hand.</p>;
+  const write = (object: string, value: number) =>
+    attempt(async () => {
+      if (!Number.isFinite(value) || value === values.get(object)) return;
+      try {
+        await writeObject(axis, ...placeOf(object), value);
+      } finally {
+        await read();
+      }
+    });
+  return (
+    <Panel title="Gains">
+      <p className="note">As the drive has them now. What is written acts at once and is lost with the power unless it is stored (Objects, Parameters).</p>
+      {setsOf(gains).map(([set, lines]) => (
+        <Scroll key={set} label={set}>
+          <table className="table gains" aria-label={set}>
+            <caption>{set}</caption>
+            <thead><tr><th scope="col">object</th><th scope="col">gain</th><th scope="col">value</th><th scope="col">unit</th><th scope="col">default</th><th scope="col" className="wide">what more of it does</th></tr></thead>
+            <tbody>
+              {lines.map(({ object, does }) => {
+                const entry = entries.get(object);
+                const value = values.get(object);
+                const fixedDefault = typeof entry?.default === 'number' ? entry.default : undefined;
+                return (
+                  <tr key={object}>
+                    <th scope="row" className="mono"><Link to={`/objects/${encodeURIComponent(axis)}?object=${object}&q=${object}`}>{object}</Link></th>
+                    <td className="text">{entry?.name ?? ''}</td>
+                    <td>
+                      <NumberInput
+                        label={entry?.name ?? object}
+                        hideLabel
+                        value={typeof value === 'number' ? value : NaN}
+                        isDisabled={typeof value !== 'number'}
+                        minimum={entry?.minimum ?? undefined}
+                        maximum={entry?.maximum ?? undefined}
+                        step={1}
+                        onChange={(to) => write(object, to)}
+                      />
+                    </td>
+                    <td className="text">{entry?.unit ?? ''}</td>
+                    <td className={fixedDefault !== undefined && value !== fixedDefault ? 'differs' : ''}>{fixedDefault ?? '–'}</td>
+                    <td className="text">{does}</td>
+                  </tr>
+                );
+              })}
+            </tbody>
+          </table>
+        </Scroll>
+      ))}
+    </Panel>
+  );
+}

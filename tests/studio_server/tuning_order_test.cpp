@@ -1,0 +1,160 @@
+// Jobs "tune" and "tune_itself" of every product, in virtual time over the service port, and what is said of gains.
+#include <gmock/gmock.h>
+
+#include "commissioning_rig.hpp"
+#include "host/object_catalogue.hpp"
+
+namespace servodrome::studio {
+namespace {
+
+using line::bench::Method;
+using nlohmann::json;
+using testing::HasSubstr;
+using namespace std::chrono_literals;
+
+class TuningOf : public CommissioningRig, public testing::WithParamInterface<std::string> {
+ protected:
+  std::string axis_ = GetParam();
+
+  json begin(const std::string& body) { return json_of(Method::post, "axes/" + axis_ + "/jobs", body); }
+  json over(json job, line::Time longest = 200s) {
+    for (const line::Time end = line_.now() + longest; line_.now() < end && job["state"] == "running";) {
+      pass(50ms);
+      job = get(fmt::format("jobs/{}", job["id"].get<int>()));
+    }
+    return job;
+  }
+  json run(const std::string& body) { return over(begin(body)); }
+  json gains() { return get("axes/" + axis_ + "/gains"); }
+  double rpm() { return line_.find_axis(axis_)->plant().velocity_rpm(); }
+  bool is_at_rest() { return get("axes/" + axis_)["state"] != "operation enabled" && std::abs(rpm()) < 0.5; }
+  bool is(const char* product) const { return axis_ == product || axis_ == std::string(product) + "-ec"; }
+  json begin_of_gains() { return values_of_gains().begin().value(); }
+  json values_of_gains() {
+    json values = json::object();
+    for (const json& line : gains()["gains"]) {
+      const auto object = line["object"].get<std::string>();
+      values[object] = value(axis_, object.substr(0, 4) + "/" + object.substr(5));
+    }
+    return values;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(Products, TuningOf, testing::ValuesIn(names_of_products()), [](const auto& product) {
+  std::string name = product.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+});
+
+TEST_P(TuningOf, WhatIsTurnedIsThere) {
+  for (const json& line : gains()["gains"]) {
+    const auto object = line["object"].get<std::string>();
+    EXPECT_TRUE(value(axis_, object.substr(0, 4) + "/" + object.substr(5)).is_number()) << object;
+    EXPECT_FALSE(line["set"].get<std::string>().empty());
+    EXPECT_FALSE(line["does"].get<std::string>().empty());
+  }
+  EXPECT_EQ(gains()["gains"].empty(), axis_ == "ismc" || axis_ == "pronet") << "whose manuals print none";
+  EXPECT_EQ(gains()["tunes_itself"], axis_.starts_with("ismk"));
+  EXPECT_EQ(gains()["measures"], true);
+}
+
+TEST_P(TuningOf, AProposalWritesNothing) {
+  const json before = values_of_gains();
+  const json job = run(R"({"do": "tune", "bandwidth_hz": 30, "seconds": 4})");
+  EXPECT_TRUE(is_at_rest());
+  EXPECT_EQ(values_of_gains(), before);
+  if (job["state"] == "failed") {
+    // No cyclic synchronous velocity, or a controller that is none of PI: it is said.
+    EXPECT_FALSE(job["error"]["what"].get<std::string>().empty());
+    EXPECT_FALSE(gains()["writes"].get<bool>()) << job.dump();
+    return;
+  }
+  ASSERT_EQ(job["state"], "done") << job.dump();
+  const json& found = job["found"];
+  EXPECT_EQ(found["result"], "proposed");
+  EXPECT_GT(found["before"]["open_loop"].size(), 10U);
+  EXPECT_EQ(found["before"]["lost_cycles"], 0);
+  EXPECT_FALSE(found.contains("after"));
+  EXPECT_GT(found["si"]["velocity_kp"], 0.0);
+}
+
+TEST_P(TuningOf, GainsAreWrittenAndKeepTheirPromise) {
+  if (!gains()["writes"].get<bool>()) return;
+  const json begun = begin(R"({"do": "tune", "bandwidth_hz": 35, "apply": true, "seconds": 4})");
+  pass(3s);
+  const json underway = get(fmt::format("jobs/{}", begun["id"].get<int>()));
+  ASSERT_EQ(underway["state"], "running") << underway.dump();
+  EXPECT_GT(underway["progress"]["share"], 0.0);
+  EXPECT_FALSE(underway["progress"]["doing"].get<std::string>().empty());
+  const json job = over(begun);
+  ASSERT_EQ(job["state"], "done") << job.dump();
+  const json& found = job["found"];
+  EXPECT_EQ(found["result"], "applied");
+  EXPECT_NEAR(found["after"]["bandwidth_hz"].get<double>(), 35.0, 0.15 * 35.0);
+  EXPECT_GE(found["after"]["phase_margin_deg"], 40.0);
+  EXPECT_GT(found["step_after"]["velocity"].size(), 100U);
+  for (const json& gain : found["gains"]) {
+    const auto object = gain["object"].get<std::string>();
+    EXPECT_EQ(value(axis_, object.substr(0, 4) + "/" + object.substr(5)), gain["after"]) << object;
+  }
+  EXPECT_TRUE(is_at_rest());
+}
+
+TEST_P(TuningOf, EndedItBrakesAndPutsBack) {
+  if (!gains()["writes"].get<bool>()) return;
+  const json before = values_of_gains();
+  const json begun = begin(R"({"do": "tune", "apply": true, "seconds": 4})");
+  pass(2s);
+  ASSERT_GT(std::abs(rpm()), 5.0);
+  ask(Method::delete_, fmt::format("jobs/{}", begun["id"].get<int>()));
+  const json job = over(begun, 3s);
+  EXPECT_EQ(job["state"], "cancelled") << job.dump();
+  EXPECT_TRUE(is_at_rest());
+  EXPECT_EQ(values_of_gains(), before);
+}
+
+TEST_P(TuningOf, TheBigStopEndsIt) {
+  if (!gains()["writes"].get<bool>()) return;
+  const json before = values_of_gains();
+  const json begun = begin(R"({"do": "tune", "apply": true, "seconds": 4})");
+  const auto gain = begin_of_gains();
+  for (int i = 0; i < 1000 && begin_of_gains() == gain; ++i) pass(20ms);
+  ASSERT_NE(begin_of_gains(), gain) << "they were written";
+  pass(2s);
+  ask(Method::post, "stop");
+  EXPECT_EQ(get(fmt::format("jobs/{}", begun["id"].get<int>()))["state"], "cancelled");
+  EXPECT_EQ(values_of_gains(), before);
+  pass(2s);
+  EXPECT_LT(std::abs(rpm()), 0.5);
+}
+
+TEST_P(TuningOf, WithoutPowerItFailsInTime) {
+  if (!gains()["writes"].get<bool>()) return;
+  const json begun = begin(R"({"do": "tune", "seconds": 4})");
+  pass(2s);
+  json_of(Method::post, "axes/" + axis_ + "/power", R"({"action": "off"})");
+  const json job = over(begun, 3s);
+  EXPECT_EQ(job["state"], "failed") << job.dump();
+  EXPECT_FALSE(job["error"]["hint"].get<std::string>().empty());
+}
+
+TEST_P(TuningOf, ItselfWhereItCan) {
+  const json job = run(R"({"do": "tune_itself"})");
+  if (!axis_.starts_with("ismk")) {
+    EXPECT_EQ(job["state"], "failed");
+    return;
+  }
+  ASSERT_EQ(job["state"], "done") << job.dump();
+  EXPECT_EQ(job["found"]["result"], "tuned by the drive itself");
+  EXPECT_TRUE(is_at_rest());
+}
+
+TEST_P(TuningOf, WrongRequestsAreRefused) {
+  const std::string target = "axes/" + axis_ + "/jobs";
+  EXPECT_EQ(ask(Method::post, target, R"({"do": "tune", "bandwidth_hz": 0})").status, 422U);
+  EXPECT_EQ(ask(Method::post, target, R"({"do": "tune", "apply": 1})").status, 400U);
+  EXPECT_EQ(ask(Method::post, target, R"({"do": "tune", "gain": 1})").status, 400U);
+  EXPECT_EQ(ask(Method::get, "axes/nobody/gains").status, 404U);
+}
+
+}  // namespace
+}  // namespace servodrome::studio
