@@ -146,6 +146,24 @@ Json read_object(Call& call) {
   });
 }
 
+Json read_values(Call& call) {
+  const RealDrives::Axis& axis = axis_of_call(call);
+  const auto asked = line::bench::object_list(query_value(call, "objects").value_or(""));
+  Json values = Json::object();
+  for (const auto& [text, address] : asked) {
+    Json& value = values[text] = nullptr;
+    const dictionary::Entry* entry = axis.device->dictionary().find(address.index, address.sub);
+    if (entry == nullptr || drives_of(call).state_of(axis).problem) continue;
+    try {
+      const auto bytes = drives_of(call).open(axis)->upload({address.index, address.sub});
+      value = line::bench::shown(*entry, bytes)["value"];
+    } catch (const host::HostError&) {
+      // It is not there, or the drive is silent: its state says so.
+    }
+  }
+  return Json{{"values", std::move(values)}};
+}
+
 Json write_object(Call& call) {
   const Object object = object_argument(call);
   BodyReader body(call.body);
@@ -243,6 +261,7 @@ constexpr std::array real_table{
     Route{Method::get, "/api/v1/axes/{}/objects", list_objects},
     Route{Method::get, "/api/v1/axes/{}/objects/{}/{}", read_object},
     Route{Method::put, "/api/v1/axes/{}/objects/{}/{}", write_object},
+    Route{Method::get, "/api/v1/axes/{}/values", read_values},
     Route{Method::get, "/api/v1/axes/{}/faults", show_faults},
     Route{Method::get, "/api/v1/buses", list_buses},
     Route{Method::get, "/api/v1/clock", show_clock},

@@ -12,6 +12,9 @@ export interface ObjectAnswer {
 const objectPath = (axis: string, index: number, sub: number) => `${axisPath(axis)}/objects/${index.toString(16).padStart(4, '0')}/${sub.toString(16)}`;
 
 export const readObject = async (axis: string, index: number, sub = 0) => (await get<ObjectAnswer>(objectPath(axis, index, sub))).value;
+// Of many objects, by address ("60FD:00"); null: it cannot be read now.
+export const readValues = async (axis: string, objects: string[]) =>
+  (await get<{ values: Record<string, ObjectValue> }>(`${axisPath(axis)}/values?objects=${objects.join(',')}`)).values;
 export const writeObject = (axis: string, index: number, sub: number, value: ObjectValue) => put(objectPath(axis, index, sub), { value });
 
 export const power = (axis: string, action: 'on' | 'off' | 'cycle') => post(`${axisPath(axis)}/power`, { action });

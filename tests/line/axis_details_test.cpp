@@ -258,6 +258,13 @@ TEST_F(AxisDetails, BitsAndValuesHaveTheProductsNames) {
   EXPECT_EQ(name(entry_of(reference, "0x60FD", 0)["bits"], "bit", 2), "home switch");
   EXPECT_EQ(name(entry_of(reference, "0x60FE", 1)["bits"], "bit", 16), "DO0");
   EXPECT_FALSE(entry_of(reference, "0x60FE", 0).contains("bits"));
+  EXPECT_EQ(name(entry_of(reference, "0x2030", 3)["enumeration"], "value", 3), "home switch");
+  EXPECT_EQ(entry_of(reference, "0x2030", 3)["terminal"], "Functions of the inputs");
+  EXPECT_EQ(name(entry_of(kinco, "0x2010", 3)["enumeration"], "value", 0x8400), "Fast capture 1");
+  EXPECT_EQ(name(entry_of(kinco, "0x2010", 15)["enumeration"], "value", 1), "Ready");
+  EXPECT_EQ(name(entry_of(kinco, "0x2010", 10)["bits"], "bit", 1), "DI2 is on");
+  EXPECT_EQ(entry_of(reference, "0x60B8", 0)["terminal"], "Touch probes");
+  EXPECT_FALSE(entry_of(reference, "0x6040", 0).contains("terminal"));
   EXPECT_EQ(entry_of(kinco, "0x2FF0", 1)["text"].get<std::string>().substr(0, 8), "1 stores");
 }
 

@@ -68,6 +68,23 @@ TEST_F(BenchApi, ReadsAndWritesObjectsAsTheServicePortDoes) {
   EXPECT_GT(get("/axes/left/objects")["objects"].size(), 100U);
 }
 
+TEST_F(BenchApi, ReadsSeveralObjectsAtOnce) {
+  const json values = get("/axes/left/values?objects=6041:00,1000:0,5FFF:00,2F12:06")["values"];
+  EXPECT_EQ(values.size(), 4U);
+  EXPECT_EQ(values["6041:00"], get("/axes/left")["statusword"]);
+  EXPECT_EQ(values["1000:0"], get("/axes/left/objects/1000/0")["value"]);
+  EXPECT_EQ(values["5FFF:00"], nullptr) << "not there";
+  for (const char* wrong : {"", "?objects=", "?objects=6041", "?objects=6041:00,", "?objects=xyz:00", "?objects=,"}) {
+    const unsigned status = ask(Method::get, std::string("/axes/left/values") + wrong).status;
+    EXPECT_TRUE(status == 400U || std::string_view(wrong).ends_with(":00,")) << wrong << " " << status;
+  }
+  std::string many = "/axes/left/values?objects=6041:00";
+  for (int i = 0; i < 128; ++i) many += ",6041:00";
+  EXPECT_EQ(ask(Method::get, many).status, 400U);
+  ask(Method::post, "/axes/left/power", R"({"action": "off"})");
+  EXPECT_EQ(get("/axes/left/values?objects=6041:00")["values"]["6041:00"], nullptr);
+}
+
 TEST_F(BenchApi, ServesRoutesOfOthersWithTheirContext) {
   struct Shelf {
     std::string last_query;

@@ -7,7 +7,7 @@ interface View {
 
 test('an input is forced and given back', async ({ page, open, line, picture }) => {
   await open('/plant/reference');
-  const inputs = panel(page, 'Digital inputs');
+  const inputs = panel(page, 'Wires of the inputs');
   await inputs.getByRole('group', { name: 'Force DI0' }).getByRole('button', { name: '1' }).click();
   await expect(inputs.getByRole('row', { name: /DI0/ }).getByRole('img', { name: 'on' })).toBeVisible();
   const level = async () => (await line.call<{ inputs: Record<string, { level: boolean; forced: boolean }> }>('GET', '/axes/reference/inputs')).inputs.DI0;

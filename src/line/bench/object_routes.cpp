@@ -47,6 +47,22 @@ Json read_object(Call& call) {
   return shown(object.entry, value.bytes);
 }
 
+// Several at once, for who looks at them again and again: null is what cannot be read now.
+Json read_values(Call& call) {
+  Axis& axis = axis_argument(call);
+  Json values = Json::object();
+  for (const auto& [text, address] : object_list(query_value(call, "objects").value_or(""))) {
+    Json& value = values[text] = nullptr;
+    if (!axis.powered()) continue;
+    AbortCode abort{};
+    const Entry* entry = axis.device().dictionary().find(address.index, address.sub, abort);
+    dictionary::ReadValue read;
+    if (entry == nullptr || axis.device().dictionary().read(*entry, read) != AbortCode::none) continue;
+    value = shown(*entry, read.bytes)["value"];
+  }
+  return Json{{"values", std::move(values)}};
+}
+
 Json write_object(Call& call) {
   const Object object = object_argument(call);
   BodyReader body(call.body);
@@ -62,6 +78,7 @@ Json write_object(Call& call) {
 constexpr std::array object_table{
     Route{Method::get, "/api/v1/axes/{}/objects", list_objects},
     Route{Method::get, "/api/v1/axes/{}/objects/{}/{}", read_object},
+    Route{Method::get, "/api/v1/axes/{}/values", read_values},
     Route{Method::put, "/api/v1/axes/{}/objects/{}/{}", write_object},
 };
 

@@ -136,6 +136,22 @@ ObjectName object_address(std::string_view index, std::string_view sub) {
           static_cast<std::uint8_t>(hexadecimal(sub, 0xFF, "sub-index"))};
 }
 
+std::vector<std::pair<std::string, ObjectName>> object_list(std::string_view rest) {
+  constexpr std::size_t most = 128;
+  std::vector<std::pair<std::string, ObjectName>> objects;
+  if (rest.empty()) throw ApiError{400, "no objects are named", "objects", "write ?objects=6040:00,6041:00"};
+  while (!rest.empty()) {
+    const std::string_view text = rest.substr(0, rest.find(','));
+    rest.remove_prefix(std::min(text.size() + 1, rest.size()));
+    const std::size_t colon = std::min(text.find(':'), text.size());
+    objects.emplace_back(text, object_address(text.substr(0, colon), text.substr(std::min(colon + 1, text.size()))));
+    if (objects.size() > most) {
+      throw ApiError{400, fmt::format("more than {} objects are named", most), "objects", "ask several times"};
+    }
+  }
+  return objects;
+}
+
 // The drive's refusal: 422 for the value, 409 for everything else.
 void refuse_access(AbortCode abort, std::string where) {
   const auto code = static_cast<std::uint32_t>(abort);

@@ -3,6 +3,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "dictionary/entry.hpp"
@@ -18,6 +19,8 @@ struct ObjectName {
 };
 // Of an address: hexadecimal, with or without 0x. Throws ApiError 400.
 ObjectName object_address(std::string_view index, std::string_view sub);
+// What "6040:00,6041:00" lists, with the text of each. Throws ApiError 400.
+std::vector<std::pair<std::string, ObjectName>> object_list(std::string_view text);
 
 // The drive's refusal: 422 for the value, 409 for everything else.
 [[noreturn]] void refuse_access(dictionary::AbortCode abort, std::string where);

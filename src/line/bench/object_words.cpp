@@ -11,6 +11,7 @@
 #include "describe/object_texts.hpp"
 #include "drive/drive.hpp"
 #include "line/bench/axis_view.hpp"
+#include "line/bench/terminal_words.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -239,6 +240,13 @@ void add_words(Json& object, std::string_view product, const Policy& policy, con
   for (const WordsOf& row : words_of) {
     if (row.index != entry.index || !row.is_there(entry.sub)) continue;
     object[row.key] = row.words(policy);
+  }
+  if (const TerminalWords* terminal = find_terminal(product, entry.index, entry.sub)) {
+    object["terminal"] = terminal->set;
+    if (terminal->words.empty()) return;
+    const char* number = terminal->key == "bits" ? "bit" : "value";
+    Json& words = object[std::string(terminal->key)] = Json::array();
+    for (const NamedNumber& word : terminal->words) words.push_back({{number, word.number}, {"name", word.name}});
   }
 }
 

@@ -98,6 +98,7 @@ export interface ObjectEntry {
   text?: string;
   enumeration?: unknown;
   bits?: unknown;
+  terminal?: string; // the set of terminals that it belongs to
 }
 
 export type ObjectValue = number | string | boolean | null;

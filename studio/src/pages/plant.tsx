@@ -4,6 +4,7 @@ import type { AxisView, BusView, FaultList, Inputs, Plant } from '../api/types';
 import { axisPath, power } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, NumberInput, Panel, Toggle, Trouble } from '../parts/controls';
+import { Terminals } from '../parts/terminals';
 import { useGeometry } from '../parts/travel';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
@@ -17,9 +18,15 @@ export function PlantPage() {
   if (!axis || missing === null) return null;
   if (missing !== undefined) {
     return (
-      <Panel title="No plant">
-        <p className="note">No switches to force, no load, no supply and no faults to give it: {missing}.</p>
-      </Panel>
+      <>
+        <AxisTabs page="plant" name={name} />
+        <div className="panels">
+          <Terminals axis={name} />
+          <Panel title="No plant">
+            <p className="note">No switches to force, no load, no supply and no faults to give it: {missing}.</p>
+          </Panel>
+        </div>
+      </>
     );
   }
   return (
@@ -27,6 +34,7 @@ export function PlantPage() {
       <AxisTabs page="plant" name={name} />
       <div className="panels">
         <InputsPanel name={name} />
+        <Terminals key={name} axis={name} />
         <PlantPanel name={name} />
         <FaultPanel name={name} />
         <PowerPanel axis={axis} />
@@ -42,7 +50,7 @@ function InputsPanel({ name }: { name: string }) {
   const wires = Object.entries(useGeometry(name)?.inputs ?? {});
   const force = (input: string, level: boolean | null) => attempt(() => put(path, { [input]: level }).then(again));
   return (
-    <Panel title="Digital inputs">
+    <Panel title="Wires of the inputs">
       <Trouble problem={problem} />
       <table className="table">
         <thead>

@@ -1,6 +1,6 @@
 import { useCallback, useEffect, useMemo, useState } from 'react';
 import type { Job, ObjectEntry, ObjectValue } from '../api/types';
-import { axisPath, cancelJob, readObject, runJob, writeObject } from '../commands';
+import { axisPath, cancelJob, readValues, runJob, writeObject } from '../commands';
 import { at, type BodePoint } from '../model/bode';
 import { addressOf } from '../model/objects';
 import { figuresOf, placeOf, setsOf, type GainLine, type Gains, type StepMeasured, type Tuned } from '../model/tuning';
@@ -214,24 +214,22 @@ const refresh_ms = 2000;
 // Everything that is turned, in the drive's units, as the drive has it now.
 function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; changed: string }) {
   const objects = useResource<{ objects: ObjectEntry[] }>(gains.length > 0 ? `${axisPath(axis)}/objects` : null).value?.objects;
-  const [values, setValues] = useState<ReadonlyMap<string, ObjectValue>>(new Map());
+  const [values, setValues] = useState<Record<string, ObjectValue>>({});
   const read = useCallback(async () => {
-    const answers = await Promise.all(gains.map(({ object }) => readObject(axis, ...placeOf(object)).catch(() => null)));
-    setValues((before) => {
-      const same = gains.every(({ object }, i) => before.get(object) === answers[i]);
-      return same ? before : new Map(gains.map(({ object }, i) => [object, answers[i]]));
-    });
+    const now = await readValues(axis, gains.map(({ object }) => object)).catch(() => undefined);
+    if (now) setValues((before) => (JSON.stringify(now) === JSON.stringify(before) ? before : now));
   }, [axis, gains]);
   useEffect(() => {
+    if (gains.length === 0) return;
     void read();
     const timer = setInterval(() => void (document.hidden || read()), refresh_ms);
     return () => clearInterval(timer);
-  }, [read, changed]);
+  }, [read, changed, gains]);
   const entries = useMemo(() => new Map((objects ?? []).map((entry) => [addressOf(entry), entry])), [objects]);
   if (gains.length === 0) return <p className="empty">The manual of this drive prints no gains: there is nothing to be turned by hand.</p>;
   const write = (object: string, value: number) =>
     attempt(async () => {
-      if (!Number.isFinite(value) || value === values.get(object)) return;
+      if (!Number.isFinite(value) || value === values[object]) return;
       try {
         await writeObject(axis, ...placeOf(object), value);
       } finally {
@@ -249,7 +247,7 @@ function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; 
             <tbody>
               {lines.map(({ object, does }) => {
                 const entry = entries.get(object);
-                const value = values.get(object);
+                const value = values[object];
                 const fixedDefault = typeof entry?.default === 'number' ? entry.default : undefined;
                 return (
                   <tr key={object}>
