@@ -276,11 +276,9 @@ void DriveLink::operate(const BusOptions& options) {
   objects_ = std::make_unique<host::CoeObjects>(*slave_, operation_->exchange(), 0);
 }
 
-std::unique_ptr<host::CyclicBus> DriveLink::open_cyclic(const host::CanDrive& on_can, std::uint8_t heartbeat_node_id,
-                                                        host::Time heartbeat_period, const BusOptions& options) {
+std::unique_ptr<host::CyclicBus> DriveLink::open_cyclic(const host::CanDrive& on_can, const BusOptions& options) {
   if (operation_) return std::make_unique<host::EthercatCyclicBus>(*ethercat_, *operation_);
   if (!bus_) throw Failure::wrong_use(fmt::format("--bus {}: it has no process data", options.link));
-  heartbeat_ = can_master_.emplace(*bus_).produce_heartbeat(heartbeat_node_id, heartbeat_period);
   // Some drives answer a SYNC with their next tick, which can be later than half a period.
   return std::make_unique<host::CanCyclicBus>(
       *bus_, std::vector{on_can},

@@ -41,8 +41,7 @@ class DriveLink {
   // The process data of the drive, at the cycle of the options: of a CANopen node those that `on_can` names, of an
   // EtherCAT slave, which is to operate, those that it maps. A CANopen drive gets this program's heartbeat as long as
   // this lives. Throws Failure on a bus that has none.
-  std::unique_ptr<host::CyclicBus> open_cyclic(const host::CanDrive& on_can, std::uint8_t heartbeat_node_id,
-                                               host::Time heartbeat_period, const BusOptions& options);
+  std::unique_ptr<host::CyclicBus> open_cyclic(const host::CanDrive& on_can, const BusOptions& options);
   // Speaks the product's dialect; Ctrl-C, where an InterruptGuard lives, cancels its waits.
   std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options) { return open_axis(*objects_, options); }
   // By other objects of the same drive.
@@ -71,8 +70,6 @@ class DriveLink {
   std::vector<host::FoundSlave> line_;  // all slaves of the segment
   std::unique_ptr<host::EthercatSlave> slave_;
   std::optional<host::EthercatOperation> operation_;
-  std::optional<host::Master> can_master_;
-  host::Bus::Subscription heartbeat_;
   std::unique_ptr<host::ObjectClient> objects_;
   std::optional<host::MasterWatch> watch_;
   host::SdoClient* sdo_ = nullptr;

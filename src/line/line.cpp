@@ -62,7 +62,9 @@ void Line::run_until(Time target) {
   while (now_ < target || next_bus_event() <= target) run_to_instant(next_instant(target));
 }
 
-void Line::step() { run_to_instant(next_instant(now_ + std::chrono::milliseconds(1))); }
+void Line::step(Time latest) {
+  run_to_instant(next_instant(std::min<Time>(latest, now_ + std::chrono::milliseconds(1))));
+}
 
 namespace {
 

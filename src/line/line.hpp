@@ -74,7 +74,7 @@ class Line final : public links::VirtualClock {
   void remove_follower(Follower& follower) { std::erase(followers_, &follower); }
 
   // To the next instant at which anything may happen on a bus, at most 1 ms.
-  void step() override;
+  void step(Time latest = links::never) override;
   // The next such instant, for pacing.
   Time next_bus_event() const;
 

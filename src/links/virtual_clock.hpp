@@ -9,11 +9,11 @@ class VirtualClock {
  public:
   virtual ~VirtualClock() = default;
   virtual Time now() const = 0;
-  // Advances the line, and with it its buses, by its smallest step.
-  virtual void step() = 0;
+  // Advances the line, and with it its buses, by its smallest step, and not beyond `latest`.
+  virtual void step(Time latest) = 0;
   // Advances it up to `target`; one in the past does nothing.
   virtual void run_until(Time target) {
-    while (now() < target) step();
+    while (now() < target) step(target);
   }
 };
 

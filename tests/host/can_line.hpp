@@ -29,8 +29,8 @@ class CanLine final : public links::VirtualClock {
 
   Time now() const override { return now_; }
   // To the next thing that happens, 100 us at most.
-  void step() override {
-    Time next = std::min(now_ + 100us, std::max(now_ + 1us, wire.next_event()));
+  void step(Time latest = links::never) override {
+    Time next = std::min(std::min<Time>(latest, now_ + 100us), std::max(now_ + 1us, wire.next_event()));
     for (Station& station : stations_)
       next = std::min(next, std::max(now_ + 1us, station.device->node.next_deadline()));
     now_ = next;

@@ -13,7 +13,10 @@ class SerialMasterLine final : public links::test::SerialRig, public links::Virt
   links::Time now() const override { return line.now(); }
   links::Time now() override { return line.now(); }
   // To the next thing that happens, 100 us at most.
-  void step() override { line.advance(std::min(line.now() + 100us, std::max(line.now() + 1us, line.next_event()))); }
+  void step(links::Time latest = links::never) override {
+    const links::Time step = std::min<links::Time>(latest, line.now() + 100us);
+    line.advance(std::min(step, std::max(line.now() + 1us, line.next_event())));
+  }
 
   std::unique_ptr<links::ByteClient> client() { return std::make_unique<links::MemoryByteClient>(line, *this); }
 };

@@ -1,7 +1,7 @@
 """Cable, supply or drive fail in the middle of a command: it ends with 1 and says what, where and what to do.
 
 The axis rests afterwards by what the plant says: on CAN the drive was told to watch its master. With one exception: on
-Modbus it cannot know that its master's cable is gone, so there a motion under way goes on (docs/commands.md).
+a serial line it cannot know that its master's cable is gone, so there a motion under way goes on (docs/commands.md).
 """
 
 import subprocess
@@ -21,6 +21,10 @@ type = "ethercat"
 
 [[bus]]
 name = "rs"
+type = "rs485"
+
+[[bus]]
+name = "rs10"
 type = "rs485"
 
 [[axis]]
@@ -43,9 +47,16 @@ bus = "can0"
 node = 3
 serial = "rs"
 {TRAVEL}
+
+[[axis]]
+name = "serial10"
+product = "ismk"
+serial = "rs10"
+{TRAVEL}
 """
-BUSES = {"can": "can0", "ecat": "ecat", "modbus": "rs"}
-NODES = {"can": 2, "ecat": 1, "modbus": 3}
+BUSES = {"can": "can0", "ecat": "ecat", "modbus": "rs", "serial10": "rs10"}
+NODES = {"can": 2, "ecat": 1, "modbus": 3, "serial10": 1}
+SERIAL = ["modbus", "serial10"]
 SLOWLY = ["--velocity", str(COUNTS // 4)]
 
 MARK = 1234567  # written by a command that prints nothing before its end, when it is at work
@@ -59,6 +70,7 @@ MOVING = {
     "probe": ["probe", "--source", "input", "--by", str(5 * COUNTS), *SLOWLY],
     "run": ["run", "{script}"],
     "scope": ["scope", "position", "--run", "{script}", "-o", "{recording}"],
+    "tune": ["tune", "--propose", "--seconds", "4"],
 }
 TALKING = {
     "monitor": ["monitor", "--axis", "--for", "600"],
@@ -72,19 +84,33 @@ AT_ONCE = {
     "faults": ["faults"],
     "params": ["params", "save", "{file}"],
     "conform": ["conform", "--only", "power"],
+    "nmt": ["nmt", "reset-node", "--wait"],
+    "state": ["state", "preop"],
+    "clone": ["clone", "-o", "{file}"],
 }
+# Commands that are not for every bus.
+ONLY = {
+    "tune": ["can", "ecat"], "nmt": ["can"], "state": ["ecat"], "clone": ["can", "ecat"],
+    "scan": ["can", "ecat", "modbus"], "conform": ["can", "ecat", "modbus"], "probe": ["can", "ecat", "modbus"],
+    "home": ["can", "ecat", "modbus"],  # the iSMK has no switch here
+}
+
+
+def on_its_buses(commands):
+    pairs = [(axis, name) for name in commands for axis in ONLY.get(name, BUSES)]
+    return pytest.mark.parametrize("axis, name", pairs)
 
 
 @pytest.fixture
 def broken_line(tmp_path):
-    line = Line(tmp_path, LINE, ["can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0", f"rs=pty:{tmp_path}/rs"])
+    line = Line(tmp_path, LINE, ["can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0", f"rs=pty:{tmp_path}/rs", f"rs10=pty:{tmp_path}/rs10"])
     yield line
     line.stop()
 
 
 def link_of(line, axis):
     link = line.links[BUSES[axis]][0]
-    return f"modbus:serial:{link.removeprefix('pty:')}" if axis == "modbus" else link
+    return f"{axis}:serial:{link.removeprefix('pty:')}" if axis in SERIAL else link
 
 
 def start(line, axis, words, tmp_path):
@@ -112,7 +138,6 @@ def cause_fault(line, axis):
 
 
 BREAKS = {"cable": pull_cable, "power": switch_off, "fault": cause_fault}
-AXES = pytest.mark.parametrize("axis", list(BUSES))
 
 
 def ends_with_a_message(process):
@@ -141,9 +166,8 @@ def turns(line, axis):
     return abs(line.bench.axis(axis)["velocity_rpm"]) > 5
 
 
-@AXES
+@on_its_buses(MOVING)
 @pytest.mark.parametrize("how", list(BREAKS))
-@pytest.mark.parametrize("name", list(MOVING))
 def test_broken_while_it_moves(broken_line, tmp_path, axis, how, name):
     process = start(broken_line, axis, MOVING[name], tmp_path)
     wait_for(lambda: turns(broken_line, axis) or process.poll() is not None, "the axis to turn")
@@ -154,15 +178,14 @@ def test_broken_while_it_moves(broken_line, tmp_path, axis, how, name):
     if how == "fault":
         # A computer at its limit may be too late to hear of it, or to keep its own end of the process data.
         assert "fault" in said or "no answer" in said or "watchdog" in said, said
-    if how != "cable" or axis != "modbus":
+    if how != "cable" or axis not in SERIAL:
         wait_for(lambda: rests(broken_line, axis), "the axis at rest")
         if how == "fault":
             assert broken_line.bench.axis(axis)["state"] == "fault"
 
 
-@AXES
+@on_its_buses(TALKING)
 @pytest.mark.parametrize("how", ["cable", "power"])
-@pytest.mark.parametrize("name", list(TALKING))
 def test_broken_while_it_looks(broken_line, tmp_path, axis, how, name):
     process = start(broken_line, axis, TALKING[name], tmp_path)
     if name == "monitor":
@@ -177,9 +200,8 @@ def test_broken_while_it_looks(broken_line, tmp_path, axis, how, name):
         assert_recording_is_kept(tmp_path)
 
 
-@AXES
+@on_its_buses(AT_ONCE)
 @pytest.mark.parametrize("how", ["cable", "power"])
-@pytest.mark.parametrize("name", list(AT_ONCE))
 def test_found_broken(broken_line, tmp_path, axis, how, name):
     BREAKS[how](broken_line, axis)
     process = start(broken_line, axis, AT_ONCE[name], tmp_path)
@@ -192,8 +214,7 @@ def test_found_broken(broken_line, tmp_path, axis, how, name):
     assert not (tmp_path / "saved.par").exists()
 
 
-@AXES
-@pytest.mark.parametrize("name", list(MOVING))
+@on_its_buses(MOVING)
 def test_ctrl_c(broken_line, tmp_path, axis, name):
     process = start(broken_line, axis, MOVING[name], tmp_path)
     wait_for(lambda: turns(broken_line, axis) or process.poll() is not None, "the axis to turn")
@@ -203,6 +224,43 @@ def test_ctrl_c(broken_line, tmp_path, axis, name):
     if name == "scope":
         assert_recording_is_kept(tmp_path)
     wait_for(lambda: rests(broken_line, axis), "the axis at rest")
+
+
+@pytest.mark.parametrize("axis", ["can", "ecat"])
+@pytest.mark.parametrize("how", list(BREAKS))
+def test_prove_is_broken(broken_line, tmp_path, axis, how):
+    """It goes on with the other axes, and says which have failed and why."""
+    command = [PROGRAM, "prove", "--bus", link_of(broken_line, axis), "--speed", "1", "--revolutions", "20"]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: turns(broken_line, axis) or process.poll() is not None, "the axis to turn")
+    BREAKS[how](broken_line, axis)
+    wait_for(lambda: rests(broken_line, axis), "the axis at rest")
+    if how == "cable" and axis == "can":
+        broken_line.bench.delete("buses/can0/disturb")  # the other drive of the bus is not to wait for its time-outs
+    out, said = process.communicate(timeout=300)
+    assert process.returncode == 1, (out, said)
+    assert "FAILED" in out and "axes failed, see above" in said, (out, said)
+    row = out.splitlines().index(next(line for line in out.splitlines() if "FAILED" in line))
+    assert ";" in out.splitlines()[row + 1], out
+
+
+def test_held_slaves_go_away(broken_line, tmp_path):
+    process = start(broken_line, "ecat", ["state", "op", "--for", "600"], tmp_path)
+    wait_for(lambda: broken_line.bench.axis("ecat")["al_state"] == "Operational" or process.poll() is not None, "OP")
+    pull_cable(broken_line, "ecat")
+    ends_with_a_message(process)
+
+
+def test_what_is_listened_to_goes_away(broken_line, tmp_path):
+    process = subprocess.Popen(
+        [PROGRAM, "sniff", link_of(broken_line, "can")], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+    )
+    heard = start(broken_line, "can", AT_ONCE["get"], tmp_path)
+    assert heard.wait(300) == 0
+    assert process.stdout.readline()
+    broken_line.stop()
+    ends_with_a_message(process)
 
 
 def test_a_drive_watches_its_master_as_long_as_it_is_moved(broken_line, tmp_path):

@@ -316,7 +316,7 @@ TEST_F(SocketcandTest, ClientErrors) {
 struct Stepper : VirtualClock {
   explicit Stepper(Rig& its_rig) : rig(its_rig) {}
   Time now() const override { return time; }
-  void step() override {
+  void step(Time /*latest*/) override {
     time += std::chrono::microseconds(250);
     rig.bus.advance(time);
   }

@@ -126,7 +126,7 @@ TEST(EthercatClient, RefusesWhatDoesNotFitIntoAFrame) {
 
 struct Clock final : VirtualClock {
   Time now() const override { return time; }
-  void step() override { time += 1ms; }
+  void step(Time /*latest*/) override { time += 1ms; }
   void run_until(Time target) override { time = std::max(time, target); }
   Time time{1s};
 };

@@ -28,11 +28,12 @@ class TuningOf : public CommissioningRig, public testing::WithParamInterface<std
   json gains() { return get("axes/" + axis_ + "/gains"); }
   double rpm() { return line_.find_axis(axis_)->plant().velocity_rpm(); }
   bool is_at_rest() { return get("axes/" + axis_)["state"] != "operation enabled" && std::abs(rpm()) < 0.5; }
-  bool is(const char* product) const { return axis_ == product || axis_ == std::string(product) + "-ec"; }
-  json begin_of_gains() { return values_of_gains().begin().value(); }
+  // What takes long is done with one of each kind: over the service port the fieldbus makes no difference.
+  bool is_one_that_writes() { return gains()["writes"].get<bool>() && axis_.find('-') == std::string::npos; }
   json values_of_gains() {
     json values = json::object();
-    for (const json& line : gains()["gains"]) {
+    const json listed = gains();
+    for (const json& line : listed["gains"]) {
       const auto object = line["object"].get<std::string>();
       values[object] = value(axis_, object.substr(0, 4) + "/" + object.substr(5));
     }
@@ -46,7 +47,8 @@ INSTANTIATE_TEST_SUITE_P(Products, TuningOf, testing::ValuesIn(names_of_products
 });
 
 TEST_P(TuningOf, WhatIsTurnedIsThere) {
-  for (const json& line : gains()["gains"]) {
+  const json listed = gains();
+  for (const json& line : listed["gains"]) {
     const auto object = line["object"].get<std::string>();
     EXPECT_TRUE(value(axis_, object.substr(0, 4) + "/" + object.substr(5)).is_number()) << object;
     EXPECT_FALSE(line["set"].get<std::string>().empty());
@@ -78,7 +80,7 @@ TEST_P(TuningOf, AProposalWritesNothing) {
 }
 
 TEST_P(TuningOf, GainsAreWrittenAndKeepTheirPromise) {
-  if (!gains()["writes"].get<bool>()) return;
+  if (!is_one_that_writes()) return;
   const json begun = begin(R"({"do": "tune", "bandwidth_hz": 35, "apply": true, "seconds": 4})");
   pass(3s);
   const json underway = get(fmt::format("jobs/{}", begun["id"].get<int>()));
@@ -113,12 +115,11 @@ TEST_P(TuningOf, EndedItBrakesAndPutsBack) {
 }
 
 TEST_P(TuningOf, TheBigStopEndsIt) {
-  if (!gains()["writes"].get<bool>()) return;
+  if (!is_one_that_writes()) return;
   const json before = values_of_gains();
   const json begun = begin(R"({"do": "tune", "apply": true, "seconds": 4})");
-  const auto gain = begin_of_gains();
-  for (int i = 0; i < 1000 && begin_of_gains() == gain; ++i) pass(20ms);
-  ASSERT_NE(begin_of_gains(), gain) << "they were written";
+  for (int i = 0; i < 1000 && values_of_gains() == before; ++i) pass(100ms);
+  ASSERT_NE(values_of_gains(), before) << "they were written";
   pass(2s);
   ask(Method::post, "stop");
   EXPECT_EQ(get(fmt::format("jobs/{}", begun["id"].get<int>()))["state"], "cancelled");

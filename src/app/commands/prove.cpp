@@ -240,14 +240,19 @@ void prove_can(const Options& options, const std::map<unsigned, std::int8_t>& me
   }
   Report report(options, drives);
   struct Node {
-    host::SdoClient client;
+    Node(host::Bus& bus, const Drive& drive, const Options& options)
+        : client(bus, static_cast<std::uint8_t>(drive.node)) {
+      host::ObjectClient* const drives[] = {&client};
+      if (!options.bus.no_watch) watch.emplace(bus, drives, warn);
+    }
     host::ObjectClient& objects() { return client; }
+
+    host::SdoClient client;
+    std::optional<host::MasterWatch> watch;
   };
   for (const Drive& drive : drives) {
     if (InterruptGuard::interrupted()) break;
-    report.add(outcome_of(drive, methods, options, [&] {
-      return std::unique_ptr<Node>(new Node{.client = {*bus, static_cast<std::uint8_t>(drive.node)}});
-    }));
+    report.add(outcome_of(drive, methods, options, [&] { return std::make_unique<Node>(*bus, drive, options); }));
   }
   report.end();
 }
@@ -303,6 +308,7 @@ void add_prove(CLI::App& app) {
   command->get_option("--bus")->description(
       "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; or EtherCAT: udp:HOST[:PORT] or "
       "raw:INTERFACE");
+  add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
   command
       ->add_option("--method", options->methods,

@@ -150,8 +150,8 @@ void run(const Options& options) {
   }
   const tuning::TuningUnits units = tuning::tuning_units_of(objects, dialect, *axis_units);
   if (options.reset_fault) axis->reset_fault();
-  const auto cyclic = link.open_cyclic(kind == BusKind::can ? tuning::tuning_drive(objects, dialect) : host::CanDrive{},
-                                       tuning::heartbeat_node_id, tuning::heartbeat_period, options.bus);
+  const auto cyclic =
+      link.open_cyclic(kind == BusKind::can ? tuning::tuning_drive(objects, dialect) : host::CanDrive{}, options.bus);
   const bool shown = on_terminal() && !options.bus.json;
   tuning::SessionResult result;
   {

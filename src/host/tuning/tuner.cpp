@@ -36,18 +36,11 @@ std::int32_t whole_number(double value) {
 
 }  // namespace
 
-CanDrive tuning_drive(ObjectClient& objects, const TuningDialect& dialect) {
-  constexpr std::int64_t watched_ms = 1000;
-  CanDrive drive{.node_id = static_cast<std::uint8_t>(objects.address()),
-                 .rpdos = {{{{0x6040, 0}, 16}, {{0x6060, 0}, 8}, {{0x60FF, 0}, 32}}},
-                 .tpdos = {{{{0x6041, 0}, 16}, {dialect.position, 32}, {dialect.torque, 16}}},
-                 .sets_interpolation_time = false};
-  if (objects.read_if_present<std::uint32_t>(0x1016, 1)) {
-    drive.values.push_back({{0x1016, 1}, std::int64_t{heartbeat_node_id} << 16 | watched_ms, 4});
-    // To some drives a lost master is nothing (0) until they are told that it is a malfunction.
-    if (objects.read_if_present<std::int16_t>(0x6007)) drive.values.push_back({{0x6007, 0}, 1, 2});
-  }
-  return drive;
+CanDrive tuning_drive(const ObjectClient& objects, const TuningDialect& dialect) {
+  return {.node_id = static_cast<std::uint8_t>(objects.address()),
+          .rpdos = {{{{0x6040, 0}, 16}, {{0x6060, 0}, 8}, {{0x60FF, 0}, 32}}},
+          .tpdos = {{{{0x6041, 0}, 16}, {dialect.position, 32}, {dialect.torque, 16}}},
+          .sets_interpolation_time = false};
 }
 
 Tuner::Tuner(CyclicBus& bus, ObjectClient& objects, const TuningDialect& dialect, const TuningUnits& units,

@@ -10,11 +10,9 @@
 // Measures the velocity loop of one drive through whatever bus, by process data.
 namespace servodrome::host::tuning {
 
-// What is exchanged with a CANopen drive for it: one PDO each way. A drive that can (1016h) watches this master's
-// heartbeat meanwhile, so that it stops by itself when the cable is pulled: someone has to send it.
-CanDrive tuning_drive(ObjectClient& objects, const TuningDialect& dialect);
-inline constexpr std::uint8_t heartbeat_node_id = 127;
-inline constexpr Time heartbeat_period = std::chrono::milliseconds(250);
+// What is exchanged with a CANopen drive for it: one PDO each way. That it stops by itself when the cable is pulled is
+// for a MasterWatch.
+CanDrive tuning_drive(const ObjectClient& objects, const TuningDialect& dialect);
 
 struct TunerOptions {
   double travel_revolutions = 4.0;  // to the positive side of where the axis stands; what goes beyond ends it

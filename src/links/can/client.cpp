@@ -45,7 +45,7 @@ void MemoryCanClient::send(const canopen::Frame& frame) {
 
 std::optional<canopen::Frame> MemoryCanClient::receive(Time timeout) {
   const Time deadline = clock_.now() + timeout;
-  while (port_.waiting() == 0 && clock_.now() < deadline) clock_.step();
+  while (port_.waiting() == 0 && clock_.now() < deadline) clock_.step(deadline);
   const auto received = port_.receive();
   if (!received) return std::nullopt;
   return received->frame;

@@ -122,7 +122,7 @@ std::unique_ptr<ByteClient> open_byte_client(const SerialLinkName& name, const m
 
 bool MemoryByteClient::receive(std::vector<std::uint8_t>& bytes, Time timeout) {
   const Time deadline = clock_.now() + timeout;
-  while (received_.empty() && clock_.now() < deadline) clock_.step();
+  while (received_.empty() && clock_.now() < deadline) clock_.step(deadline);
   bytes.insert(bytes.end(), received_.begin(), received_.end());
   const bool any = !received_.empty();
   received_.clear();
@@ -131,7 +131,7 @@ bool MemoryByteClient::receive(std::vector<std::uint8_t>& bytes, Time timeout) {
 
 void MemoryByteClient::wait(Time span) {
   const Time deadline = clock_.now() + span;
-  while (clock_.now() < deadline) clock_.step();
+  while (clock_.now() < deadline) clock_.step(deadline);
 }
 
 void MemoryByteClient::receive(std::uint8_t character, bool /*intact*/, Time /*at*/) { received_.push_back(character); }
