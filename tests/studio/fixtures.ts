@@ -62,7 +62,7 @@ export const test = base.extend<Fixtures>({
 export { expect };
 
 // Of a select of react-aria: opens it and takes the option whose text begins so.
-export async function choose(page: Page, label: string, option: string | RegExp, within = page.locator('body')) {
+export async function choose(page: Page, label: string | RegExp, option: string | RegExp, within = page.locator('body')) {
   await within.getByRole('button', { name: label }).first().click();
   await page.getByRole('option', { name: option }).first().click();
 }
