@@ -44,8 +44,8 @@ struct Job {
   std::unique_ptr<Task> task{};
 };
 
-// As GET /api/v1/jobs/{id} shows it.
-line::bench::Json view_of(const Job& job);
+// As GET /api/v1/jobs/{id} shows it; the list leaves out what was found.
+line::bench::Json view_of(const Job& job, bool with_found = true);
 
 // What axes are doing on behalf of somebody at the API: at most one job each, carried out by the host library in the
 // drives' time. Everything happens in one thread, which calls `reached`; requests between two such calls find every job

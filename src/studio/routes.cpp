@@ -54,9 +54,10 @@ std::string axis_name(Call& call) {
 
 Json begin_job(Call& call) { return view_of(jobs_of(call).begin(axis_name(call), call.body)); }
 
+// What a job found may be long: whoever wants it asks for the one.
 Json list_jobs(Call& call) {
   Json jobs = Json::array();
-  for (const Job& job : jobs_of(call).all()) jobs.push_back(view_of(job));
+  for (const Job& job : jobs_of(call).all()) jobs.push_back(view_of(job, false));
   return Json{{"jobs", std::move(jobs)}};
 }
 
@@ -127,7 +128,7 @@ constexpr std::array table{
 
 }  // namespace
 
-Json view_of(const Job& job) {
+Json view_of(const Job& job, bool with_found) {
   Json view{{"id", job.id},
             {"axis", job.axis},
             {"do", job.order.what},
@@ -140,7 +141,7 @@ Json view_of(const Job& job) {
   }
   if (job.error) view["error"] = view_of(*job.error);
   if (job.result) view["result"] = {{"position", job.result->position}, {"seconds", job.result->seconds}};
-  if (!job.found.is_null()) view["found"] = job.found;
+  if (with_found && !job.found.is_null()) view["found"] = job.found;
   return view;
 }
 

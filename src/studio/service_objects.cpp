@@ -2,6 +2,7 @@
 
 #include <exception>
 #include <fmt/format.h>
+#include <numeric>
 
 #include "host/abort_text.hpp"
 #include "studio/task.hpp"
@@ -56,6 +57,24 @@ const dictionary::Entry& ServiceObjects::find(host::ObjectAddress object, bool u
 
 std::vector<std::byte> ServiceObjects::upload(host::ObjectAddress object) {
   pass(access_time);
+  return read_now(object);
+}
+
+std::vector<std::vector<std::size_t>> ServiceObjects::read_together(
+    std::span<const host::ObjectAddress> objects) const {
+  std::vector<std::size_t> all(objects.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return {std::move(all)};
+}
+
+std::vector<std::vector<std::byte>> ServiceObjects::upload_together(std::span<const host::ObjectAddress> objects) {
+  pass(access_time);
+  std::vector<std::vector<std::byte>> values;
+  for (const host::ObjectAddress object : objects) values.push_back(read_now(object));
+  return values;
+}
+
+std::vector<std::byte> ServiceObjects::read_now(host::ObjectAddress object) {
   const dictionary::Entry& entry = find(object, true);
   dictionary::ReadValue value;
   const dictionary::AbortCode abort = axis_.device().dictionary().read(entry, value);

@@ -21,6 +21,9 @@ class ServiceObjects final : public host::ObjectClient {
 
   std::vector<std::byte> upload(host::ObjectAddress object) override;
   void download(host::ObjectAddress object, std::span<const std::byte> data) override;
+  // All in one access: at the same tick.
+  std::vector<std::vector<std::size_t>> read_together(std::span<const host::ObjectAddress> objects) const override;
+  std::vector<std::vector<std::byte>> upload_together(std::span<const host::ObjectAddress> objects) override;
   host::Time now() const override { return line_.now(); }
   void wait(host::Time span) override;
   std::uint16_t address() const override { return axis_.device().node_id(); }
@@ -28,6 +31,7 @@ class ServiceObjects final : public host::ObjectClient {
 
  private:
   bool pass(host::Time span);
+  std::vector<std::byte> read_now(host::ObjectAddress object);
   const dictionary::Entry& find(host::ObjectAddress object, bool upload) const;
   void require_power() const;
   [[noreturn]] void refuse(host::ObjectAddress object, dictionary::AbortCode abort, bool upload) const;

@@ -40,7 +40,7 @@ test('an axis is tuned, its gains are written, measured, and put back', async ({
   await expect(found.getByRole('img', { name: /Open velocity loop/ })).toBeVisible();
   await expect(found.getByRole('img', { name: /Step of the velocity/ })).toBeVisible();
   const { jobs } = await line.call<{ jobs: Job[] }>('GET', '/jobs');
-  const job = jobs.at(-1)!;
+  const job = await line.call<Job>('GET', `/jobs/${jobs.at(-1)!.id}`);
   expect(await gain()).toBe(job.found!.gains[0].after);
   // The table below has the drive's numbers.
   const gains = page.getByRole('table', { name: 'Gains', exact: true });

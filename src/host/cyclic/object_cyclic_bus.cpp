@@ -10,6 +10,9 @@ ObjectCyclicBus::ObjectCyclicBus(ObjectClient& objects, std::vector<PdoObject> o
     : objects_(objects), image_(outputs_, inputs_, objects.where()), period_(period), next_(objects.now() + period) {
   for (const PdoObject& object : outputs) outputs_.push_back({object});
   for (const PdoObject& object : inputs) inputs_.push_back({object});
+  std::vector<ObjectAddress> addresses;
+  for (const PdoObject& object : inputs) addresses.push_back(object.object);
+  together_ = objects_.read_together(addresses);
   // What goes out first is what is there.
   for (Value& value : outputs_) {
     const std::vector<std::byte> bytes = objects_.upload(value.object.object);
@@ -41,17 +44,24 @@ void ObjectCyclicBus::wait(Time span) {
   if (end > objects_.now()) objects_.wait(end - objects_.now());
 }
 
+void ObjectCyclicBus::read(const std::vector<std::size_t>& places) {
+  std::vector<ObjectAddress> objects;
+  for (const std::size_t place : places) objects.push_back(inputs_[place].object.object);
+  const std::vector<std::vector<std::byte>> values = objects_.upload_together(objects);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    std::array<std::uint8_t, 8>& bytes = inputs_[places[i]].bytes;
+    for (std::size_t at = 0; at < bytes.size(); ++at) {
+      bytes[at] = at < values[i].size() ? std::to_integer<std::uint8_t>(values[i][at]) : std::uint8_t{0};
+    }
+  }
+}
+
 void ObjectCyclicBus::cycle() {
   ++counters_.cycles;
   inputs_taken_ = objects_.now();
   fresh_ = false;
   try {
-    for (Value& value : inputs_) {
-      const std::vector<std::byte> bytes = objects_.upload(value.object.object);
-      for (std::size_t i = 0; i < value.bytes.size(); ++i) {
-        value.bytes[i] = i < bytes.size() ? std::to_integer<std::uint8_t>(bytes[i]) : std::uint8_t{0};
-      }
-    }
+    for (const std::vector<std::size_t>& places : together_) read(places);
     fresh_ = true;
     lost_in_a_row_ = 0;
     if (action_) action_();

@@ -52,10 +52,12 @@ class ObjectCyclicBus final : public CyclicBus {
   };
 
   void cycle();
+  void read(const std::vector<std::size_t>& places);
 
   ObjectClient& objects_;
   std::vector<Value> outputs_;
   std::vector<Value> inputs_;
+  std::vector<std::vector<std::size_t>> together_;  // places among the inputs that one access reads
   Image image_;
   Time period_;
   Time next_;

@@ -46,7 +46,10 @@ function useTuningJob(axis: string): Job | undefined {
   useEffect(() => {
     if (latest && tunes.includes(latest.do)) setSeen(latest);
   }, [latest]);
-  return seen?.axis === axis && seen.id >= (known?.id ?? 0) ? seen : known;
+  const job = seen?.axis === axis && seen.id >= (known?.id ?? 0) ? seen : known;
+  // Lists leave out what was found.
+  const whole = useResource<Job>(job?.state === 'done' && job.found === undefined ? `/jobs/${job.id}` : null).value;
+  return whole !== undefined && whole.id === job?.id ? whole : job;
 }
 
 function Tune({ axis, gains, job }: { axis: string; gains: Gains; job: Job | undefined }) {
