@@ -52,6 +52,12 @@ test('shows the drives that were found, moves them, and knows what it does not h
   await picture('real-axis');
   await page.getByRole('link', { name: 'I/O and plant' }).click();
   await expect(page.locator('main')).toContainText('these are drives on a bus');
+  // Its terminals are asked over the bus.
+  await panel(page, 'Outputs').getByRole('row', { name: /60FE:01/ }).getByRole('switch', { name: 'DO1' }).click();
+  await expect.poll(async () => (await drives.call<{ value: number }>('GET', '/axes/reference/objects/60FE/1')).value).toBe(0x20000);
+  await page.getByRole('link', { name: 'Tuning', exact: true }).click();
+  await expect(panel(page, 'Tune the velocity loop')).toContainText('servodrome tune');
+  await expect(page.getByRole('textbox', { name: 'Velocity loop proportional gain' })).toHaveValue('0');
   await go('/');
   await picture('real-line');
 });

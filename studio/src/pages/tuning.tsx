@@ -1,4 +1,4 @@
-import { useCallback, useEffect, useMemo, useState } from 'react';
+import { useCallback, useEffect, useMemo, useRef, useState } from 'react';
 import type { Job, ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, cancelJob, readValues, runJob, writeObject } from '../commands';
 import { at, type BodePoint } from '../model/bode';
@@ -218,8 +218,12 @@ const refresh_ms = 2000;
 function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; changed: string }) {
   const objects = useResource<{ objects: ObjectEntry[] }>(gains.length > 0 ? `${axisPath(axis)}/objects` : null).value?.objects;
   const [values, setValues] = useState<Record<string, ObjectValue>>({});
+  const reading = useRef(false);
   const read = useCallback(async () => {
+    if (reading.current) return; // a slow bus is not asked again before it has answered
+    reading.current = true;
     const now = await readValues(axis, gains.map(({ object }) => object)).catch(() => undefined);
+    reading.current = false;
     if (now) setValues((before) => (JSON.stringify(now) === JSON.stringify(before) ? before : now));
   }, [axis, gains]);
   useEffect(() => {

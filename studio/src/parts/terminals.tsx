@@ -1,4 +1,4 @@
-import { useCallback, useEffect, useMemo, useState } from 'react';
+import { useCallback, useEffect, useMemo, useRef, useState } from 'react';
 import type { ObjectEntry, ObjectValue } from '../api/types';
 import { axisPath, readValues, writeObject } from '../commands';
 import { addressOf, hexValue, isReadable, isWritable, namedOf, showValue } from '../model/objects';
@@ -16,8 +16,12 @@ export function Terminals({ axis }: { axis: string }) {
   const { value, problem } = useResource<{ objects: ObjectEntry[] }>(powered ? `${axisPath(axis)}/objects` : null);
   const entries = useMemo(() => (value?.objects ?? []).filter((entry) => entry.terminal !== undefined && isReadable(entry)), [value]);
   const [values, setValues] = useState<Record<string, ObjectValue>>({});
+  const reading = useRef(false);
   const read = useCallback(async () => {
+    if (reading.current) return; // a slow bus is not asked again before it has answered
+    reading.current = true;
     const now = await readValues(axis, entries.map(addressOf)).catch(() => undefined);
+    reading.current = false;
     if (now) setValues((before) => (JSON.stringify(now) === JSON.stringify(before) ? before : now));
   }, [axis, entries]);
   useEffect(() => {
