@@ -6,15 +6,31 @@ namespace servodrome::studio {
 
 using line::bench::ApiError;
 
-Subject::Subject(line::Line& line, line::Axis& axis) : objects(line, axis), product(axis.settings().product->name) {
-  if (!axis.powered()) {
-    throw ApiError{409, "the axis has no power", axis.settings().name,
-                   "switch it on: POST .../power {\"action\": \"on\"}"};
+namespace {
+
+class LineSubjects final : public Subjects {
+ public:
+  Subject open(line::bench::Call& call) override {
+    line::Axis& axis = axis_argument(call);
+    if (!axis.powered()) {
+      throw ApiError{409, "the axis has no power", axis.settings().name,
+                     "switch it on: POST .../power {\"action\": \"on\"}"};
+    }
+    products::Device& device = axis.device();
+    const bool on_fieldbus = axis.settings().bus || axis.settings().ethercat;
+    Subject subject{.client = std::make_unique<ServiceObjects>(call.line, axis),
+                    .product = std::string(axis.settings().product->name),
+                    .table = on_fieldbus ? device.bus_dictionary().table() : device.dictionary().table()};
+    if (axis.settings().bus) subject.node_id = device.node_id();
+    return subject;
   }
-  products::Device& device = axis.device();
-  const bool on_fieldbus = axis.settings().bus || axis.settings().ethercat;
-  table = on_fieldbus ? device.bus_dictionary().table() : device.dictionary().table();
-  if (axis.settings().bus) node_id = device.node_id();
+};
+
+}  // namespace
+
+Subjects& line_subjects() {
+  static LineSubjects subjects;
+  return subjects;
 }
 
 host::ParameterList Subject::parameters(bool with_connection) const {
@@ -33,6 +49,8 @@ bool flag(const line::bench::Call& call, std::string_view key) {
                  fmt::format("write {}=true, or leave it out", key)};
 }
 
-std::vector<line::bench::RouteGroup> commissioning_routes() { return {parameter_routes(), pdo_routes()}; }
+std::vector<line::bench::RouteGroup> commissioning_routes() {
+  return {parameter_routes(line_subjects()), pdo_routes(line_subjects())};
+}
 
 }  // namespace servodrome::studio

@@ -36,7 +36,7 @@ host::ParameterFile parameters_in(const Call& call) {
 }
 
 Json show_parameters(Call& call) {
-  Subject subject(call.line, axis_argument(call));
+  Subject subject = subject_of(call);
   const host::ParameterList list = subject.parameters(flag(call, "connection"));
   said(409, [&] {
     host::ParameterFile file{.identity = host::DriveIdentity::read(subject.objects, subject.product)};
@@ -57,7 +57,7 @@ Json view_of(std::span<const host::ObjectAddress> addresses, const host::Paramet
 }
 
 Json load_parameter_text(Call& call) {
-  Subject subject(call.line, axis_argument(call));
+  Subject subject = subject_of(call);
   const bool store = flag(call, "store");
   const host::LoadOptions options{
       .node_id = subject.node_id, .force = flag(call, "force"), .skip_absent = flag(call, "skip_absent")};
@@ -102,7 +102,7 @@ Json differences_of(std::span<const host::ParameterValue> left, std::span<const 
 }
 
 Json compare_with_factory(Call& call) {
-  Subject subject(call.line, axis_argument(call));
+  Subject subject = subject_of(call);
   const host::ParameterList list = subject.parameters();
   return said(409, [&] {
     const auto left = host::factory_parameters(list);
@@ -113,7 +113,7 @@ Json compare_with_factory(Call& call) {
 
 // Only what the file names is compared: it may hold a few parameters.
 Json compare_with_file(Call& call) {
-  Subject subject(call.line, axis_argument(call));
+  Subject subject = subject_of(call);
   const host::ParameterFile file = parameters_in(call);
   const host::ParameterList list = subject.parameters(true);
   return said(409, [&] {
@@ -124,7 +124,7 @@ Json compare_with_file(Call& call) {
 }
 
 Json store_now(Call& call) {
-  Subject subject(call.line, axis_argument(call));
+  Subject subject = subject_of(call);
   BodyReader(call.body, true).finish();
   const host::ParameterRules& rules = host::parameter_rules_of(subject.product);
   const bool stored = said(409, [&] { return host::store_parameters(subject.objects, rules); });
@@ -141,6 +141,6 @@ constexpr std::array parameter_table{
 
 }  // namespace
 
-line::bench::RouteGroup parameter_routes() { return {parameter_table}; }
+line::bench::RouteGroup parameter_routes(Subjects& subjects) { return {parameter_table, &subjects}; }
 
 }  // namespace servodrome::studio

@@ -304,7 +304,7 @@ class PdoTable {
 };
 
 Json show_pdos(Call& call) {
-  Subject subject(call.line, axis_argument(call));
+  Subject subject = subject_of(call);
   try {
     return PdoTable(subject).view();
   } catch (const host::HostError& error) {
@@ -313,7 +313,7 @@ Json show_pdos(Call& call) {
 }
 
 Json change_pdos(Call& call) {
-  Subject subject(call.line, axis_argument(call));
+  Subject subject = subject_of(call);
   PdoTable pdos(subject);
   try {
     const host::ParameterFile file = pdos.wanted(call.body);
@@ -333,6 +333,6 @@ constexpr std::array pdo_table{
 
 }  // namespace
 
-line::bench::RouteGroup pdo_routes() { return {pdo_table}; }
+line::bench::RouteGroup pdo_routes(Subjects& subjects) { return {pdo_table, &subjects}; }
 
 }  // namespace servodrome::studio

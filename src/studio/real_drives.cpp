@@ -172,6 +172,20 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
   return errors;
 }
 
+Subject RealDrives::open(line::bench::Call& call) {
+  const Axis& axis = axis_of(call.arguments.front());
+  require_ready(axis.name);
+  const BusPlan& bus = buses_[axis.bus]->plan();
+  if (axis.product.empty()) {
+    throw ApiError{409, "what this drive's parameters are is not known", fmt::format("{}, {}", axis.name, bus.link),
+                   "`servodrome params --eds FILE` has them from its data sheet"};
+  }
+  dictionary::Dictionary& seen = bus.type == "rs485" ? axis.device->dictionary() : axis.device->bus_dictionary();
+  Subject subject{.client = open(axis), .product = axis.product, .table = seen.table()};
+  if (bus.type == "can") subject.node_id = static_cast<std::uint8_t>(axis.address);
+  return subject;
+}
+
 // ---- What is looked at
 
 std::int64_t RealDrives::tick() const { return (now() - host::Time(latency)) / line::tick_length; }

@@ -9,6 +9,7 @@
 
 #include "line/bench/scope/source.hpp"
 #include "line/registry.hpp"
+#include "studio/commissioning.hpp"
 #include "studio/drive_bus.hpp"
 #include "studio/drives.hpp"
 
@@ -16,7 +17,7 @@ namespace servodrome::studio {
 
 // Drives on buses, as jobs, streams and the API see them. Its time is that of the clock on the wall since it was made.
 // All calls come from the server's thread, and from tasks that it hands its turn to.
-class RealDrives final : public Drives, public line::bench::Source {
+class RealDrives final : public Drives, public line::bench::Source, public Subjects {
  public:
   // Of what is recorded: so long after a moment all values of it are there, or missed.
   static constexpr auto latency = std::chrono::milliseconds(40);
@@ -63,6 +64,9 @@ class RealDrives final : public Drives, public line::bench::Source {
   bool has_cycles() const override { return false; }
   host::AxisUnits units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
+
+  // --- Subjects
+  Subject open(line::bench::Call& call) override;
 
   // --- Source
   std::int64_t tick() const override;

@@ -19,19 +19,19 @@ using line::bench::Route;
 
 // "following_error" of a signal; "following_error_actual_value_60F4_00" of an object.
 std::string field_name(const Json& channel) {
-  std::string name = channel.value("name", std::string());
-  if (channel.contains("object")) name += "_" + channel.value("object", std::string());
-  const bool is_object = channel.contains("object");
+  if (channel.contains("signal")) return channel.value("signal", std::string());
   std::string field;
-  for (const char c : is_object ? name : channel.value("signal", name)) {
+  for (const char c : channel.value("name", std::string())) {
     const auto byte = static_cast<unsigned char>(c);
     if (std::isalnum(byte) != 0) {
-      field += c;
+      field += static_cast<char>(std::tolower(byte));
     } else if (!field.empty() && field.back() != '_') {
       field += '_';
     }
   }
-  return field;
+  std::string object = channel.value("object", std::string());
+  std::replace(object.begin(), object.end(), ':', '_');
+  return field + (field.ends_with('_') ? "" : "_") + object;
 }
 
 // A topic for each axis: its channels are the fields of its messages.

@@ -4,6 +4,7 @@ import io
 import json
 import subprocess
 import time
+import urllib.error
 import urllib.request
 
 import pytest
@@ -182,6 +183,33 @@ def test_objects_states_and_faults(studio, line, axis):
     assert active and active[0]["name"]
     line.bench.delete(f"axes/{NAMES[axis]}/faults")
     patiently(lambda: studio.does(axis, do="reset_fault"))
+
+
+def text_call(studio, method, path, body=None):
+    url = f"{studio.bench.url}/{path}"
+    with urllib.request.urlopen(urllib.request.Request(url, body, method=method), timeout=120) as answer:
+        return answer.read()
+
+
+@pytest.mark.parametrize("axis", NAMES)
+def test_parameters_are_saved_compared_and_loaded(studio, line, axis):
+    bench = studio.bench
+    wait_for(lambda: bench.axis(axis)["powered"], axis)
+    bench.put(f"axes/{axis}/objects/6083/0", {"value": 98765})
+    saved = text_call(studio, "GET", f"axes/{axis}/parameters")
+    assert b"98765" in saved
+    assert json.loads(text_call(studio, "POST", f"axes/{axis}/parameters/diff", saved))["differences"] == []
+    bench.put(f"axes/{axis}/objects/6083/0", {"value": 55555})
+    rows = json.loads(text_call(studio, "POST", f"axes/{axis}/parameters/diff", saved))["differences"]
+    assert [(row["object"], row["left"], row["right"]) for row in rows] == [("6083:00", "98765", "55555")]
+    report = json.loads(text_call(studio, "PUT", f"axes/{axis}/parameters", saved))
+    assert [row["object"] for row in report["written"]] == ["6083:00"] and not report["stored"]
+    assert line.bench.get(f"axes/{NAMES[axis]}/objects/6083/0")["value"] == 98765
+    factory = json.loads(text_call(studio, "GET", f"axes/{axis}/parameters/diff"))
+    assert "6083:00" in [row["object"] for row in factory["differences"]]
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        text_call(studio, "PUT", f"axes/{axis}/parameters", b"not such a text\n")
+    assert refused.value.code == 400
 
 
 def test_what_needs_a_plant_is_refused(studio):

@@ -62,6 +62,13 @@ test('shows the drives that were found, moves them, and knows what it does not h
   await picture('real-line');
 });
 
+test('compares the parameters of a drive with the factory', async ({ page, go }) => {
+  await go(`/objects/${ethercat}?view=parameters`);
+  await expect(page.getByRole('link', { name: 'Process data' })).toHaveCount(0);
+  await page.getByRole('button', { name: 'Compare with factory' }).click();
+  await expect(panel(page, 'Compared with factory')).toBeVisible({ timeout: 60_000 });
+});
+
 test('homes a drive on EtherCAT', async ({ page, go, drives }) => {
   await go(`/axis/${ethercat}?do=home`);
   await choose(page, 'Method', /^7: /);

@@ -17,16 +17,15 @@ const views = [['', 'Dictionary'], ['parameters', 'Parameters'], ['pdos', 'Proce
 export function ObjectsPage() {
   const { name: asked, query } = useRoute();
   const name = usePageAxis(asked);
-  const parameters = useMissing('parameters');
+  const pdos = useMissing('pdos'); // why there are none here
   const view = query.get('view');
   const powered = useAxis(name)?.powered ?? false;
   return (
     <>
       <AxisTabs page="objects" name={name} />
-      {parameters === undefined && <Views label="Views of the objects" views={views} />}
-      {parameters && <p className="note quiet">Parameters and process data: {parameters}.</p>}
+      <Views label="Views of the objects" views={views.filter(([each]) => each !== 'pdos' || pdos === undefined)} />
       {!powered && <p className="empty">Without power there are no objects to read.</p>}
-      {parameters !== undefined ? <DictionaryView name={name} /> : view === 'parameters' ? <ParametersView name={name} /> : view === 'pdos' ? <PdoView name={name} /> : <DictionaryView name={name} />}
+      {view === 'parameters' ? <ParametersView name={name} /> : view === 'pdos' && pdos === undefined ? <PdoView name={name} /> : <DictionaryView name={name} />}
     </>
   );
 }
