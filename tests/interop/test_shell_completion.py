@@ -40,8 +40,7 @@ def test_every_shell_takes_its_script(shell, tmp_path):
     script = tmp_path / shell
     script.write_text(servodrome("completion", shell))
     assert "--reset-fault" in script.read_text() or "reset-fault" in script.read_text()
-    if not shutil.which(shell):
-        pytest.skip(f"there is no {shell}")
+    assert shutil.which(shell), f"there is no {shell}: tools/install-dependencies --tests installs it"
     checked = subprocess.run([shell, "-n", script], capture_output=True, text=True, check=False)
     assert checked.returncode == 0 and not checked.stderr, checked.stderr
     if shell == "fish":

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -52,10 +53,25 @@ class CommissioningRig : public testing::Test {
     }
   }
   void pass(line::Time span) { line_.run_until(line_.now() + span); }
+  // The job when it is over, or after `longest`; looked at every `look`.
+  nlohmann::json over(nlohmann::json job, line::Time longest, line::Time look) {
+    for (const line::Time end = line_.now() + longest; line_.now() < end && job["state"] == "running";) {
+      pass(look);
+      job = get(fmt::format("jobs/{}", job["id"].get<int>()));
+    }
+    return job;
+  }
 
   line::Line line_{line::test::settings_of(line_of_all())};
   LineJobs jobs_{line_};
 };
+
+// What GoogleTest takes for a name of such a test.
+inline std::string name_of_test(const testing::TestParamInfo<std::string>& product) {
+  std::string name = product.param;
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+}
 
 // Names of the products, as parameters of tests.
 inline std::vector<std::string> names_of_products() {

@@ -19,12 +19,7 @@ class ExcitationOf : public CommissioningRig, public testing::WithParamInterface
   std::string axis_ = GetParam();
 
   json run(const std::string& body, line::Time longest = 30s) {
-    json job = json_of(Method::post, "axes/" + axis_ + "/jobs", body);
-    for (const line::Time end = line_.now() + longest; line_.now() < end && job["state"] == "running";) {
-      pass(10ms);
-      job = get(fmt::format("jobs/{}", job["id"].get<int>()));
-    }
-    return job;
+    return over(json_of(Method::post, "axes/" + axis_ + "/jobs", body), longest, 10ms);
   }
   void enable() {
     const json job = run(R"({"do": "enable"})");
@@ -59,11 +54,7 @@ class ExcitationOf : public CommissioningRig, public testing::WithParamInterface
     return values;
   }
 };
-INSTANTIATE_TEST_SUITE_P(Products, ExcitationOf, testing::ValuesIn(names_of_products()), [](const auto& product) {
-  std::string name = product.param;
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-});
+INSTANTIATE_TEST_SUITE_P(Products, ExcitationOf, testing::ValuesIn(names_of_products()), name_of_test);
 
 TEST_P(ExcitationOf, ASweepShowsTheVelocityLoop) {
   enable();
