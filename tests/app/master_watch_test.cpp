@@ -122,6 +122,17 @@ TEST_P(Watched, IsToldAnewAfterAReset) {
   EXPECT_EQ(option(), before);
 }
 
+// Not from the next heartbeat on, a quarter of a second later.
+TEST_P(Watched, WatchesAtOnceWhenToldAnew) {
+  ObjectClient* const drives[] = {&rig.objects()};
+  MasterWatch watch(*rig.can, drives);
+  rig.objects().write<std::uint32_t>(0x1016, 1, 0);  // as a reset leaves it
+  watch.renew(rig.objects());
+  pull_cable_while_moving();
+  rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
+  EXPECT_LT(counts_in_a_second(), 100.0);
+}
+
 TEST_P(Watched, WhatAPulledCableLeftBehindIsOurs) {
   rig.objects().write<std::uint32_t>(0x1016, 1, 0x7F05DC);
   ObjectClient* const drives[] = {&rig.objects()};

@@ -65,7 +65,7 @@ void MasterWatch::renew(ObjectClient& drive) {
   if (known != watching_.end()) watching_.erase(known);
   begin(drive);
   if (option_changed && !watching_.empty() && watching_.back().drive == &drive) watching_.back().option_changed = true;
-  if (!heartbeat_ && !watching_.empty()) beat();
+  if (!watching_.empty()) beat();
 }
 
 void MasterWatch::end() noexcept {
