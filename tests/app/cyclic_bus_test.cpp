@@ -9,6 +9,7 @@
 #include "line/line.hpp"
 #include "line/support.hpp"
 #include "links/ethercat/memory_client.hpp"
+#include "source_dir.hpp"
 
 namespace servodrome::host {
 namespace {

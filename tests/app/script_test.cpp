@@ -5,6 +5,7 @@
 
 #include "app/axis_rig.hpp"
 #include "host/script/run.hpp"
+#include "source_dir.hpp"
 
 namespace servodrome::host::script {
 namespace {

@@ -11,6 +11,7 @@
 #include "line/described_product.hpp"
 #include "line/line.hpp"
 #include "line/line_file.hpp"
+#include "source_dir.hpp"
 
 // One described drive on a line in virtual time, worked through its objects as a master would.
 namespace servodrome::described::test {

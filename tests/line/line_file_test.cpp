@@ -8,6 +8,7 @@
 
 #include "line/model_plant.hpp"
 #include "line/plant_keys.hpp"
+#include "source_dir.hpp"
 #include "support.hpp"
 
 namespace servodrome::line {

@@ -12,6 +12,7 @@
 #include "links/ethercat/packet_socket.hpp"
 #include "links/ethercat_master.hpp"
 #include "links/link_error.hpp"
+#include "source_dir.hpp"
 
 namespace servodrome::links {
 namespace {

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "source_dir.hpp"
+
 // The manuals' tables as tests/data keeps them: a heading, then rows; cells with commas stand in quotes.
 namespace servodrome::test {
 

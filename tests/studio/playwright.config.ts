@@ -11,6 +11,8 @@ export default defineConfig({
   timeout: 120_000,
   expect: { timeout: 30_000 },
   retries: 2,
+  maxFailures: 20,
+  globalTimeout: 20 * 60_000,
   fullyParallel: true,
   workers: Number(process.env.STUDIO_WORKERS ?? 2),
   reporter: report ? [['line'], ['junit', { outputFile: report }]] : 'line',
