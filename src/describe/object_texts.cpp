@@ -1,6 +1,7 @@
 #include "describe/object_texts.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "describe/object_texts/tables.hpp"
 
@@ -29,13 +30,27 @@ std::string_view find(std::span<const ObjectText> texts, std::uint16_t index, st
 }  // namespace
 
 std::span<const ObjectText> product_object_texts(std::string_view product) {
-  if (product == "ismk" || product == "ismk-ea") return ismk_object_texts();
-  return {};
+  struct Row {
+    std::string_view product;
+    std::span<const ObjectText> (*texts)();
+  };
+  static constexpr std::array rows{Row{"generic402", generic402_object_texts},
+                                   Row{"generic402-ec", generic402_object_texts},
+                                   Row{"ismc", ismc_object_texts},
+                                   Row{"pronet", pronet_object_texts},
+                                   Row{"ismk", ismk_object_texts},
+                                   Row{"ismk-ea", ismk_object_texts},
+                                   Row{"jmc_ec", jmc_ec_object_texts}};
+  const auto found =
+      std::find_if(rows.begin(), rows.end(), [product](const Row& row) { return row.product == product; });
+  return found == rows.end() ? std::span<const ObjectText>{} : found->texts();
 }
 
 std::string_view find_object_text(std::string_view product, std::uint16_t index, std::uint8_t sub) {
-  const std::string_view own = find(product_object_texts(product), index, sub);
-  return own.empty() ? find(standard_object_texts(), described_index(index), sub) : own;
+  const std::span<const ObjectText> own = product_object_texts(product);
+  std::string_view text = find(own, index, sub);
+  if (text.empty()) text = find(own, described_index(index), sub);
+  return text.empty() ? find(standard_object_texts(), described_index(index), sub) : text;
 }
 
 }  // namespace servodrome::describe
