@@ -22,6 +22,12 @@ class OpenGroup final : public studio::OpenBus {
   void back(std::size_t drive) override { group_.renew_watch(drive); }
   // They share the bus: it runs for all of them.
   void wait(host::Time span) override { group_.axes().front()->objects().wait(span); }
+  Cyclic open_cyclic(std::size_t drive, const host::CanDrive& exchanged) override {
+    return {group_.open_cyclic(exchanged), group_.operates() ? drive : 0};
+  }
+  void configure(std::size_t drive, const Action& action, const Action& undo) override {
+    group_.configure(drive, action, undo);
+  }
 
  private:
   DriveGroup group_;

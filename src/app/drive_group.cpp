@@ -58,6 +58,36 @@ void DriveGroup::open_can(const BusOptions& options, const std::vector<Member>& 
   watch_.emplace(*bus_, drives, warn);
 }
 
+void DriveGroup::operate() {
+  std::vector<host::EthercatSlave*> slaves;
+  for (const auto& slave : slaves_) slaves.push_back(slave.get());
+  operation_.emplace(*ethercat_, segment_, slaves, operation_options_);
+}
+
+std::unique_ptr<host::CyclicBus> DriveGroup::open_cyclic(const host::CanDrive& on_can) {
+  constexpr host::Time period = std::chrono::milliseconds(1);
+  if (operation_) return std::make_unique<host::EthercatCyclicBus>(*ethercat_, *operation_);
+  if (!bus_) throw host::HostError("there are no process data", "this bus", "use the drive's CAN or EtherCAT port");
+  // Some drives answer a SYNC with their next tick, which can be later than half a period.
+  return std::make_unique<host::CanCyclicBus>(*bus_, std::vector{on_can},
+                                              host::CanCyclicOptions{.period = period, .waits_whole_period = true});
+}
+
+void DriveGroup::configure(std::size_t axis, const Action& action, const Action& undo) {
+  if (!operation_) return action(*objects_[axis]);
+  operation_.reset();  // they go to PREOP
+  host::EthercatSlave& slave = *slaves_[axis];
+  host::CoeObjects objects(slave);
+  action(objects);
+  try {
+    operate();
+  } catch (const host::HostError&) {
+    slave.to_pre_operational();
+    undo(objects);
+    throw;
+  }
+}
+
 void DriveGroup::renew_watch(std::size_t axis) {
   if (watch_) watch_->renew(*objects_[axis]);
 }
@@ -77,21 +107,20 @@ void DriveGroup::open_modbus(const BusOptions& options, const std::vector<Member
 void DriveGroup::open_ethercat(const BusOptions& options, const std::vector<Member>& members) {
   ethercat_ = open_ethercat_master(options);
   segment_ = scan_segment(*ethercat_);
-  std::vector<host::EthercatSlave*> slaves;
   std::vector<const line::Product*> products;
   for (const Member& member : members) {
     const BusOptions own = options_of(options, member);
     const host::FoundSlave& found = choose_slave(*ethercat_, segment_, own);
     slaves_.push_back(std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout()));
-    slaves.push_back(slaves_.back().get());
     products.push_back(own.product.empty() ? product_of(found) : named_product(own));
-    if (!is_drive(*slaves.back())) {
-      throw Failure::wrong_use(fmt::format("{}: it is no CiA 402 drive", slaves.back()->where()));
+    if (!is_drive(*slaves_.back())) {
+      throw Failure::wrong_use(fmt::format("{}: it is no CiA 402 drive", slaves_.back()->where()));
     }
   }
-  operation_.emplace(*ethercat_, segment_, slaves, operation_options(options));
-  for (std::size_t i = 0; i < slaves.size(); ++i) {
-    add_axis(std::make_unique<host::CoeObjects>(*slaves[i], operation_->exchange(), i), products[i]);
+  operation_options_ = operation_options(options);
+  operate();
+  for (std::size_t i = 0; i < slaves_.size(); ++i) {
+    add_axis(std::make_unique<host::CoeObjects>(*slaves_[i], operation_->exchange(), i), products[i]);
   }
 }
 

@@ -22,11 +22,20 @@ class DriveGroup {
   void renew_watch(std::size_t axis);
   // A slave that leaves OP with its motor on takes that for a fault: disable first.
   bool operates() const { return operation_.has_value(); }
+  // Process data at a fixed rate: of the one CANopen drive that `on_can` names, each millisecond, or of all EtherCAT
+  // slaves as they map them. Throws HostError on a bus that has none.
+  std::unique_ptr<host::CyclicBus> open_cyclic(const host::CanDrive& on_can);
+  // Does `action` with a drive that takes changes of its process data then: an EtherCAT slave in PREOP, and with it
+  // all others. They operate again as the drive is now, or `undo` is done and the reason thrown. Axes on EtherCAT are
+  // not to be used any more after it.
+  using Action = std::function<void(host::ObjectClient& objects)>;
+  void configure(std::size_t axis, const Action& action, const Action& undo);
 
  private:
   void open_can(const BusOptions& options, const std::vector<Member>& members);
   void open_modbus(const BusOptions& options, const std::vector<Member>& members, const std::string& link);
   void open_ethercat(const BusOptions& options, const std::vector<Member>& members);
+  void operate();
   // `product` nullptr: the drive is asked.
   void add_axis(std::unique_ptr<host::ObjectClient> objects, const line::Product* product);
 
@@ -36,6 +45,7 @@ class DriveGroup {
   std::unique_ptr<host::EthercatMaster> ethercat_;
   std::vector<host::FoundSlave> segment_;
   std::vector<std::unique_ptr<host::EthercatSlave>> slaves_;
+  host::OperationOptions operation_options_{};
   std::optional<host::EthercatOperation> operation_;
   std::vector<std::unique_ptr<host::ObjectClient>> objects_;
   std::optional<host::MasterWatch> watch_;

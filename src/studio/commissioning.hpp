@@ -20,6 +20,12 @@ struct Subject {
   host::NodeId node_id{};  // of a CANopen drive
   std::string product;
   std::span<const dictionary::Entry> table{};  // what its bus sees; of an axis without a fieldbus, all
+  bool has_process_data = true;
+  // Does something where the drive takes changes of its process data, and undoes it if the bus does not operate with
+  // it; maybe in another thread, and maybe when whoever asked has left, so both keep what they need. Empty: it takes
+  // them by `objects`.
+  using Action = std::function<void(host::ObjectClient& objects)>;
+  std::function<void(const Action& action, const Action& undo)> configure{};
   // The parameters as `servodrome params` has them: those of `table`.
   host::ParameterList parameters(bool with_connection = false) const;
 };

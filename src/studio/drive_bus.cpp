@@ -13,6 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto idle_time = 1ms;                    // between two looks for something to do
+constexpr auto time_for_others = 8ms;              // at most, each time a work lets others use the bus
 constexpr std::uint16_t quick_stop_word = 0x0002;  // CiA 402-2 table 24
 constexpr std::uint16_t fault_or_warning = 1U << 3 | 1U << 7;
 constexpr double not_read = std::numeric_limits<double>::quiet_NaN();
@@ -22,6 +23,13 @@ JobError error_of(const std::exception& error, const std::string& where) {
     return {known->happened(), known->where(), known->remedy()};
   }
   return {error.what(), where, "see whether the bus and its drives have power and are connected"};
+}
+
+// Of an access or work: it is answered with what is wrong with the bus.
+template <typename Waiting>
+void refuse(Waiting& waiting, const JobError& problem) {
+  waiting.error = std::make_exception_ptr(host::HostError(problem.what, problem.where, problem.hint));
+  waiting.done = true;
 }
 
 }  // namespace
@@ -74,16 +82,25 @@ DriveBus::State DriveBus::state() const {
 void DriveBus::submit(std::shared_ptr<Access> access, bool first) {
   const std::lock_guard lock(mutex_);
   if (state_.problem) {
-    access->error =
-        std::make_exception_ptr(host::HostError(state_.problem->what, state_.problem->where, state_.problem->hint));
-    access->done = true;
+    refuse(*access, *state_.problem);
     return;
   }
+  if (first && running_work_ && running_work_->drive == access->drive) running_work_->cancelled = true;
   if (first) {
     waiting_.push_front(std::move(access));
   } else {
     waiting_.push_back(std::move(access));
   }
+  woken_.notify_all();
+}
+
+void DriveBus::submit(std::shared_ptr<Work> work) {
+  const std::lock_guard lock(mutex_);
+  if (state_.problem) {
+    refuse(*work, *state_.problem);
+    return;
+  }
+  waiting_work_.push_back(std::move(work));
   woken_.notify_all();
 }
 
@@ -104,8 +121,10 @@ void DriveBus::run(std::unique_ptr<OpenBus> open) {
   while (true) {
     try {
       if (open == nullptr) open = plan_.open();
-      serve(*open);
-      return;
+      if (!serve(*open)) return;
+      axes_.clear();
+      open.reset();
+      continue;
     } catch (const std::exception& error) {
       lose(error);
     }
@@ -123,15 +142,14 @@ void DriveBus::lose(const std::exception& error) {
   if (!state_.problem) ++state_.losses;
   state_.problem = problem;
   for (DriveState& drive : state_.drives) drive.problem = problem;
-  for (const auto& access : waiting_) {
-    access->error = std::make_exception_ptr(host::HostError(problem.what, problem.where, problem.hint));
-    access->done = true;
-  }
+  for (const auto& access : waiting_) refuse(*access, problem);
   waiting_.clear();
+  for (const auto& work : waiting_work_) refuse(*work, problem);
+  waiting_work_.clear();
 }
 
 // Until the end. First what somebody waits for; what is recorded and the drives' states take turns.
-void DriveBus::serve(OpenBus& open) {
+bool DriveBus::serve(OpenBus& open) {
   axes_.clear();
   for (std::size_t i = 0; i < plan_.drives.size(); ++i) {
     host::AxisOptions options;
@@ -147,10 +165,15 @@ void DriveBus::serve(OpenBus& open) {
   for (bool states_first = false;; states_first = !states_first) {
     {
       const std::lock_guard lock(mutex_);
-      if (ending_) return;
+      if (ending_) return false;
     }
     if (const auto access = next_access()) {
       carry_out(open, *access);
+      continue;
+    }
+    if (const auto work = next_work()) {
+      carry_out(open, work);
+      if (work->reopens) return true;
       continue;
     }
     const bool done = states_first ? poll_one(open) || sample_one(open) : sample_one(open) || poll_one(open);
@@ -158,14 +181,54 @@ void DriveBus::serve(OpenBus& open) {
   }
 }
 
-std::shared_ptr<Access> DriveBus::next_access() {
+// Beside a work that is to end, its drive is left to it.
+std::shared_ptr<Access> DriveBus::next_access(const Work* beside) {
   const std::lock_guard lock(mutex_);
-  while (!waiting_.empty()) {
-    auto access = std::move(waiting_.front());
-    waiting_.pop_front();
-    if (!access->given_up) return access;
+  std::erase_if(waiting_, [](const auto& access) { return access->given_up.load(); });
+  const auto next = std::find_if(waiting_.begin(), waiting_.end(), [beside](const auto& access) {
+    return beside == nullptr || access->drive != beside->drive || !beside->cancelled;
+  });
+  if (next == waiting_.end()) return nullptr;
+  auto access = std::move(*next);
+  waiting_.erase(next);
+  return access;
+}
+
+std::shared_ptr<Work> DriveBus::next_work() {
+  const std::lock_guard lock(mutex_);
+  if (waiting_work_.empty()) return nullptr;
+  running_work_ = std::move(waiting_work_.front());
+  waiting_work_.pop_front();
+  return running_work_;
+}
+
+// An error is that of whoever wants it. What the bus itself suffers from shows with the next access.
+void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
+  const auto is_to_end = [&] {
+    serve_beside(open, *work);
+    const std::lock_guard lock(mutex_);
+    return work->cancelled || ending_;
+  };
+  try {
+    if (!work->cancelled) work->carry_out(open, is_to_end);
+  } catch (const std::exception&) {
+    work->error = std::current_exception();
   }
-  return nullptr;
+  const std::lock_guard lock(mutex_);
+  running_work_.reset();
+  work->done = true;
+}
+
+// A drive that is silent is not asked: the work would wait for it.
+void DriveBus::serve_beside(OpenBus& open, const Work& work) {
+  const auto end = Clock::now() + time_for_others;
+  while (Clock::now() < end) {
+    if (const auto access = next_access(&work)) {
+      carry_out(open, *access);
+    } else if (!sample_one(open) && !poll_one(open, false)) {
+      return;
+    }
+  }
 }
 
 void DriveBus::note_access(bool answered, Clock::duration took) {
@@ -229,12 +292,15 @@ bool DriveBus::sample_one(OpenBus& open) {
   return true;
 }
 
-// The state of one drive; false: not_read is due.
-bool DriveBus::poll_one(OpenBus& open) {
+// The state of one drive; false: none is due.
+bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
   const auto began = Clock::now();
-  const auto due = std::min_element(next_poll_.begin(), next_poll_.end());
-  if (due == next_poll_.end() || *due > began) return false;
-  const auto i = static_cast<std::size_t>(due - next_poll_.begin());
+  std::size_t i = next_poll_.size();
+  for (std::size_t k = 0; k < next_poll_.size(); ++k) {
+    if (next_poll_[k] > began || (silent_[k] && !silent_too)) continue;
+    if (i == next_poll_.size() || next_poll_[k] < next_poll_[i]) i = k;
+  }
+  if (i == next_poll_.size()) return false;
   host::ObjectClient& objects = *open.drives()[i];
   DriveState seen;
   bool stop = false;

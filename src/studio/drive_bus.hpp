@@ -30,6 +30,19 @@ class OpenBus {
   virtual void back(std::size_t drive) = 0;
   // Lets the bus run. Throws HostError when it is lost.
   virtual void wait(host::Time span) = 0;
+
+  // The process data of a drive, exchanged as long as this lives; on CAN those that are named, on EtherCAT those that
+  // the slave maps.
+  struct Cyclic {
+    std::unique_ptr<host::CyclicBus> bus;
+    std::size_t drive;  // of that
+  };
+  virtual Cyclic open_cyclic(std::size_t drive, const host::CanDrive& exchanged) = 0;
+
+  // Does `action` while the drive takes changes of its process data. An EtherCAT bus is to be opened anew after it; if
+  // its slaves do not operate any more with what it did, `undo` is done and the reason thrown.
+  using Action = std::function<void(host::ObjectClient& objects)>;
+  virtual void configure(std::size_t drive, const Action& action, const Action& undo) = 0;
 };
 
 struct DrivePlan {
@@ -55,6 +68,19 @@ struct Access {
   std::exception_ptr error{};
   std::atomic<bool> done{false};      // bytes and error are there
   std::atomic<bool> given_up{false};  // nobody waits for it any more: it is left out
+};
+
+// Something longer that is done with a drive by the thread of its bus.
+struct Work {
+  // True: it is to end. Others use the bus while this is asked, so it is asked often.
+  using IsToEnd = std::function<bool()>;
+
+  std::size_t drive = 0;
+  std::function<void(OpenBus& bus, const IsToEnd& is_to_end)> carry_out{};
+  bool reopens = false;  // the bus is opened anew when it is over
+  std::exception_ptr error{};
+  std::atomic<bool> done{false};
+  std::atomic<bool> cancelled{false};
 };
 
 // Values of an object that the thread of a bus reads again and again, by the clock on the wall: the one read nearest to
@@ -126,18 +152,24 @@ class DriveBus {
   const BusPlan& plan() const { return plan_; }
   State state() const;
   // `first`: before everything that waits.
+  // One to a drive that is being worked with ends that work if it is to be first.
   void submit(std::shared_ptr<Access> access, bool first = false);
+  void submit(std::shared_ptr<Work> work);
   void sample(const std::shared_ptr<PolledSamples>& samples);
   // What else is to be done with a drive when the bus comes back: it had been moving when it went away.
   void stop_when_back(std::size_t drive);
 
  private:
   void run(std::unique_ptr<OpenBus> open);
-  void serve(OpenBus& open);
-  std::shared_ptr<Access> next_access();
+  // True: it is to be opened anew.
+  bool serve(OpenBus& open);
+  std::shared_ptr<Access> next_access(const Work* beside = nullptr);
+  std::shared_ptr<Work> next_work();
   void carry_out(OpenBus& open, Access& access);
+  void carry_out(OpenBus& open, const std::shared_ptr<Work>& work);
+  void serve_beside(OpenBus& open, const Work& work);
   bool sample_one(OpenBus& open);
-  bool poll_one(OpenBus& open);
+  bool poll_one(OpenBus& open, bool silent_too = true);
   void lose(const std::exception& error);
   void note_access(bool answered, Clock::duration took);
   std::int64_t tick_of(Clock::time_point time) const;
@@ -148,6 +180,8 @@ class DriveBus {
   std::condition_variable woken_;
   bool ending_ = false;
   std::deque<std::shared_ptr<Access>> waiting_;
+  std::deque<std::shared_ptr<Work>> waiting_work_;
+  std::shared_ptr<Work> running_work_;
   std::vector<std::weak_ptr<PolledSamples>> sampled_;
   State state_;
 

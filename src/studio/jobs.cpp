@@ -95,7 +95,9 @@ void Jobs::carry_out(Job& job) {
     };
     conduct.progress = [this, &job](const char* doing, double share) { note_progress(job, doing, share); };
     conduct.product = drives_.product(job.axis);
-    conduct.has_cycles = drives_.has_cycles();
+    conduct.in_cycles = [&](const host::CanDrive& exchanged, const Drives::Work& work) {
+      return drives_.in_cycles(job.axis, *objects, exchanged, conduct.released, conduct.progress, work);
+    };
     job.order.carry_out(host_axis, conduct);
     job.found = std::move(conduct.found);
     const std::chrono::duration<double> took = drives_.now() - began;

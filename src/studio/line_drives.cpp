@@ -1,6 +1,7 @@
 #include "studio/line_drives.hpp"
 
 #include "drive/drive.hpp"
+#include "host/cyclic/object_cyclic_bus.hpp"
 #include "line/bench/error.hpp"
 #include "studio/service_objects.hpp"
 
@@ -30,6 +31,17 @@ std::string LineDrives::product(const std::string& axis) const {
 }
 
 host::AxisUnits LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
+
+// By the objects: at the service port they are as quick.
+line::bench::Json LineDrives::in_cycles(const std::string&, host::ObjectClient& objects,
+                                        const host::CanDrive& exchanged, const std::function<bool()>& cancelled,
+                                        const std::function<void(const char* doing, double share)>& progress,
+                                        const Work& work) {
+  constexpr host::Time period = std::chrono::milliseconds(1);
+  host::ObjectCyclicBus bus(objects, exchanged.rpdos.front(), exchanged.tpdos.front(), period);
+  CyclicAccess access{bus, 0, objects, cancelled, progress};
+  return work(access);
+}
 
 std::vector<std::optional<JobError>> LineDrives::stop_all() {
   constexpr std::uint16_t quick_stop = 0x0002;  // CiA 402-2 table 24

@@ -17,7 +17,11 @@ class LineDrives final : public Drives {
   std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
   host::AxisOptions options(const std::string& axis) const override;
   std::string product(const std::string& axis) const override;
-  bool has_cycles() const override { return true; }
+  bool has_cycles(const std::string&) const override { return true; }
+  line::bench::Json in_cycles(const std::string& axis, host::ObjectClient& objects, const host::CanDrive& exchanged,
+                              const std::function<bool()>& cancelled,
+                              const std::function<void(const char* doing, double share)>& progress,
+                              const Work& work) override;
   host::AxisUnits units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 

@@ -6,6 +6,7 @@
 
 #include "host/axis402.hpp"
 #include "line/bench/body_reader.hpp"
+#include "studio/drives.hpp"
 
 // What a job is told to do: the body of a request, read and checked before anything moves.
 namespace servodrome::studio {
@@ -26,8 +27,9 @@ class Scale {
 struct Conduct {
   std::function<bool()> released{};  // it is to end: no sign of life came in time, or somebody said so
   std::function<void(const char* doing, double share)> progress{};
-  std::string product{};      // as `servodrome products` lists it; "": unknown
-  bool has_cycles = false;    // objects can be read and written each millisecond
+  std::string product{};  // as `servodrome products` lists it; "": unknown
+  // Drives::in_cycles of the axis.
+  std::function<line::bench::Json(const host::CanDrive& exchanged, const Drives::Work& work)> in_cycles{};
   line::bench::Json found{};  // of an order that finds something out
 };
 

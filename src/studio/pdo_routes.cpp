@@ -108,6 +108,22 @@ class PdoTable {
     return file;
   }
 
+  // The lists of `file` as the drive has them now.
+  host::ParameterFile before(const host::ParameterFile& file) const {
+    host::ParameterFile now;
+    for (const host::ParameterValue& value : file.values) {
+      if (value.address.sub != 0) continue;
+      const std::uint16_t index = value.address.index;
+      const auto count = subject_.objects.read<std::uint8_t>(index, 0);
+      add(now, {index, 0}, count);
+      for (unsigned sub = 1; sub <= count; ++sub) {
+        const auto at = static_cast<std::uint8_t>(sub);
+        add(now, {index, at}, subject_.objects.read<std::uint32_t>(index, at));
+      }
+    }
+    return now;
+  }
+
  private:
   [[noreturn]] static void wrong(std::string what, std::string where, std::string hint) {
     throw ApiError{422, std::move(what), std::move(where), std::move(hint)};
@@ -303,8 +319,15 @@ class PdoTable {
   ParameterList list_;
 };
 
+void require_process_data(const Subject& subject) {
+  if (subject.has_process_data) return;
+  throw ApiError{409, "there are no process data on this bus", subject.objects.where(),
+                 "the drive's CAN or EtherCAT port has them"};
+}
+
 Json show_pdos(Call& call) {
   Subject subject = subject_of(call);
+  require_process_data(subject);
   try {
     return PdoTable(subject).view();
   } catch (const host::HostError& error) {
@@ -314,12 +337,21 @@ Json show_pdos(Call& call) {
 
 Json change_pdos(Call& call) {
   Subject subject = subject_of(call);
+  require_process_data(subject);
   PdoTable pdos(subject);
   try {
     const host::ParameterFile file = pdos.wanted(call.body);
-    // What is written is this drive's: no other product is in question.
-    const host::LoadOptions options{.node_id = subject.node_id, .force = true};
-    host::load_parameters(subject.objects, file, "body", subject.parameters(true), {}, options);
+    const auto load = [list = subject.parameters(true), node_id = subject.node_id](host::ObjectClient& objects,
+                                                                                   const host::ParameterFile& values) {
+      // What is written is this drive's: no other product is in question.
+      host::load_parameters(objects, values, "body", list, {}, {.node_id = node_id, .force = true});
+    };
+    if (subject.configure) {
+      subject.configure([load, file](host::ObjectClient& objects) { load(objects, file); },
+                        [load, before = pdos.before(file)](host::ObjectClient& objects) { load(objects, before); });
+    } else {
+      load(subject.objects, file);
+    }
     return pdos.view();
   } catch (const host::HostError& error) {
     throw api_error(error);

@@ -125,6 +125,68 @@ host::AxisOptions RealDrives::options(const std::string& axis) const {
   return options;
 }
 
+bool RealDrives::has_cycles(const std::string& axis) const { return buses_[axis_of(axis).bus]->plan().type != "rs485"; }
+
+void RealDrives::carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work,
+                           const std::function<void()>& wait) {
+  // Whoever leaves does not want it any more.
+  struct Wanted {
+    studio::Work& work;
+    ~Wanted() { work.cancelled = true; }
+  };
+  const Wanted wanted{*work};
+  work->drive = axis.drive;
+  buses_[axis.bus]->submit(work);
+  while (!work->done) wait();
+  if (work->error) std::rethrow_exception(work->error);
+}
+
+Json RealDrives::in_cycles(const std::string& name, host::ObjectClient& objects, const host::CanDrive& exchanged,
+                           const std::function<bool()>& cancelled,
+                           const std::function<void(const char* doing, double share)>& progress, const Work& work) {
+  const Axis& axis = axis_of(name);
+  if (!has_cycles(name)) {
+    throw host::HostError("a frequency response needs samples at a fixed rate, which this bus does not give", name,
+                          "use the drive's CAN or EtherCAT port");
+  }
+  // What both threads see. It lives as long as either wants it.
+  struct Shared {
+    std::mutex mutex{};
+    std::string doing{};
+    double share = 0.0;
+    Json found{};
+  };
+  const auto shared = std::make_shared<Shared>();
+  const auto task = std::make_shared<studio::Work>();
+  task->carry_out = [shared, exchanged, work, drive = axis.drive](OpenBus& bus,
+                                                                  const studio::Work::IsToEnd& is_to_end) {
+    const OpenBus::Cyclic cyclic = bus.open_cyclic(drive, exchanged);
+    const auto tell = [&shared](const char* doing, double share) {
+      const std::lock_guard lock(shared->mutex);
+      shared->doing = doing;
+      shared->share = share;
+    };
+    CyclicAccess access{*cyclic.bus, cyclic.drive, *bus.drives()[drive], is_to_end, tell};
+    Json found = work(access);
+    const std::lock_guard lock(shared->mutex);
+    shared->found = std::move(found);
+  };
+  carry_out(axis, task, [&] {
+    constexpr host::Time look_period = std::chrono::milliseconds(5);
+    if (cancelled()) task->cancelled = true;
+    std::string doing;
+    double share = 0.0;
+    {
+      const std::lock_guard lock(shared->mutex);
+      doing = shared->doing;
+      share = shared->share;
+    }
+    if (!doing.empty()) progress(doing.c_str(), share);
+    objects.wait(look_period);
+  });
+  return std::move(shared->found);
+}
+
 host::AxisUnits RealDrives::units(const std::string& name) {
   const auto objects = open(name, wait_);
   host::Axis402 axis(*objects, options(name));
@@ -172,6 +234,17 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
   return errors;
 }
 
+// A slave that leaves OP with its motor on takes that for a fault.
+void RealDrives::require_no_torque(const Axis& axis) const {
+  for (const Axis& other : axes_) {
+    if (other.bus != axis.bus) continue;
+    const DriveBus::DriveState state = state_of(other);
+    if (state.problem || state.status.state() < drive::PowerState::switched_on) continue;
+    throw host::HostError("its bus leaves operation to change process data, and there is torque on it", other.name,
+                          "disable the axis first");
+  }
+}
+
 Subject RealDrives::open(line::bench::Call& call) {
   const Axis& axis = axis_of(call.arguments.front());
   require_ready(axis.name);
@@ -183,6 +256,19 @@ Subject RealDrives::open(line::bench::Call& call) {
   dictionary::Dictionary& seen = bus.type == "rs485" ? axis.device->dictionary() : axis.device->bus_dictionary();
   Subject subject{.client = open(axis), .product = axis.product, .table = seen.table()};
   if (bus.type == "can") subject.node_id = static_cast<std::uint8_t>(axis.address);
+  subject.has_process_data = bus.type != "rs485";
+  if (bus.type == "ethercat") {
+    subject.configure = [this, &axis](const OpenBus::Action& action, const OpenBus::Action& undo) {
+      require_no_torque(axis);
+      const auto task = std::make_shared<studio::Work>();
+      task->reopens = true;
+      task->carry_out = [action, undo, drive = axis.drive](OpenBus& open, const studio::Work::IsToEnd&) {
+        open.configure(drive, action, undo);
+      };
+      const Wait wait = wait_;
+      carry_out(axis, task, [&] { wait(now() + std::chrono::milliseconds(5)); });
+    };
+  }
   return subject;
 }
 

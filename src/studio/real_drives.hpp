@@ -61,7 +61,12 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) override;
   host::AxisOptions options(const std::string& axis) const override;
   std::string product(const std::string& axis) const override { return axis_of(axis).product; }
-  bool has_cycles() const override { return false; }
+  // Over CAN and EtherCAT.
+  bool has_cycles(const std::string& axis) const override;
+  line::bench::Json in_cycles(const std::string& axis, host::ObjectClient& objects, const host::CanDrive& exchanged,
+                              const std::function<bool()>& cancelled,
+                              const std::function<void(const char* doing, double share)>& progress,
+                              const Work& work) override;
   host::AxisUnits units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
@@ -89,6 +94,9 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   };
 
   const Axis& axis_of(std::string_view name) const;  // throws ApiError 404
+  // Has the thread of the axis' bus do it; `wait` lets others do something until then. Throws what it threw.
+  void carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work, const std::function<void()>& wait);
+  void require_no_torque(const Axis& axis) const;
   line::bench::NamedChannel channel(const Axis& axis, host::ObjectAddress object, PolledSamples::Decode decode,
                                     const std::string& key, Json view, std::function<double()> value);
 

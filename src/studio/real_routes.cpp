@@ -27,8 +27,6 @@ using line::bench::Route;
 
 constexpr const char* no_plant = "these are drives on a bus: what is not on the bus is not in this program's hands";
 
-constexpr const char* other_tool = "on drives on a bus `servodrome params --connection` does this";
-
 RealDrives& drives_of(const Call& call) { return *static_cast<RealDrives*>(call.context); }
 
 const RealDrives::Axis& axis_of_call(const Call& call) {
@@ -66,7 +64,6 @@ Json show_line(Call& call) {
   for (const char* name : {"plant", "inputs", "power", "fault_injection", "disturbance", "geometry", "virtual_time"}) {
     missing[name] = no_plant;
   }
-  missing["pdos"] = other_tool;
   Json names = Json::array();
   for (const std::string_view name : RealDrives::signal_names()) names.push_back(name);
   return Json{
@@ -248,8 +245,6 @@ Json refuse(Call&) {
                  fmt::format("{}; `servodrome up` runs virtual drives", no_plant)};
 }
 
-Json refuse_pdos(Call&) { throw ApiError{409, "the studio does this with virtual drives only", "address", other_tool}; }
-
 constexpr std::array real_table{
     Route{Method::get, "/api/v1/line", show_line},
     Route{Method::get, "/api/v1/axes", list_axes},
@@ -275,8 +270,6 @@ constexpr std::array real_table{
     Route{Method::delete_, "/api/v1/axes/{}/faults", refuse},
     Route{Method::post, "/api/v1/buses/{}/disturb", refuse},
     Route{Method::delete_, "/api/v1/buses/{}/disturb", refuse},
-    Route{Method::get, "/api/v1/axes/{}/pdos", refuse_pdos},
-    Route{Method::put, "/api/v1/axes/{}/pdos", refuse_pdos},
     Route{Method::put, "/api/v1/clock", refuse},
     Route{Method::post, "/api/v1/clock/advance", refuse},
 };

@@ -38,11 +38,8 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
       jobs_(drives),
       recording_export_([this](std::uint32_t id) { return scope_.recordings().find(id); },
                         [&drives] { return drives.wall_epoch(); }),
-      groups_{real_routes(drives),
-              jobs_.routes(),
-              recording_export_.routes(),
-              parameter_routes(drives),
-              {line::bench::recording_routes(), &scope_}} {
+      groups_{real_routes(drives),      jobs_.routes(),     recording_export_.routes(),
+              parameter_routes(drives), pdo_routes(drives), {line::bench::recording_routes(), &scope_}} {
   jobs_.on_event([this](const line::bench::Json& event) { scope_.publish(event); });
   line::bench::HttpHandlers handlers;
   handlers.answer = [this](Request&& request, line::bench::HttpHandlers::Reply reply) {

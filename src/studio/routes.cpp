@@ -110,7 +110,7 @@ Json show_gains(Call& call) {
     gains.push_back({{"object", text_of(line.object)}, {"set", line.set}, {"does", line.does}});
   }
   return Json{{"gains", std::move(gains)},
-              {"measures", drives.has_cycles()},
+              {"measures", drives.has_cycles(axis)},
               {"writes", !dialect.gains.empty()},
               {"tunes_itself", dialect.tunes_itself}};
 }

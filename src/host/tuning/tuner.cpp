@@ -51,11 +51,11 @@ Tuner::Tuner(CyclicBus& bus, ObjectClient& objects, const TuningDialect& dialect
       units_(units),
       options_(options),
       sample_s_(std::chrono::duration<double>(bus.period()).count()),
-      axis_(bus.image(0)),
-      target_velocity_(mapped(bus.image(0).output({0x60FF, 0}), {0x60FF, 0}, axis_.where(), "an RxPDO")),
-      position_(mapped(bus.image(0).input(dialect.position), dialect.position, axis_.where(), "a TxPDO")),
-      torque_(mapped(bus.image(0).input(dialect.torque), dialect.torque, axis_.where(), "a TxPDO")) {
-  mapped(bus.image(0).output({0x6060, 0}), {0x6060, 0}, axis_.where(), "an RxPDO");
+      axis_(bus.image(options.drive)),
+      target_velocity_(mapped(bus.image(options.drive).output({0x60FF, 0}), {0x60FF, 0}, axis_.where(), "an RxPDO")),
+      position_(mapped(bus.image(options.drive).input(dialect.position), dialect.position, axis_.where(), "a TxPDO")),
+      torque_(mapped(bus.image(options.drive).input(dialect.torque), dialect.torque, axis_.where(), "a TxPDO")) {
+  mapped(bus.image(options.drive).output({0x6060, 0}), {0x6060, 0}, axis_.where(), "an RxPDO");
 }
 
 Tuner::~Tuner() { bus_.on_cycle({}); }
@@ -79,7 +79,7 @@ void Tuner::cycle() {
       remedy_ = std::move(remedy);
     }
   };
-  if (!bus_.is_fresh(0)) {
+  if (!bus_.is_fresh(options_.drive)) {
     if (controls_ && ++losses_ > tolerated_losses) {
       stop_because("it no longer sends its process data", "check its power and the cable");
     }

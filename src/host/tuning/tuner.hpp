@@ -19,6 +19,7 @@ struct TunerOptions {
   double torque_limit = 0.6;        // share of TuningDialect::full_torque
   double seconds = 10.0;            // of a measurement, half of it in each direction
   double lowest_hz = 2.0;           // of the excitation
+  std::size_t drive = 0;            // of the bus
   std::function<bool()> cancelled{};
   std::function<void(const char* doing, double share)> progress{};
 };

@@ -1,0 +1,172 @@
+"""`servodrome studio` where it works with a drive's process data: tuning by measurement, and what PDOs carry."""
+
+import json
+import time
+
+import pytest
+from line import TRAVEL, ApiError, Line, wait_for
+from studio import Studio
+from test_tune import TOO_BUSY
+
+pytestmark = pytest.mark.once
+
+DRIVES = f"""
+[[bus]]
+name = "can0"
+
+[[bus]]
+name = "ecat"
+type = "ethercat"
+
+[[bus]]
+name = "rs"
+type = "rs485"
+
+[[axis]]
+name = "reference"
+product = "generic402"
+bus = "can0"
+node = 2
+{TRAVEL}
+
+[[axis]]
+name = "ismk"
+product = "ismk"
+bus = "can0"
+node = 4
+{TRAVEL}
+
+[[axis]]
+name = "first-ec"
+product = "generic402-ec"
+bus = "ecat"
+{TRAVEL}
+
+[[axis]]
+name = "second-ec"
+product = "generic402-ec"
+bus = "ecat"
+{TRAVEL}
+
+[[axis]]
+name = "serial"
+product = "generic402"
+serial = "rs"
+{TRAVEL}
+"""
+CAN, ETHERCAT, MODBUS = "generic402-2", "generic402-ec-2", "generic402"
+GAIN = "objects/2010/2"
+
+
+@pytest.fixture
+def line(tmp_path):
+    line = Line(tmp_path, DRIVES, ("can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0", "rs=tcp:127.0.0.1:0"))
+    yield line
+    line.stop()
+
+
+@pytest.fixture
+def studio(line):
+    studio = Studio(*(line.links[name][0] for name in ("can0", "ecat")), f"modbus:{line.links['rs'][0]}")
+    yield studio
+    studio.stop()
+
+
+def tuned(studio, axis, **order):
+    """The job when it is over, and what it was doing meanwhile."""
+    job = studio.job(axis, do="tune", units="revolutions", seconds=4, **order)
+    doing, speeds = set(), set()
+
+    def look():
+        now = studio.bench.get(f"jobs/{job['id']}")
+        if now.get("progress"):
+            doing.add((now["progress"]["doing"], now["progress"]["share"]))
+        speeds.add(studio.bench.get(f"axes/{axis}")["velocity"])
+        return now if now["state"] != "running" else None
+
+    return wait_for(look, "the end of the tuning", 240), doing, speeds
+
+
+@pytest.mark.parametrize("axis", [CAN, ETHERCAT])
+def test_a_drive_is_tuned_on_its_bus(studio, axis):
+    gains = studio.bench.get(f"axes/{axis}/gains")
+    assert gains["measures"] and gains["writes"]
+    before = studio.bench.get(f"axes/{axis}/{GAIN}")["value"]
+    for _ in range(4):
+        job, doing, speeds = tuned(studio, axis, apply=True)
+        assert len(doing) > 1 and len(speeds) > 2, "others see what happens meanwhile"
+        if job["state"] == "done":
+            break
+        assert job["state"] == "failed" and any(word in job["error"]["hint"] + job["error"]["what"] for word in TOO_BUSY), job
+        assert studio.bench.get(f"axes/{axis}/{GAIN}")["value"] == before
+        time.sleep(2)
+    else:
+        return  # it was told each time, and nothing was changed
+    assert job["found"]["before"]["inertia"] > 0
+    assert job["found"]["after"]["bandwidth_hz"] > 0
+    assert studio.bench.get(f"axes/{axis}/{GAIN}")["value"] != before
+    studio.does(axis, do="move", by=0.2, velocity=2, acceleration=20, units="revolutions")
+
+
+@pytest.mark.parametrize("axis", [CAN, ETHERCAT])
+def test_a_tuning_is_stopped_with_all_axes(studio, line, axis):
+    name = {CAN: "reference", ETHERCAT: "second-ec"}[axis]
+    before = studio.bench.get(f"axes/{axis}/{GAIN}")["value"]
+    job = studio.job(axis, do="tune", units="revolutions", seconds=20, apply=True)
+    wait_for(lambda: abs(line.bench.get(f"axes/{name}")["velocity_rpm"]) > 20, "that it turns")
+    studio.bench.post("stop", {})
+    assert studio.bench.get(f"jobs/{job['id']}")["state"] == "cancelled"
+    wait_for(lambda: abs(line.bench.get(f"axes/{name}")["velocity_rpm"]) < 1, "that it stands", 5)
+    assert studio.bench.get(f"axes/{axis}/{GAIN}")["value"] == before
+
+
+def test_a_tuning_over_modbus_fails_and_says_why(studio):
+    assert not studio.bench.get(f"axes/{MODBUS}/gains")["measures"]
+    job = studio.over(studio.job(MODBUS, do="tune", units="revolutions"))
+    assert job["state"] == "failed" and "fixed rate" in job["error"]["what"], json.dumps(job)
+
+
+def mapped(pdos, index):
+    (pdo,) = (pdo for pdo in pdos["pdos"] if pdo["index"] == index)
+    padding = "0000:00"
+    return [one["object"] if one["object"] != padding else f"{padding}/{one['bits']}" for one in pdo["objects"]]
+
+
+def test_pdos_of_a_node_are_changed(studio, line):
+    path = f"axes/{CAN}/pdos"
+    assert studio.bench.get(path)["bus"] == "can"
+    wanted = {"index": "0x1603", "objects": ["6040:00", "60FF:00"], "can_id": 0x50A, "enabled": True}
+    after = studio.bench.put(path, {"pdos": [wanted]})
+    assert mapped(after, "0x1603") == ["6040:00", "60FF:00"]
+    assert line.bench.get("axes/reference/objects/1603/2")["value"] == 0x60FF0020
+    with pytest.raises(ApiError, match="does not fit|cannot be mapped|0604"):
+        studio.bench.put(path, {"pdos": [{"index": "0x1603", "objects": ["6041:00/8"]}]})
+    assert mapped(studio.bench.get(path), "0x1603") == ["6040:00", "60FF:00"], "as it was"
+
+
+def test_pdos_of_a_slave_are_changed_while_the_bus_does_not_operate(studio, line):
+    path = f"axes/{ETHERCAT}/pdos"
+    before = studio.bench.get(path)
+    assert before["bus"] == "ethercat" and before["receive"]
+    index = before["receive"][0]
+    kept = [*mapped(before, index), "60B1:00"] if "60B1:00" not in mapped(before, index) else mapped(before, index)[:-1]
+    studio.does("generic402-ec-1", do="enable")
+    with pytest.raises(ApiError, match="torque"):
+        studio.bench.put(path, {"pdos": [{"index": index, "objects": kept}]})
+    studio.does("generic402-ec-1", do="disable")
+    wait_for(lambda: studio.bench.get("axes/generic402-ec-1")["state"] == "switch on disabled", "that it is disabled")
+    after = studio.bench.put(path, {"pdos": [{"index": index, "objects": kept}]})
+    assert mapped(after, index) == kept
+    assert line.bench.get("axes/second-ec")["al_state"] == "Operational"
+    assert line.bench.get("axes/first-ec")["al_state"] == "Operational"
+    with pytest.raises(ApiError):
+        studio.bench.put(path, {"pdos": [{"index": index, "objects": ["6041:00/8"]}]})
+    wait_for(lambda: mapped(studio.bench.get(path), index) == kept, "what was there before")
+    wait_for(lambda: line.bench.get("axes/second-ec")["al_state"] == "Operational", "operation")
+    studio.does(ETHERCAT, do="enable")
+    studio.does(ETHERCAT, do="move", by=0.2, velocity=2, acceleration=20, units="revolutions")
+
+
+def test_there_are_no_process_data_over_modbus(studio):
+    with pytest.raises(ApiError, match="no process data"):
+        studio.bench.get(f"axes/{MODBUS}/pdos")
