@@ -90,7 +90,7 @@ std::unique_ptr<host::Bus> open_bus(const BusOptions& options) {
   } catch (const links::LinkError& error) {
     throw Failure::wrong_use(fmt::format("--bus: {}", error.what()));
   }
-  return host::Bus::open(options.link);
+  return host::Bus::open(options.link, options.heard);
 }
 
 std::uint8_t choose_node(host::Bus& bus, const BusOptions& options, bool drives) {

@@ -31,6 +31,8 @@ struct BusOptions {
   // Of EtherCAT
   double cycle_ms = 2.0;
   bool clocks = false;
+  // No option: hears what passes the link.
+  links::Heard heard{};
 
   host::Time timeout() const {
     return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(timeout_s));

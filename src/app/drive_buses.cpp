@@ -28,6 +28,7 @@ class OpenGroup final : public studio::OpenBus {
   void configure(std::size_t drive, const Action& action, const Action& undo) override {
     group_.configure(drive, action, undo);
   }
+  void show_process_data(const Registers& show) override { group_.show_process_data(show); }
 
  private:
   DriveGroup group_;
@@ -160,7 +161,11 @@ studio::BusPlan plan_of(const Named& named) {
   }
   std::vector<DriveGroup::Member> members;
   for (const studio::DrivePlan& drive : plan.drives) members.push_back({drive.address, drive.product});
-  plan.open = [options = named.options, members] { return std::make_unique<OpenGroup>(options, members); };
+  plan.open = [options = named.options, members](const links::Heard& heard) {
+    BusOptions heard_options = options;
+    heard_options.heard = heard;
+    return std::make_unique<OpenGroup>(heard_options, members);
+  };
   return plan;
 }
 

@@ -88,6 +88,18 @@ void DriveGroup::configure(std::size_t axis, const Action& action, const Action&
   }
 }
 
+void DriveGroup::show_process_data(const Registers& show) {
+  std::array<std::uint8_t, 8 * 16> fmmus{};
+  std::array<std::uint8_t, 8 * 8> sync_managers{};
+  for (std::size_t i = 0; i < slaves_.size(); ++i) {
+    const std::uint16_t station = slaves_[i]->station();
+    ethercat_->read(station, ethercat::reg::fmmu, fmmus);
+    ethercat_->read(station, ethercat::reg::sync_manager, sync_managers);
+    show(i, station, ethercat::reg::fmmu, fmmus);
+    show(i, station, ethercat::reg::sync_manager, sync_managers);
+  }
+}
+
 void DriveGroup::renew_watch(std::size_t axis) {
   if (watch_) watch_->renew(*objects_[axis]);
 }

@@ -30,6 +30,10 @@ class DriveGroup {
   // not to be used any more after it.
   using Action = std::function<void(host::ObjectClient& objects)>;
   void configure(std::size_t axis, const Action& action, const Action& undo);
+  // FMMUs and sync managers of the slaves; nothing on other buses. Throws HostError.
+  using Registers = std::function<void(std::size_t axis, std::uint16_t station, std::uint16_t offset,
+                                       std::span<const std::uint8_t> bytes)>;
+  void show_process_data(const Registers& show);
 
  private:
   void open_can(const BusOptions& options, const std::vector<Member>& members);

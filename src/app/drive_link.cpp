@@ -103,6 +103,7 @@ host::ModbusClient open_modbus_client(const BusOptions& options, const std::stri
   check_link(options, link);
   host::ModbusOptions complete = modbus_options;
   complete.format = format_of(options);
+  complete.heard = options.heard;
   return host::ModbusClient::open(link, complete);
 }
 
@@ -112,6 +113,7 @@ host::Serial10Client open_serial10_client(const BusOptions& options, const std::
   if (is_tcp(link)) throw Failure::wrong_use(fmt::format("--bus {}: this protocol is for serial lines", options.link));
   host::Serial10Options complete = serial10_options;
   complete.format = format_of(options);
+  complete.heard = options.heard;
   return host::Serial10Client::open(link, complete);
 }
 
@@ -206,7 +208,7 @@ std::unique_ptr<host::EthercatMaster> open_ethercat_master(const BusOptions& opt
   } catch (const links::LinkError& error) {
     throw Failure::wrong_use(fmt::format("--bus: {}", error.what()));
   }
-  return host::EthercatMaster::open(options.link);
+  return host::EthercatMaster::open(options.link, {.heard = options.heard});
 }
 
 std::vector<host::FoundSlave> scan_segment(host::EthercatMaster& master) {

@@ -53,16 +53,18 @@ void PolledSamples::advance(std::int64_t end) {
   }
 }
 
-DriveBus::DriveBus(BusPlan plan, std::unique_ptr<OpenBus> open, Clock::time_point start)
+DriveBus::DriveBus(BusPlan plan, Clock::time_point start)
     : plan_(std::move(plan)),
       start_(start),
+      traffic_(plan_.type, plan_.link, start),
       next_poll_(plan_.drives.size()),
       silent_(plan_.drives.size(), false),
       stop_when_back_(plan_.drives.size(), false) {
   state_.drives.resize(plan_.drives.size());
   for (DriveState& drive : state_.drives) drive.problem = JobError{"the drive was not asked yet", plan_.link, ""};
-  thread_ = std::thread(
-      [this, opened = std::make_shared<std::unique_ptr<OpenBus>>(std::move(open))] { run(std::move(*opened)); });
+  thread_ = std::thread([this, opened = std::make_shared<std::unique_ptr<OpenBus>>(plan_.open(traffic_.heard()))] {
+    run(std::move(*opened));
+  });
 }
 
 DriveBus::~DriveBus() {
@@ -120,7 +122,7 @@ std::int64_t DriveBus::tick_of(Clock::time_point time) const { return (time - st
 void DriveBus::run(std::unique_ptr<OpenBus> open) {
   while (true) {
     try {
-      if (open == nullptr) open = plan_.open();
+      if (open == nullptr) open = plan_.open(traffic_.heard());
       if (!serve(*open)) return;
       axes_.clear();
       open.reset();

@@ -15,6 +15,7 @@
 
 #include "host/axis402.hpp"
 #include "line/tap.hpp"
+#include "studio/bus_traffic.hpp"
 #include "studio/drives.hpp"
 
 // Drives on a bus, reached by the host library, whose calls wait: each bus has a thread of its own.
@@ -43,6 +44,11 @@ class OpenBus {
   // its slaves do not operate any more with what it did, `undo` is done and the reason thrown.
   using Action = std::function<void(host::ObjectClient& objects)>;
   virtual void configure(std::size_t drive, const Action& action, const Action& undo) = 0;
+
+  // Registers of the drives' EtherCAT slave controllers that say what process data are where. Nothing on other buses.
+  using Registers = std::function<void(std::size_t drive, std::uint16_t station, std::uint16_t offset,
+                                       std::span<const std::uint8_t> bytes)>;
+  virtual void show_process_data(const Registers& show) = 0;
 };
 
 struct DrivePlan {
@@ -55,8 +61,8 @@ struct BusPlan {
   std::string link;  // as --bus has it
   std::string type;  // "can", "ethercat", "rs485"
   std::vector<DrivePlan> drives{};
-  // Opens it with all its drives, in this order. Throws std::exception.
-  std::function<std::unique_ptr<OpenBus>()> open{};
+  // Opens it with all its drives, in this order; what passes is told. Throws std::exception.
+  std::function<std::unique_ptr<OpenBus>(const links::Heard& heard)> open{};
 };
 
 // One access to an object, carried out by the thread of its bus.
@@ -143,13 +149,14 @@ class DriveBus {
     double access_s = 0.001;     // that an access takes, lately
   };
 
-  // `open`: what plan.open gave. `start`: of tick 0.
-  DriveBus(BusPlan plan, std::unique_ptr<OpenBus> open, Clock::time_point start);
+  // Opens it; throws what the plan's `open` throws. `start`: of tick 0.
+  DriveBus(BusPlan plan, Clock::time_point start);
   ~DriveBus();
   DriveBus(const DriveBus&) = delete;
   DriveBus& operator=(const DriveBus&) = delete;
 
   const BusPlan& plan() const { return plan_; }
+  BusTraffic& traffic() { return traffic_; }
   State state() const;
   // `first`: before everything that waits.
   // One to a drive that is being worked with ends that work if it is to be first.
@@ -176,6 +183,7 @@ class DriveBus {
 
   BusPlan plan_;
   Clock::time_point start_;
+  BusTraffic traffic_;
   mutable std::mutex mutex_;
   std::condition_variable woken_;
   bool ending_ = false;

@@ -78,8 +78,7 @@ RealDrives::RealDrives(std::vector<BusPlan> plans)
       const line::Product& tables = tables_of(drive.product);
       axes_.push_back({drive.name, buses_.size(), i, drive.address, drive.product, &tables, tables.make({})});
     }
-    std::unique_ptr<OpenBus> open = plan.open();
-    buses_.push_back(std::make_unique<DriveBus>(std::move(plan), std::move(open), start_));
+    buses_.push_back(std::make_unique<DriveBus>(std::move(plan), start_));
   }
   told_.resize(axes_.size());
   told_of_buses_.resize(buses_.size());
@@ -232,6 +231,27 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     }
   }
   return errors;
+}
+
+std::vector<RealDrives::ProcessDataRegisters> RealDrives::process_data_of(std::size_t bus) {
+  const auto found = std::make_shared<std::vector<ProcessDataRegisters>>();
+  const auto task = std::make_shared<studio::Work>();
+  const auto addresses = std::make_shared<std::vector<unsigned>>();
+  for (const DrivePlan& drive : buses_[bus]->plan().drives) addresses->push_back(drive.address);
+  task->carry_out = [found, addresses](OpenBus& open, const studio::Work::IsToEnd&) {
+    open.show_process_data(
+        [&](std::size_t drive, std::uint16_t station, std::uint16_t offset, std::span<const std::uint8_t> bytes) {
+          found->push_back({(*addresses)[drive], station, offset, {bytes.begin(), bytes.end()}});
+        });
+  };
+  const auto first = std::find_if(axes_.begin(), axes_.end(), [bus](const Axis& axis) { return axis.bus == bus; });
+  const Wait wait = wait_;
+  try {
+    carry_out(*first, task, [&] { wait(now() + std::chrono::milliseconds(1)); });
+  } catch (const host::HostError&) {
+    found->clear();  // the bus is away: frames are told without it
+  }
+  return std::move(*found);
 }
 
 // A slave that leaves OP with its motor on takes that for a fault.

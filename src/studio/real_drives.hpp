@@ -43,6 +43,15 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   const std::vector<std::unique_ptr<DriveBus>>& buses() const { return buses_; }
   const Axis* find(std::string_view name) const;
   DriveBus::DriveState state_of(const Axis& axis) const;
+  // What EtherCAT slaves say of where their process data are; nothing of another bus, or one that is away. Waits as
+  // who calls waits.
+  struct ProcessDataRegisters {
+    unsigned position;
+    std::uint16_t station;
+    std::uint16_t offset;
+    std::vector<std::uint8_t> bytes;
+  };
+  std::vector<ProcessDataRegisters> process_data_of(std::size_t bus);
   // With the wait of whose turn it is.
   std::unique_ptr<host::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
   line::bench::Json view(const Axis& axis) const;

@@ -6,6 +6,7 @@
 
 #include "line/bench/api.hpp"
 #include "line/bench/upgrade.hpp"
+#include "studio/real_traffic.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -38,8 +39,15 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
       jobs_(drives),
       recording_export_([this](std::uint32_t id) { return scope_.recordings().find(id); },
                         [&drives] { return drives.wall_epoch(); }),
-      groups_{real_routes(drives),      jobs_.routes(),     recording_export_.routes(),
-              parameter_routes(drives), pdo_routes(drives), {line::bench::recording_routes(), &scope_}} {
+      traffic_([&drives](const line::bench::Call& call) { return find_real_traffic(drives, call); },
+               [&drives] { return drives.wall_epoch(); }),
+      groups_{real_routes(drives),
+              jobs_.routes(),
+              recording_export_.routes(),
+              parameter_routes(drives),
+              pdo_routes(drives),
+              traffic_.routes(),
+              {line::bench::recording_routes(), &scope_}} {
   jobs_.on_event([this](const line::bench::Json& event) { scope_.publish(event); });
   line::bench::HttpHandlers handlers;
   handlers.answer = [this](Request&& request, line::bench::HttpHandlers::Reply reply) {
@@ -125,6 +133,7 @@ void RealServer::look() {
     const std::int64_t end = drives_.tick() + 1;
     note_events();  // has samples up to then at least: time goes on meanwhile
     scope_.advance(end);
+    traffic_.flush();
   }
   if (now >= next_attention_) {
     next_attention_ = now + attention_period;

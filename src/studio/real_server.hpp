@@ -13,6 +13,7 @@
 #include "studio/jobs.hpp"
 #include "studio/real_drives.hpp"
 #include "studio/recording_export.hpp"
+#include "studio/traffic.hpp"
 
 namespace servodrome::studio {
 
@@ -72,6 +73,7 @@ class RealServer {
   line::bench::WebSockets web_sockets_;
   Jobs jobs_;
   RecordingExport recording_export_;
+  Traffic traffic_;
   std::vector<line::bench::RouteGroup> groups_;
   std::list<Pending> pending_;
   host::Time looked_{};  // look() was there last

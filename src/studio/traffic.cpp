@@ -13,6 +13,7 @@
 #include "links/can/log.hpp"
 #include "links/pcap.hpp"
 #include "links/serial/log.hpp"
+#include "studio/line_traffic.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -34,28 +35,7 @@ constexpr std::size_t usual_rows = 1000;
 
 Traffic& traffic_of(const Call& call) { return *static_cast<Traffic*>(call.context); }
 
-std::shared_ptr<TrafficView> view_argument(Call& call) {
-  return traffic_of(call).view_of(line::bench::bus_argument(call));
-}
-
-const std::string& bus_name(const line::bench::AnyBus& bus) {
-  return std::visit([](auto* one) -> const std::string& { return one->settings.name; }, bus);
-}
-
-std::string unescaped(std::string_view text) {
-  std::string plain;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    unsigned byte = 0;
-    if (text[i] == '%' && i + 2 < text.size() &&
-        std::from_chars(&text[i + 1], &text[i + 3], byte, 16).ptr == &text[i + 3]) {
-      plain += static_cast<char>(byte);
-      i += 2;
-    } else {
-      plain += text[i] == '+' ? ' ' : text[i];
-    }
-  }
-  return plain;
-}
+std::shared_ptr<TrafficView> view_argument(Call& call) { return traffic_of(call).view_of(call); }
 
 std::uint64_t number_in_query(const Call& call, std::string_view key, std::uint64_t usual, std::uint64_t most) {
   const auto text = query_value(call, key);
@@ -88,12 +68,12 @@ struct RowFilter {
       const auto value = query_value(call, key);
       if (!value || value->empty()) continue;
       try {
-        filter.words.add(fmt::format("{}={}", key, unescaped(*value)), host::ObjectCatalogue::standard());
+        filter.words.add(fmt::format("{}={}", key, line::bench::unescaped(*value)), host::ObjectCatalogue::standard());
       } catch (const host::HostError& error) {
         throw ApiError{400, error.happened(), error.where(), error.remedy()};
       }
     }
-    if (const auto value = query_value(call, "text")) filter.text = lower(unescaped(*value));
+    if (const auto value = query_value(call, "text")) filter.text = lower(line::bench::unescaped(*value));
     if (const auto value = query_value(call, "errors")) filter.errors = *value == "true" || *value == "1";
     return filter;
   }
@@ -219,7 +199,7 @@ Json show_traffic(Call& call) {
 }
 
 Json view_json(const TrafficView& view) {
-  return Json{{"bus", bus_name(view.bus())},
+  return Json{{"bus", view.source().name()},
               {"recording", view.recording()},
               {"frames", view.ring().newest()},
               {"first", view.ring().oldest()},
@@ -255,8 +235,8 @@ class CaptureAnswer {
 
   std::string head() const {
     if (!is_pcap_) return {};
-    if (std::holds_alternative<line::NamedBus*>(view_->bus())) return links::can_pcap_header();
-    if (std::holds_alternative<line::NamedSerialBus*>(view_->bus())) return links::SerialPcapng::header();
+    if (view_->source().medium() == Medium::can) return links::can_pcap_header();
+    if (view_->source().medium() == Medium::serial) return links::SerialPcapng::header();
     const links::PcapFileHeader header{.link_type = links::PcapLink::ethernet};
     return {reinterpret_cast<const char*>(&header), sizeof header};
   }
@@ -274,7 +254,7 @@ class CaptureAnswer {
  private:
   std::string packet(const line::TrafficFrame& frame) {
     const line::Time at = frame.at + epoch_;
-    const std::string& name = bus_name(view_->bus());
+    const std::string& name = view_->source().name();
     switch (frame.kind) {
       case line::TrafficKind::can:
       case line::TrafficKind::can_dropped:
@@ -314,8 +294,8 @@ class CaptureAnswer {
 
 Json show_capture(Call& call) {
   const auto view = view_argument(call);
-  const bool is_ethercat = std::holds_alternative<line::NamedEthercatBus*>(view->bus());
-  const bool is_can = std::holds_alternative<line::NamedBus*>(view->bus());
+  const bool is_ethercat = view->source().medium() == Medium::ethercat;
+  const bool is_can = view->source().medium() == Medium::can;
   const std::string_view format = query_value(call, "format").value_or("pcap");
   const std::string_view text_format = is_can ? "candump" : "text";
   if (format != "pcap" && (is_ethercat || format != text_format)) {
@@ -340,10 +320,19 @@ constexpr std::array traffic_table{
 
 line::bench::RouteGroup Traffic::routes() { return {traffic_table, this}; }
 
-const std::shared_ptr<TrafficView>& Traffic::view_of(line::bench::AnyBus bus) {
-  std::shared_ptr<TrafficView>& view = views_[bus_name(bus)];
-  if (!view) view = std::make_shared<TrafficView>(line_, bus);
+const std::shared_ptr<TrafficView>& Traffic::view_of(Call& call) {
+  std::unique_ptr<TrafficSource> source = find_(call);
+  std::shared_ptr<TrafficView>& view = views_[source->name()];
+  if (!view) view = std::make_shared<TrafficView>(std::move(source));
   return view;
+}
+
+void Traffic::flush() {
+  for (const auto& [name, view] : views_) view->flush();
+}
+
+std::unique_ptr<TrafficSource> find_line_traffic(Call& call) {
+  return std::make_unique<LineTraffic>(call.line, line::bench::bus_argument(call));
 }
 
 }  // namespace servodrome::studio

@@ -10,23 +10,31 @@
 
 namespace servodrome::studio {
 
-// The traffic of the line's buses over the bench API: recorded, in words, and as captures.
+// The traffic of buses over the bench API: recorded, in words, and as captures.
 class Traffic {
  public:
-  // `epoch` says the wall-clock time of the line's time 0, for captures.
-  Traffic(line::Line& line, std::function<line::Time()> epoch) : line_(line), epoch_(std::move(epoch)) {}
+  // The bus that the first argument of a call names. Throws ApiError 404.
+  using Find = std::function<std::unique_ptr<TrafficSource>(line::bench::Call& call)>;
+
+  // `epoch` says the wall-clock time of the frames' time 0, for captures.
+  Traffic(Find find, std::function<line::Time()> epoch) : find_(std::move(find)), epoch_(std::move(epoch)) {}
   Traffic(const Traffic&) = delete;
   Traffic& operator=(const Traffic&) = delete;
 
   line::bench::RouteGroup routes();
-  // That of a bus, made when it is first asked for.
-  const std::shared_ptr<TrafficView>& view_of(line::bench::AnyBus bus);
+  // That of the bus that a call names, made when it is first asked for.
+  const std::shared_ptr<TrafficView>& view_of(line::bench::Call& call);
+  // What has come up to now is there for whoever looks next.
+  void flush();
   line::Time epoch() const { return epoch_(); }
 
  private:
-  line::Line& line_;
+  Find find_;
   std::function<line::Time()> epoch_;
   std::map<std::string, std::shared_ptr<TrafficView>> views_;
 };
+
+// Buses of the line that a call is about.
+std::unique_ptr<TrafficSource> find_line_traffic(line::bench::Call& call);
 
 }  // namespace servodrome::studio

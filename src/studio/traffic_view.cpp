@@ -2,26 +2,8 @@
 
 #include <cstring>
 
-#include "ethercat/esc/esc.hpp"
-#include "line/registry.hpp"
-
 namespace servodrome::studio {
 namespace {
-
-// The objects of a drive, and its PDOs as they are at this moment.
-host::DeviceModel model_of(line::Axis& axis) {
-  const dictionary::Dictionary& dictionary = axis.device().dictionary();
-  host::DeviceModel model = host::DeviceModel::of(dictionary.table());
-  if (!axis.powered()) return model;
-  for (host::DeviceModel::Default& one : model.pdo_defaults) {
-    const dictionary::Entry* entry = dictionary.find(one.object.index, one.object.sub);
-    dictionary::ReadValue value;
-    if (entry == nullptr || dictionary.read(*entry, value) != dictionary::AbortCode::none) continue;
-    one.value = static_cast<std::uint32_t>(dictionary::decode_number(entry->type, value.bytes));
-    one.adds_node_id = false;
-  }
-  return model;
-}
 
 // CAN objects travel through the ring as their bytes.
 canopen::Frame frame_of(std::span<const std::uint8_t> bytes) {
@@ -33,20 +15,6 @@ canopen::Frame frame_of(std::span<const std::uint8_t> bytes) {
 
 }  // namespace
 
-TrafficView::TrafficView(line::Line& line, line::bench::AnyBus bus) : line_(line), bus_(bus) {
-  for (const auto& axis : line_.axes()) {
-    const line::AxisSettings& its = axis->settings();
-    if (const auto* can = std::get_if<line::NamedBus*>(&bus_); can != nullptr && its.bus) {
-      if (line_.buses()[*its.bus].get() == *can) senders_[static_cast<std::uint32_t>(axis->port())] = its.name;
-    }
-    if (const auto* serial = std::get_if<line::NamedSerialBus*>(&bus_); serial != nullptr && its.serial) {
-      if (line_.serial_buses()[its.serial->bus].get() == *serial) {
-        senders_[static_cast<std::uint32_t>(axis->serial_line_port())] = its.name;
-      }
-    }
-  }
-}
-
 void TrafficView::record(bool on) {
   if (on == recording()) return;
   if (!on) {
@@ -56,8 +24,8 @@ void TrafficView::record(bool on) {
   }
   while (decode_some(1000)) {
   }
-  learn_devices();
-  tap_ = std::visit([this](auto* bus) { return line::TrafficTap::on(*bus, ring_); }, bus_);
+  source_->introduce(decoders_);
+  tap_ = source_->tap(ring_);
 }
 
 void TrafficView::clear() {
@@ -69,38 +37,6 @@ void TrafficView::clear() {
   rows_.clear();
   first_kept_ = cursor_.number;
   if (was_on) record(true);
-}
-
-void TrafficView::learn_devices() {
-  for (const auto& axis : line_.axes()) {
-    const line::AxisSettings& its = axis->settings();
-    if (const auto* can = std::get_if<line::NamedBus*>(&bus_); can != nullptr && its.bus) {
-      if (line_.buses()[*its.bus].get() == *can) can_.set_model(axis->device().node_id(), model_of(*axis));
-    }
-    if (const auto* ethercat = std::get_if<line::NamedEthercatBus*>(&bus_); ethercat != nullptr && its.ethercat) {
-      if (line_.ethercat_buses()[its.ethercat->bus].get() != *ethercat) continue;
-      const auto position = static_cast<unsigned>(axis->position());
-      ethercat_.set_model(position, model_of(*axis));
-      ethercat::Esc* esc = axis->device().ethercat_controller();
-      if (!axis->powered() || esc == nullptr) continue;
-      const std::uint8_t* address = esc->registers(ethercat::reg::station_address);
-      const auto station = static_cast<std::uint16_t>(address[0] | address[1] << 8);
-      if (station == 0) continue;  // no master has been there
-      for (const auto& [offset, bytes] :
-           {std::pair{ethercat::reg::fmmu, 8 * 16}, std::pair{ethercat::reg::sync_manager, 8 * 8}}) {
-        ethercat_.preset(position, station, offset, {esc->registers(offset), static_cast<std::size_t>(bytes)});
-      }
-    }
-    if (const auto* serial = std::get_if<line::NamedSerialBus*>(&bus_); serial != nullptr && its.serial) {
-      if (line_.serial_buses()[its.serial->bus].get() != *serial || axis->device().serial_port() == nullptr) continue;
-      const line::SerialInterface* interface = its.product->serial;
-      const auto table = axis->device().dictionary().table();
-      const auto model = interface != nullptr ? host::SerialModel::of(table, interface->registers, interface->profile)
-                                              : host::SerialModel::of(table, {}, nullptr);
-      serial_.set_model(axis->device().serial_port()->station(), model);
-      modbus_tcp_.set_model(axis->device().serial_port()->station(), model);
-    }
-  }
 }
 
 bool TrafficView::decode_some(unsigned frames) {
@@ -121,8 +57,8 @@ std::string TrafficView::sender_of(const line::TrafficFrame& frame) const {
     case line::TrafficKind::modbus_tcp: return frame.from_master ? "master" : "drive";
     default: break;
   }
-  const auto found = senders_.find(frame.sender);
-  return found != senders_.end() ? found->second : "master";
+  std::string sender = source_->sender(frame.sender);
+  return sender.empty() ? "master" : sender;
 }
 
 void TrafficView::add(const line::TrafficFrame& frame, host::Decoded decoded) {
@@ -140,7 +76,7 @@ void TrafficView::decode(const line::TrafficFrame& frame) {
   switch (frame.kind) {
     case line::TrafficKind::can:
     case line::TrafficKind::can_dropped: {
-      host::Decoded decoded = can_.decode(frame_of(frame.bytes), frame.at);
+      host::Decoded decoded = decoders_.can.decode(frame_of(frame.bytes), frame.at);
       if (frame.kind == line::TrafficKind::can_dropped) {
         decoded.error = true;
         decoded.text += " (dropped: nobody received it)";
@@ -160,15 +96,15 @@ void TrafficView::decode(const line::TrafficFrame& frame) {
     }
     case line::TrafficKind::ethernet_out:
     case line::TrafficKind::ethernet_in:
-      for (host::Decoded& one : ethercat_.decode(frame.bytes, frame.at)) add(frame, std::move(one));
+      for (host::Decoded& one : decoders_.ethercat.decode(frame.bytes, frame.at)) add(frame, std::move(one));
       break;
     case line::TrafficKind::serial: {
       const auto side = frame.from_master ? links::SerialSender::master : links::SerialSender::drive;
-      for (host::Decoded& one : serial_.decode(frame.bytes, frame.at, side)) add(frame, std::move(one));
+      for (host::Decoded& one : decoders_.serial.decode(frame.bytes, frame.at, side)) add(frame, std::move(one));
       break;
     }
     case line::TrafficKind::modbus_tcp:
-      add(frame, modbus_tcp_.decode_message(frame.bytes, frame.at, frame.from_master, 0));
+      add(frame, decoders_.modbus_tcp.decode_message(frame.bytes, frame.at, frame.from_master, 0));
       break;
   }
 }

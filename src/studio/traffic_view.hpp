@@ -1,17 +1,10 @@
 #pragma once
 
 #include <deque>
-#include <functional>
-#include <map>
 #include <memory>
 #include <string>
 
-#include "host/sniff/can_decoder.hpp"
-#include "host/sniff/ethercat_decoder.hpp"
-#include "host/sniff/modbus_tcp_decoder.hpp"
-#include "host/sniff/serial_decoder.hpp"
-#include "line/bench/buses.hpp"
-#include "line/traffic.hpp"
+#include "studio/traffic_source.hpp"
 
 namespace servodrome::studio {
 
@@ -29,7 +22,7 @@ class TrafficView {
   static constexpr std::size_t ring_bytes = std::size_t{4} * 1024 * 1024;
   static constexpr std::size_t most_rows = 10'000;
 
-  TrafficView(line::Line& line, line::bench::AnyBus bus);
+  explicit TrafficView(std::unique_ptr<TrafficSource> source) : source_(std::move(source)) {}
 
   // Recording begins with what is known of the drives at that time. What was recorded before stays.
   void record(bool on);
@@ -53,24 +46,18 @@ class TrafficView {
   std::uint64_t first_kept() const { return first_kept_; }
   // Frames that were overwritten before anybody asked for their words.
   std::uint64_t missed() const { return missed_; }
-  const line::bench::AnyBus& bus() const { return bus_; }
+  const TrafficSource& source() const { return *source_; }
 
  private:
-  void learn_devices();
   void decode(const line::TrafficFrame& frame);
   void add(const line::TrafficFrame& frame, host::Decoded decoded);
   std::string sender_of(const line::TrafficFrame& frame) const;
 
-  line::Line& line_;
-  line::bench::AnyBus bus_;
+  std::unique_ptr<TrafficSource> source_;
   line::TrafficRing ring_{ring_bytes};
   std::unique_ptr<line::TrafficTap> tap_;
   line::TrafficRing::Cursor cursor_{1, 0};
-  host::CanDecoder can_;
-  host::EthercatDecoder ethercat_;
-  host::SerialDecoder serial_;
-  host::ModbusTcpDecoder modbus_tcp_;
-  std::map<std::uint32_t, std::string> senders_;
+  TrafficDecoders decoders_;
   std::deque<TrafficRow> rows_;
   std::uint64_t first_kept_ = 1;
   std::uint64_t forgotten_rows_ = 0;

@@ -1,7 +1,10 @@
 """`servodrome studio` where it works with a drive's process data: tuning by measurement, and what PDOs carry."""
 
 import json
+import subprocess
 import time
+import urllib.parse
+import urllib.request
 
 import pytest
 from line import TRAVEL, ApiError, Line, wait_for
@@ -165,6 +168,47 @@ def test_pdos_of_a_slave_are_changed_while_the_bus_does_not_operate(studio, line
     wait_for(lambda: line.bench.get("axes/second-ec")["al_state"] == "Operational", "operation")
     studio.does(ETHERCAT, do="enable")
     studio.does(ETHERCAT, do="move", by=0.2, velocity=2, acceleration=20, units="revolutions")
+
+
+def recorded(studio, bus, axis):
+    """What passes a bus while an object of the axis is read: a call for its traffic."""
+    path = "buses/" + urllib.parse.quote(bus, safe="")
+    assert studio.bench.put(f"{path}/traffic", {"record": True})["recording"]
+    studio.bench.get(f"axes/{axis}/objects/6064/0")
+    time.sleep(0.2)
+    assert not studio.bench.put(f"{path}/traffic", {"record": False})["recording"]
+    return path
+
+
+@pytest.mark.parametrize(
+    ("bus", "axis", "words", "sides"),
+    [
+        ("can0", CAN, "read", {"master", CAN}),
+        ("ecat", ETHERCAT, "Position actual value", {"slaves"}),  # frames are told when they are back
+        ("rs", MODBUS, "read", {"master", "drive"}),
+    ],
+)
+def test_traffic_of_a_bus_is_told_in_words(studio, line, bus, axis, words, sides, tmp_path):
+    link = line.links[bus][0]
+    path = recorded(studio, f"modbus:{link}" if bus == "rs" else link, axis)
+    answer = studio.bench.get(f"{path}/traffic?limit=5000")
+    rows = answer["rows"]
+    assert rows and not (wrong := [row["text"] for row in rows if row["error"]]), wrong[:5]
+    assert {row["from"] for row in rows} >= sides
+    assert any(words in row["text"] for row in rows), rows[:20]
+    times = [row["time_ns"] for row in rows]
+    assert times == sorted(times) and times[-1] - times[0] < 60e9
+    with urllib.request.urlopen(f"{studio.ready['api']}/{path}/capture?format=pcap", timeout=30) as capture:
+        file = tmp_path / "capture.pcap"
+        file.write_bytes(capture.read())
+    decoded = subprocess.run(["tshark", "-r", file], capture_output=True, text=True, timeout=60, check=True).stdout
+    assert len(decoded.splitlines()) > 3 and "Malformed" not in decoded
+    assert {"can0": "CAN", "ecat": "ECAT", "rs": "Modbus"}[bus] in decoded
+
+
+def test_a_bus_that_is_not_there_has_no_traffic(studio):
+    with pytest.raises(ApiError, match="404"):
+        studio.bench.get("buses/socketcand%3Anowhere/traffic")
 
 
 def test_there_are_no_process_data_over_modbus(studio):

@@ -18,6 +18,13 @@ for (const { name, home } of axes) {
     await expect(page.getByText(/home: running/)).toBeVisible();
     await picture(`homing-${name}`);
     await expect(page.getByText(/home: done/)).toBeVisible({ timeout: 90_000 });
+    const here = page.locator('svg.homing circle.here');
+    const rest = (await here.getAttribute('cx')) ?? '';
+    await page.getByRole('button', { name: 'Replay' }).click();
+    await expect(here).not.toHaveAttribute('cx', rest);
+    await picture(`replay-${name}`);
+    await expect(page.getByRole('button', { name: 'Replay', exact: true })).toBeVisible();
+    await expect(here).toHaveAttribute('cx', rest);
     const view = await line.call<View>('GET', `/axes/${name}`);
     expect(view.state).toBe('operation enabled');
     await open('/');

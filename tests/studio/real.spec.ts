@@ -56,7 +56,7 @@ test('shows the drives that were found, moves them, and knows what it does not h
   await panel(page, 'Outputs').getByRole('row', { name: /60FE:01/ }).getByRole('switch', { name: 'DO1' }).click();
   await expect.poll(async () => (await drives.call<{ value: number }>('GET', '/axes/reference/objects/60FE/1')).value).toBe(0x20000);
   await page.getByRole('link', { name: 'Tuning', exact: true }).click();
-  await expect(panel(page, 'Tune the velocity loop')).toContainText('servodrome tune');
+  await expect(panel(page, 'Tune the velocity loop').getByRole('button', { name: 'Tune', exact: true })).toBeVisible();
   await expect(page.getByRole('textbox', { name: 'Velocity loop proportional gain' })).toHaveValue('0');
   await go('/');
   await picture('real-line');
@@ -64,9 +64,19 @@ test('shows the drives that were found, moves them, and knows what it does not h
 
 test('compares the parameters of a drive with the factory', async ({ page, go }) => {
   await go(`/objects/${ethercat}?view=parameters`);
-  await expect(page.getByRole('link', { name: 'Process data' })).toHaveCount(0);
   await page.getByRole('button', { name: 'Compare with factory' }).click();
   await expect(panel(page, 'Compared with factory')).toBeVisible({ timeout: 60_000 });
+});
+
+test('shows what PDOs carry, and the frames that pass', async ({ page, go, studio, drives }) => {
+  await go(`/objects/${reference}?view=pdos`);
+  await expect(page.getByRole('region', { name: 'Receive PDOs, to the drive' })).toContainText('6040');
+  await go(`/bus/traffic?bus=${encodeURIComponent(drives.linkOf('can0'))}`);
+  await expect(panel(page, 'Traffic').getByRole('button', { name: 'Stop recording' })).toBeVisible();
+  const rows = page.getByRole('listbox', { name: 'Frames' });
+  await studio.call('GET', `/axes/${reference}/objects/6064/0`);
+  await expect(rows).toContainText('6041');
+  await expect(rows).toContainText(reference);
 });
 
 test('homes a drive on EtherCAT', async ({ page, go, drives }) => {

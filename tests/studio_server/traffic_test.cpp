@@ -56,7 +56,7 @@ class TrafficTest : public testing::Test {
   }
 
   line::Line line{line::test::settings_of(line::test::two_axes_and_rs485)};
-  Traffic traffic{line, [] { return line::Time(1'000'000'000'000); }};
+  Traffic traffic{find_line_traffic, [] { return line::Time(1'000'000'000'000); }};
   links::MemoryPort port{line.find_bus("can0")->bus};
   std::size_t pieces = 0;
   std::size_t longest_piece = 0;

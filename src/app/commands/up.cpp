@@ -278,7 +278,7 @@ void run(const Options& options) {
                                            [&server] { return server.wall_epoch(); });
   server.add_routes(recording_export.routes());
   for (const line::bench::RouteGroup& group : studio::commissioning_routes()) server.add_routes(group);
-  studio::Traffic traffic(server.line(), [&server] { return server.wall_epoch(); });
+  studio::Traffic traffic(studio::find_line_traffic, [&server] { return server.wall_epoch(); });
   server.add_routes(traffic.routes());
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
   signals.async_wait([&server](const boost::system::error_code& code, int) {

@@ -19,9 +19,9 @@ constexpr Time send_patience = 1s;
 
 }  // namespace
 
-std::unique_ptr<Bus> Bus::open(std::string_view link) {
+std::unique_ptr<Bus> Bus::open(std::string_view link, links::Heard heard) {
   try {
-    return std::make_unique<Bus>(links::open_can_client(link), std::string(link));
+    return std::make_unique<Bus>(links::heard(links::open_can_client(link), std::move(heard)), std::string(link));
   } catch (const links::LinkError& error) {
     const bool nobody = error.code() == std::errc::connection_refused || error.code() == std::errc::no_such_device ||
                         error.code() == std::errc::no_such_file_or_directory;

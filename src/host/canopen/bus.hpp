@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "canopen/time.hpp"
-#include "links/can/client.hpp"
+#include "links/heard_clients.hpp"
 
 namespace servodrome::host {
 
@@ -32,7 +32,7 @@ class Bus {
   Bus& operator=(const Bus&) = delete;
 
   // Opens `socketcand:HOST:PORT/BUS`, `slcan:PATH` or `socketcan:INTERFACE`. Throws HostError.
-  static std::unique_ptr<Bus> open(std::string_view link);
+  static std::unique_ptr<Bus> open(std::string_view link, links::Heard heard = {});
 
   const std::string& name() const { return name_; }
   Time now() const;

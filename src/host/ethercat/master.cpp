@@ -30,7 +30,7 @@ std::string slave_text(const EthercatMaster& master, std::uint16_t station) {
 
 std::unique_ptr<EthercatMaster> EthercatMaster::open(std::string_view link, const EthercatOptions& options) {
   try {
-    return std::make_unique<EthercatMaster>(links::open_ethercat_client(link), options);
+    return std::make_unique<EthercatMaster>(links::heard(links::open_ethercat_client(link), options.heard), options);
   } catch (const links::LinkError& error) {
     const auto& code = error.code();
     if (code == std::errc::operation_not_permitted || code == std::errc::permission_denied) {

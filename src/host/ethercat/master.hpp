@@ -9,7 +9,7 @@
 #include "ethercat/esc/registers.hpp"
 #include "ethercat/frame/frame_writer.hpp"
 #include "host/ethercat/error.hpp"
-#include "links/ethercat/client.hpp"
+#include "links/heard_clients.hpp"
 
 namespace servodrome::host {
 
@@ -37,6 +37,7 @@ class CyclicTask {
 struct EthercatOptions {
   Time timeout = std::chrono::milliseconds(50);  // for a frame to come back
   unsigned retries = 3;                          // of lost frames
+  links::Heard heard{};                          // of what goes out and comes back
 };
 
 // The master's connection to a segment: sends datagrams, finds their answers, reads and writes registers, keeps a

@@ -68,7 +68,8 @@ ModbusClient ModbusClient::open(const std::string& link, const ModbusOptions& op
   return over_link(link, [&] {
     const links::SerialLinkName name = links::parse_serial_link(link);
     const Framing framing = std::holds_alternative<links::ModbusTcpName>(name) ? Framing::tcp : Framing::rtu;
-    return ModbusClient(links::open_byte_client(name, options.format), framing, link, options);
+    return ModbusClient(links::heard(links::open_byte_client(name, options.format), options.heard), framing, link,
+                        options);
   });
 }
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "host/modbus/error.hpp"
-#include "links/serial/client.hpp"
+#include "links/heard_clients.hpp"
 #include "modbus/profile.hpp"
 
 namespace servodrome::host {
@@ -22,6 +22,7 @@ struct ModbusOptions {
   Time timeout = std::chrono::seconds(1);                             // for an answer
   unsigned retries = 1;                                               // of reads; a write may have acted
   Time turnaround = std::chrono::milliseconds(100);                   // after a broadcast
+  links::Heard heard{};                                               // of what goes out and comes in
 };
 
 // A Modbus master, RTU on a serial line or TCP. One request at a time. All calls throw ModbusError, or HostError if the

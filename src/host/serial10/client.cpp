@@ -42,7 +42,8 @@ Serial10Error::Serial10Error(const std::string& link, std::uint8_t id, std::uint
 
 Serial10Client Serial10Client::open(const std::string& link, const Serial10Options& options) {
   try {
-    return {links::open_byte_client(links::parse_serial_link(link), options.format), link, options};
+    return {links::heard(links::open_byte_client(links::parse_serial_link(link), options.format), options.heard), link,
+            options};
   } catch (const links::LinkError& error) {
     throw HostError(error.what(), link, "see whether the device or the line is up");
   }

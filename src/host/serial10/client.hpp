@@ -8,7 +8,7 @@
 
 #include "dictionary/abort_code.hpp"
 #include "host/object_client.hpp"
-#include "links/serial/client.hpp"
+#include "links/heard_clients.hpp"
 #include "serial10/frame.hpp"
 
 namespace servodrome::host {
@@ -31,6 +31,7 @@ struct Serial10Options {
   modbus::CharacterFormat format{.bit_rate = 115200, .parity = modbus::Parity::none};  // the iSMK's factory setting
   Time timeout = std::chrono::milliseconds(500);                                       // for an answer
   unsigned retries = 1;  // of reads; a write may have acted
+  links::Heard heard{};  // of what goes out and comes in
 };
 
 // A master of the iSMK's 10-byte protocol. One request at a time. All calls throw Serial10Error, or HostError if the

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <fmt/format.h>
 #include <optional>
 
@@ -113,6 +114,21 @@ Axis& axis_argument(Call& call) {
   std::vector<std::string_view> names;
   for (const auto& axis : call.line.axes()) names.push_back(axis->settings().name);
   throw ApiError{404, fmt::format("there is no axis \"{}\"", name.substr(0, 40)), "address", suggestion(name, names)};
+}
+
+std::string unescaped(std::string_view text) {
+  std::string plain;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    unsigned byte = 0;
+    if (text[i] == '%' && i + 2 < text.size() &&
+        std::from_chars(&text[i + 1], &text[i + 3], byte, 16).ptr == &text[i + 3]) {
+      plain += static_cast<char>(byte);
+      i += 2;
+    } else {
+      plain += text[i] == '+' ? ' ' : text[i];
+    }
+  }
+  return plain;
 }
 
 std::optional<std::string_view> query_value(const Call& call, std::string_view key) {

@@ -61,5 +61,7 @@ Axis& axis_argument(Call& call);
 
 // The value of a key in the query, as it was sent: "?after=12" has "12" under "after". Nothing if the key is not there.
 std::optional<std::string_view> query_value(const Call& call, std::string_view key);
+// Of an argument or a value of the query: %XX is the byte, + a space.
+std::string unescaped(std::string_view text);
 
 }  // namespace servodrome::line::bench

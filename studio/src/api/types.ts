@@ -49,7 +49,7 @@ export interface LineView {
   signals: string[];
   missing: Partial<Record<Missing, string>>; // with the reason
 }
-export type Missing = 'plant' | 'inputs' | 'power' | 'fault_injection' | 'disturbance' | 'geometry' | 'virtual_time' | 'pdos';
+export type Missing = 'plant' | 'inputs' | 'power' | 'fault_injection' | 'disturbance' | 'geometry' | 'virtual_time';
 
 export interface Clock {
   mode: 'real' | 'virtual';

@@ -5,6 +5,7 @@ import { axisPath, cancelJob, power, runJob, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, NumberInput, Panel, Readout } from '../parts/controls';
 import { HomingFigure } from '../parts/homing_figure';
+import { useReplay } from '../replay';
 import { JogButton } from '../parts/jog';
 import { LiveLanes } from '../parts/live';
 import { StateChip } from '../parts/state';
@@ -263,6 +264,7 @@ function HomeMove({ axis, units, geometry }: { axis: AxisView; units: Units | un
   const method = methods.find((each) => each.method === (chosen ?? 7)) ?? methods.find(({ legs }) => legs.length > 0) ?? methods[0];
   const job = useJob(name);
   const homing = job?.do === 'home' && job.state === 'running';
+  const replay = useReplay(axis, homing);
   if (!method) return <p className="empty">This drive has no homing methods.</p>;
   return (
     <>
@@ -283,9 +285,10 @@ function HomeMove({ axis, units, geometry }: { axis: AxisView; units: Units | un
             Home
           </Button>
           <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
+          {geometry && replay.ready && <Button onPress={replay.playing ? replay.stop : replay.play}>{replay.playing ? 'End the replay' : 'Replay'}</Button>}
         </div>
       </div>
-      {geometry && <HomingFigure method={method} geometry={geometry} axis={axis} start={homing && start !== null ? start : axis.homed && start !== null ? start : axis.position_counts} />}
+      {geometry && <HomingFigure method={method} geometry={geometry} axis={replay.axis} start={homing && start !== null ? start : axis.homed && start !== null ? start : axis.position_counts} />}
     </>
   );
 }

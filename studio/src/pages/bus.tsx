@@ -2,14 +2,12 @@ import type { BusView } from '../api/types';
 import { Choice, Link, Panel, Scroll } from '../parts/controls';
 import { fixed } from '../model/units';
 import { useResource } from '../resource';
-import { useLine } from '../store';
 import { keep, useRoute } from '../route';
 import { Traffic } from './traffic';
 import { Load } from './line';
 
 export function BusPage() {
   const { name: part, query } = useRoute();
-  const hasTraffic = useLine(({ line }) => line?.kind !== 'real'); // recorded by `servodrome up` only
   const buses = useResource<{ buses: BusView[] }>('/buses', 1000).value?.buses ?? [];
   const bus = buses.find(({ name }) => name === query.get('bus')) ?? buses[0];
   if (!bus) return null;
@@ -20,10 +18,10 @@ export function BusPage() {
         {bus.load_percent !== undefined && <Load percent={bus.load_percent} />}
         <nav className="tabs" aria-label="Parts of the bus page">
           <Link to={`/bus?bus=${encodeURIComponent(bus.name)}`} {...(part === '' ? { 'aria-current': 'page' as const } : {})}>Links and axes</Link>
-          {hasTraffic && <Link to={`/bus/traffic?bus=${encodeURIComponent(bus.name)}`} {...(part === 'traffic' ? { 'aria-current': 'page' as const } : {})}>Traffic</Link>}
+          <Link to={`/bus/traffic?bus=${encodeURIComponent(bus.name)}`} {...(part === 'traffic' ? { 'aria-current': 'page' as const } : {})}>Traffic</Link>
         </nav>
       </div>
-      {part === 'traffic' && hasTraffic ? <Traffic key={bus.name} bus={bus} /> : <LinksAndAxes bus={bus} />}
+      {part === 'traffic' ? <Traffic key={bus.name} bus={bus} /> : <LinksAndAxes bus={bus} />}
     </>
   );
 }

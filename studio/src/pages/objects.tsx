@@ -8,7 +8,7 @@ import { Views } from '../parts/views';
 import { attempt, tell } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { useAxis, useMissing } from '../store';
+import { useAxis } from '../store';
 import { ParametersView } from './parameters';
 import { PdoView } from './pdos';
 
@@ -17,15 +17,14 @@ const views = [['', 'Dictionary'], ['parameters', 'Parameters'], ['pdos', 'Proce
 export function ObjectsPage() {
   const { name: asked, query } = useRoute();
   const name = usePageAxis(asked);
-  const pdos = useMissing('pdos'); // why there are none here
   const view = query.get('view');
   const powered = useAxis(name)?.powered ?? false;
   return (
     <>
       <AxisTabs page="objects" name={name} />
-      <Views label="Views of the objects" views={views.filter(([each]) => each !== 'pdos' || pdos === undefined)} />
+      <Views label="Views of the objects" views={views} />
       {!powered && <p className="empty">Without power there are no objects to read.</p>}
-      {view === 'parameters' ? <ParametersView name={name} /> : view === 'pdos' && pdos === undefined ? <PdoView name={name} /> : <DictionaryView name={name} />}
+      {view === 'parameters' ? <ParametersView name={name} /> : view === 'pdos' ? <PdoView name={name} /> : <DictionaryView name={name} />}
     </>
   );
 }

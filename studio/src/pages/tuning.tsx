@@ -88,7 +88,7 @@ function Tune({ axis, gains, job }: { axis: string; gains: Gains; job: Job | und
         </>
       ) : (
         <>
-          <p className="note">The loop is measured by process data at a fixed rate, on the bus of the drive: "servodrome tune" does that{gains.tunes_itself ? '.' : ', while the studio is off the bus.'}</p>
+          <p className="note">The loop is measured by process data at a fixed rate, which this bus does not have: use the drive's CAN or EtherCAT port.</p>
           {gains.tunes_itself && (
             <div className="buttons">
               <Button isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>

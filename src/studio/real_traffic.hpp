@@ -1,0 +1,12 @@
+#pragma once
+
+#include "line/bench/routes.hpp"
+#include "studio/real_drives.hpp"
+#include "studio/traffic_source.hpp"
+
+namespace servodrome::studio {
+
+// The bus of real drives that the first argument of a call names, as --bus has it. Throws ApiError 404.
+std::unique_ptr<TrafficSource> find_real_traffic(RealDrives& drives, const line::bench::Call& call);
+
+}  // namespace servodrome::studio

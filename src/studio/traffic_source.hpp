@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "host/sniff/can_decoder.hpp"
+#include "host/sniff/ethercat_decoder.hpp"
+#include "host/sniff/modbus_tcp_decoder.hpp"
+#include "host/sniff/serial_decoder.hpp"
+#include "line/traffic.hpp"
+
+namespace servodrome::studio {
+
+// What puts frames into words.
+struct TrafficDecoders {
+  host::CanDecoder can{};
+  host::EthercatDecoder ethercat{};
+  host::SerialDecoder serial{};
+  host::ModbusTcpDecoder modbus_tcp{};
+};
+
+enum class Medium : std::uint8_t { can, serial, ethercat };
+
+// A bus whose traffic can be recorded.
+class TrafficSource {
+ public:
+  virtual ~TrafficSource() = default;
+  virtual const std::string& name() const = 0;
+  virtual Medium medium() const = 0;
+  virtual std::unique_ptr<line::TrafficTap> tap(line::TrafficRing& ring) = 0;
+  // Of CAN and serial lines; empty: the master.
+  virtual std::string sender(std::uint32_t sender) const = 0;
+  // What is known of the drives on the bus now.
+  virtual void introduce(TrafficDecoders& decoders) = 0;
+};
+
+}  // namespace servodrome::studio
