@@ -147,6 +147,15 @@ std::string field(const http::response<http::string_body>& response, const std::
   return {value.data(), value.size()};
 }
 
+TEST(BenchRates, MoreRequestsThanTheLineHasTimeForWaitForTheirTurn) {
+  constexpr int many = 1000;
+  Running running;
+  Client client(running.port());
+  const auto begin = std::chrono::steady_clock::now();
+  for (int i = 0; i < many; ++i) ASSERT_EQ(client.ask("GET", "/api/v1/version").result_int(), 200U);
+  EXPECT_GE(std::chrono::steady_clock::now() - begin, (many - 200) * 500us);
+}
+
 TEST(BenchFiles, ServesThePageAndItsPlaces) {
   const Page page;
   Running running(page.folder());

@@ -78,7 +78,8 @@ Response refusal_of(const error_code& code, std::uint64_t largest_header, std::u
 
 }  // namespace
 
-HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket) : server_(&server), stream_(std::move(socket)) {
+HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket)
+    : server_(&server), stream_(std::move(socket)), turn_(stream_.get_executor()) {
   error_code ignored;
   const auto peer = stream_.socket().remote_endpoint(ignored).address();
   from_loopback_ =
@@ -132,12 +133,25 @@ void HttpConnection::has_read(const error_code& code) {
   } else if (code) {
     answer(refusal_of(code, largest_header, largest_body), 11, false);
   } else {
-    serve();
+    serve_in_turn();
   }
+}
+
+void HttpConnection::serve_in_turn() {
+  const auto delay = server_->take_turn();
+  if (delay == delay.zero()) {
+    serve();
+    return;
+  }
+  turn_.expires_after(delay);
+  turn_.async_wait([self = shared_from_this()](const error_code& code) {
+    if (!code && self->server_ != nullptr) self->serve();
+  });
 }
 
 void HttpConnection::disconnect() {
   server_ = nullptr;
+  turn_.cancel();
   error_code ignored;
   stream_.socket().close(ignored);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/message.hpp>
@@ -33,6 +34,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   void read_body();
   void has_read(const boost::system::error_code& code);
+  void serve_in_turn();
   void serve();
   std::optional<Response> refusal_of_address(const Message& message) const;
   void upgrade(Message&& message);
@@ -43,6 +45,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   HttpServer* server_;
   std::optional<std::chrono::steady_clock::time_point> waits_since_;
   boost::beast::tcp_stream stream_;
+  boost::asio::steady_timer turn_;
   boost::beast::flat_buffer buffer_{largest_header + largest_body};
   std::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;
   boost::beast::http::response<boost::beast::http::string_body> message_;

@@ -69,6 +69,12 @@ bool HttpServer::make_room() {
   return true;
 }
 
+std::chrono::steady_clock::duration HttpServer::take_turn() {
+  const auto now = std::chrono::steady_clock::now();
+  next_turn_ = std::max(next_turn_, now - burst) + turn;
+  return std::max(next_turn_ - now, std::chrono::steady_clock::duration::zero());
+}
+
 void HttpServer::accept() {
   acceptor_.async_accept([this](error_code code, tcp::socket socket) {
     if (code == boost::asio::error::operation_aborted) return;
