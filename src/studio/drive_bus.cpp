@@ -76,19 +76,25 @@ DriveBus::~DriveBus() {
   thread_.join();
 }
 
+bool DriveBus::is_worked_with(std::size_t drive) const {
+  const std::lock_guard lock(mutex_);
+  const auto is_with = [drive](const auto& work) { return work->drive == drive && !work->beside; };
+  return (running_work_ && is_with(running_work_)) || std::any_of(waiting_work_.begin(), waiting_work_.end(), is_with);
+}
+
 DriveBus::State DriveBus::state() const {
   const std::lock_guard lock(mutex_);
   return state_;
 }
 
-void DriveBus::submit(std::shared_ptr<Access> access, bool first) {
+void DriveBus::submit(std::shared_ptr<Access> access) {
   const std::lock_guard lock(mutex_);
   if (state_.problem) {
     refuse(*access, *state_.problem);
     return;
   }
-  if (first && running_work_ && running_work_->drive == access->drive) running_work_->cancelled = true;
-  if (first) {
+  if (access->urgent && running_work_ && running_work_->drive == access->drive) running_work_->cancelled = true;
+  if (access->urgent) {
     waiting_.push_front(std::move(access));
   } else {
     waiting_.push_back(std::move(access));
@@ -184,10 +190,11 @@ bool DriveBus::serve(OpenBus& open) {
 }
 
 // Beside a work that is to end, its drive is left to it.
-std::shared_ptr<Access> DriveBus::next_access(const Work* beside) {
+std::shared_ptr<Access> DriveBus::next_access(const Work* beside, bool urgent_only) {
   const std::lock_guard lock(mutex_);
   std::erase_if(waiting_, [](const auto& access) { return access->given_up.load(); });
-  const auto next = std::find_if(waiting_.begin(), waiting_.end(), [beside](const auto& access) {
+  const auto next = std::find_if(waiting_.begin(), waiting_.end(), [=](const auto& access) {
+    if (urgent_only && !access->urgent) return false;
     return beside == nullptr || access->drive != beside->drive || !beside->cancelled;
   });
   if (next == waiting_.end()) return nullptr;
@@ -196,37 +203,48 @@ std::shared_ptr<Access> DriveBus::next_access(const Work* beside) {
   return access;
 }
 
-std::shared_ptr<Work> DriveBus::next_work() {
+// `beside`: one that can be done beside the running one.
+std::shared_ptr<Work> DriveBus::next_work(bool beside) {
   const std::lock_guard lock(mutex_);
-  if (waiting_work_.empty()) return nullptr;
-  running_work_ = std::move(waiting_work_.front());
-  waiting_work_.pop_front();
-  return running_work_;
+  const auto next = std::find_if(waiting_work_.begin(), waiting_work_.end(),
+                                 [beside](const auto& work) { return !beside || work->beside; });
+  if (next == waiting_work_.end()) return nullptr;
+  auto work = std::move(*next);
+  waiting_work_.erase(next);
+  if (!beside) running_work_ = work;
+  return work;
 }
 
 // An error is that of whoever wants it. What the bus itself suffers from shows with the next access.
 void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
   const auto is_to_end = [&] {
-    serve_beside(open, *work);
+    if (!work->beside) serve_beside(open, *work);
     const std::lock_guard lock(mutex_);
     return work->cancelled || ending_;
   };
+  work->begun = true;
   try {
-    if (!work->cancelled) work->carry_out(open, is_to_end);
+    if (work->cancelled) throw host::Cancelled("interrupted", plan_.link, "nothing was done");
+    work->carry_out(open, is_to_end);
   } catch (const std::exception&) {
     work->error = std::current_exception();
   }
   const std::lock_guard lock(mutex_);
-  running_work_.reset();
+  if (running_work_ == work) running_work_.reset();
   work->done = true;
 }
 
-// A drive that is silent is not asked: the work would wait for it.
+// What is urgent, and others for a while. A drive that is silent is not asked: the work would wait for it.
 void DriveBus::serve_beside(OpenBus& open, const Work& work) {
   const auto end = Clock::now() + time_for_others;
-  while (Clock::now() < end) {
-    if (const auto access = next_access(&work)) {
+  while (true) {
+    const bool has_time = Clock::now() < end;
+    if (const auto access = next_access(&work, !has_time)) {
       carry_out(open, *access);
+    } else if (!has_time) {
+      return;
+    } else if (const auto little = next_work(true)) {
+      carry_out(open, little);
     } else if (!sample_one(open) && !poll_one(open, false)) {
       return;
     }
@@ -325,7 +343,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     seen.problem = error_of(error, plan_.link);
     silent_[i] = silent_[i] || !error.answered();
     const std::lock_guard lock(mutex_);
-    stop_when_back_[i] = stop;
+    stop_when_back_[i] = stop_when_back_[i] || stop;
   }
   const auto ended = Clock::now();
   seen.at = ended;

@@ -70,6 +70,7 @@ struct Access {
   std::size_t drive = 0;
   host::ObjectAddress object{};
   bool writes = false;
+  bool urgent = false;             // before everything that waits
   std::vector<std::byte> bytes{};  // to be written, or read
   std::exception_ptr error{};
   std::atomic<bool> done{false};      // bytes and error are there
@@ -84,7 +85,9 @@ struct Work {
   std::size_t drive = 0;
   std::function<void(OpenBus& bus, const IsToEnd& is_to_end)> carry_out{};
   bool reopens = false;  // the bus is opened anew when it is over
+  bool beside = false;   // takes so little time that it is done beside another
   std::exception_ptr error{};
+  std::atomic<bool> begun{false};
   std::atomic<bool> done{false};
   std::atomic<bool> cancelled{false};
 };
@@ -158,9 +161,11 @@ class DriveBus {
   const BusPlan& plan() const { return plan_; }
   BusTraffic& traffic() { return traffic_; }
   State state() const;
+  // A work with it waits or runs: its state may be another at once.
+  bool is_worked_with(std::size_t drive) const;
   // `first`: before everything that waits.
-  // One to a drive that is being worked with ends that work if it is to be first.
-  void submit(std::shared_ptr<Access> access, bool first = false);
+  // An urgent one to a drive that is being worked with ends that work.
+  void submit(std::shared_ptr<Access> access);
   void submit(std::shared_ptr<Work> work);
   void sample(const std::shared_ptr<PolledSamples>& samples);
   // What else is to be done with a drive when the bus comes back: it had been moving when it went away.
@@ -170,8 +175,8 @@ class DriveBus {
   void run(std::unique_ptr<OpenBus> open);
   // True: it is to be opened anew.
   bool serve(OpenBus& open);
-  std::shared_ptr<Access> next_access(const Work* beside = nullptr);
-  std::shared_ptr<Work> next_work();
+  std::shared_ptr<Access> next_access(const Work* beside = nullptr, bool urgent_only = false);
+  std::shared_ptr<Work> next_work(bool beside = false);
   void carry_out(OpenBus& open, Access& access);
   void carry_out(OpenBus& open, const std::shared_ptr<Work>& work);
   void serve_beside(OpenBus& open, const Work& work);

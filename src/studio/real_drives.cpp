@@ -63,6 +63,25 @@ constexpr std::array signals{
            [](const State& state) { return static_cast<double>(state.error_code); }},
 };
 
+// A slave that leaves OP with its motor on takes that for a fault.
+void require_no_torque(host::ObjectClient& objects) {
+  std::uint16_t statusword = 0;
+  try {
+    statusword = objects.read<std::uint16_t>(0x6041);
+  } catch (const host::ObjectError& error) {
+    if (!error.answered()) return;  // nothing can be said of it
+    throw;
+  }
+  using enum drive::PowerState;
+  const drive::PowerState state = host::state_of(statusword);
+  if (state != switched_on && state != operation_enabled && state != quick_stop_active &&
+      state != fault_reaction_active) {
+    return;
+  }
+  throw host::HostError("its bus leaves operation to change process data, and there is torque on it", objects.where(),
+                        "disable the axis first");
+}
+
 const line::Product& tables_of(const std::string& product) {
   const line::Product* found = line::find_product(line::all_products(), product);
   return found != nullptr ? *found : *line::find_product(line::all_products(), "generic402");
@@ -136,7 +155,10 @@ void RealDrives::carry_out(const Axis& axis, const std::shared_ptr<studio::Work>
   const Wanted wanted{*work};
   work->drive = axis.drive;
   buses_[axis.bus]->submit(work);
-  while (!work->done) wait();
+  while (!work->done) {
+    if (work->cancelled && !work->begun) throw host::Cancelled("interrupted", axis.name, "nothing was done");
+    wait();
+  }
   if (work->error) std::rethrow_exception(work->error);
 }
 
@@ -167,6 +189,7 @@ Json RealDrives::in_cycles(const std::string& name, host::ObjectClient& objects,
     };
     CyclicAccess access{*cyclic.bus, cyclic.drive, *bus.drives()[drive], is_to_end, tell};
     Json found = work(access);
+    is_to_end();  // what is urgent goes before the process data are put back
     const std::lock_guard lock(shared->mutex);
     shared->found = std::move(found);
   };
@@ -204,14 +227,16 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     access->drive = axis.drive;
     access->object = {0x6040, 0};
     access->writes = true;
+    access->urgent = true;
     access->bytes.assign(quick_stop.begin(), quick_stop.end());
     accesses.push_back(access);
     const DriveBus::DriveState state = state_of(axis);
-    const bool idle = !state.problem && state.status.state() < drive::PowerState::operation_enabled;
+    const bool idle = !state.problem && state.status.state() < drive::PowerState::operation_enabled &&
+                      !buses_[axis.bus]->is_worked_with(axis.drive);
     if (idle && state.at + 2 * DriveBus::usual_poll > DriveBus::Clock::now()) {
       access->done = true;  // it has no torque: a quick stop would only take its state from it
     } else {
-      buses_[axis.bus]->submit(access, true);
+      buses_[axis.bus]->submit(access);
     }
   }
   for (const auto& access : accesses) {
@@ -238,6 +263,7 @@ std::vector<RealDrives::ProcessDataRegisters> RealDrives::process_data_of(std::s
   const auto task = std::make_shared<studio::Work>();
   const auto addresses = std::make_shared<std::vector<unsigned>>();
   for (const DrivePlan& drive : buses_[bus]->plan().drives) addresses->push_back(drive.address);
+  task->beside = true;
   task->carry_out = [found, addresses](OpenBus& open, const studio::Work::IsToEnd&) {
     open.show_process_data(
         [&](std::size_t drive, std::uint16_t station, std::uint16_t offset, std::span<const std::uint8_t> bytes) {
@@ -254,17 +280,6 @@ std::vector<RealDrives::ProcessDataRegisters> RealDrives::process_data_of(std::s
   return std::move(*found);
 }
 
-// A slave that leaves OP with its motor on takes that for a fault.
-void RealDrives::require_no_torque(const Axis& axis) const {
-  for (const Axis& other : axes_) {
-    if (other.bus != axis.bus) continue;
-    const DriveBus::DriveState state = state_of(other);
-    if (state.problem || state.status.state() < drive::PowerState::switched_on) continue;
-    throw host::HostError("its bus leaves operation to change process data, and there is torque on it", other.name,
-                          "disable the axis first");
-  }
-}
-
 Subject RealDrives::open(line::bench::Call& call) {
   const Axis& axis = axis_of(call.arguments.front());
   require_ready(axis.name);
@@ -279,10 +294,10 @@ Subject RealDrives::open(line::bench::Call& call) {
   subject.has_process_data = bus.type != "rs485";
   if (bus.type == "ethercat") {
     subject.configure = [this, &axis](const OpenBus::Action& action, const OpenBus::Action& undo) {
-      require_no_torque(axis);
       const auto task = std::make_shared<studio::Work>();
       task->reopens = true;
       task->carry_out = [action, undo, drive = axis.drive](OpenBus& open, const studio::Work::IsToEnd&) {
+        for (host::ObjectClient* objects : open.drives()) require_no_torque(*objects);  // now, not when last asked
         open.configure(drive, action, undo);
       };
       const Wait wait = wait_;

@@ -143,7 +143,8 @@ void RealServer::look() {
 
 // The last thing that somebody did with the axis from here was to move it.
 bool RealServer::moved(const std::string& axis) const {
-  static constexpr std::array motions{"home", "move", "velocity", "torque", "jog"};
+  static constexpr std::array motions{"home", "move",  "velocity", "torque",     "jog",
+                                      "step", "sweep", "tune",     "tune_itself"};
   const Job* last = nullptr;
   for (const Job& job : jobs_.all()) {
     if (job.axis == axis) last = &job;

@@ -178,6 +178,13 @@ void Tuner::enable() {
 }
 
 void Tuner::disable() noexcept {
+  // Others who do something while it is asked still do, but nothing is cancelled any more.
+  const auto cancelled = options_.cancelled;
+  const auto ask = [&cancelled] {
+    if (cancelled) cancelled();
+    return false;
+  };
+  options_.cancelled = ask;
   try {
     if (controls_ && problem_.empty()) {
       const double from = command_;
@@ -186,17 +193,13 @@ void Tuner::disable() noexcept {
         share = std::max(0.0, share - sample_s_ / ramp_s);
         return from * share;
       };
-      const auto cancelled = std::exchange(options_.cancelled, {});
-      const auto put_back = [&] { options_.cancelled = cancelled; };
-      try {
-        wait(ramp_s + 0.1);
-      } catch (...) {
-        put_back();
-        throw;
-      }
-      put_back();
+      wait(ramp_s + 0.1);
     } else {
-      bus_.wait(std::chrono::milliseconds(300));  // the quick stop
+      const Time end = bus_.now() + std::chrono::milliseconds(300);  // the quick stop
+      while (bus_.now() < end) {
+        bus_.wait(slice);
+        ask();
+      }
     }
   } catch (const std::exception&) {
     // It is told by whoever came before; now the power goes in any case.
@@ -204,10 +207,14 @@ void Tuner::disable() noexcept {
   controls_ = false;
   command_of_cycle_ = {};
   try {
-    for (int i = 0; i < 500 && !axis_.disable(); ++i) bus_.wait(bus_.period());
+    for (int i = 0; i < 500 && !axis_.disable(); ++i) {
+      bus_.wait(bus_.period());
+      if (i % 20 == 0) ask();
+    }
   } catch (const std::exception&) {
     // The link is lost: the drive's own supervision stops it.
   }
+  options_.cancelled = cancelled;
   bus_.on_cycle({});
 }
 
@@ -282,11 +289,12 @@ Tuner::Record Tuner::record(const Multisine& excitation, unsigned periods, doubl
 }
 
 Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting>& notch) {
-  enable();
+  // Whatever ends the enabling, it may have got far.
   struct Disabling {
     Tuner& tuner;
     ~Disabling() { tuner.disable(); }
   } disabling{*this};
+  enable();
 
   const double period_s = 1.0 / std::clamp(bandwidth_hz / 30.0, 0.5, 2.0);
   const auto period = static_cast<unsigned>(std::lround(period_s / sample_s_));
@@ -360,11 +368,12 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
 
 // Between a third of the measurement's speed and all of it, up and down: averaged, with what went up turned around.
 StepResponse Tuner::step() {
-  enable();
+  // Whatever ends the enabling, it may have got far.
   struct Disabling {
     Tuner& tuner;
     ~Disabling() { tuner.disable(); }
   } disabling{*this};
+  enable();
   constexpr double hold_s = 0.25;
   const auto samples = static_cast<std::size_t>(std::lround(hold_s / sample_s_));
   const double way_s = 2.0 * step_repeats * hold_s + 2.0 * ramp_s + 0.6;
