@@ -98,8 +98,8 @@ def test_a_drive_is_tuned_on_its_bus(studio, axis):
     before = studio.bench.get(f"axes/{axis}/{GAIN}")["value"]
     for _ in range(4):
         job, doing, speeds = tuned(studio, axis, apply=True)
-        assert len(doing) > 1 and len(speeds) > 2, "others see what happens meanwhile"
         if job["state"] == "done":
+            assert len(doing) > 1 and len(speeds) > 2, "others see what happens meanwhile"
             break
         assert job["state"] == "failed"
         assert any(word in job["error"]["hint"] + job["error"]["what"] for word in TOO_BUSY + WATCHDOG), job["error"]
