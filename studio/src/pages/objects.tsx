@@ -111,9 +111,11 @@ function useValues(axis: string): Values {
             return fresh.length === 0 ? before : new Map([...before, ...(fresh as [string, ObjectValue][])]);
           });
         }
-        busy.current = null;
       };
-      return (busy.current ??= drain());
+      // Not at the end of drain: with nothing to read that comes before there is anything to forget.
+      return (busy.current ??= drain().finally(() => {
+        busy.current = null;
+      }));
     },
     [axis],
   );
