@@ -1,6 +1,8 @@
 // All EtherCAT drives of a line to and fro in cyclic synchronous position, each cycle from the master's own
-// trajectories: following errors, the cycle's jitter, and what was missed. The line runs in another process, as
-// `servodrome up lines/cyclic-axes.toml` does. Usage: cyclic_axes LINK [SECONDS [PERIOD_US]]
+// trajectories: following errors, the cycle's jitter, and what was missed. Late are the cycles whose frame came back
+// after the period was over, with all working counters; skipped, those that this program itself came too late for. The
+// line runs in another process, as `servodrome up lines/cyclic-axes.toml` does. Usage: cyclic_axes LINK [SECONDS
+// [PERIOD_US]]
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -76,13 +78,13 @@ int run(const char* link, seconds duration, microseconds period) {
     group.wait_until([&] { return group.all_done(); }, seconds(10));
   }
   group.on_cycle({});
-  const host::CycleCounters counters = bus.counters();
+  const host::CyclicStatistics counters = operation.exchange().statistics();
   bus.check();
 
   const auto count = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
-  std::printf("%zu axes at %.0f Hz: %llu cycles, %llu without all data, %llu skipped\n", group.size(),
-              1e6 / static_cast<double>(period.count()), count(counters.cycles), count(counters.missed),
-              count(counters.skipped));
+  std::printf("%zu axes at %.0f Hz: %llu cycles, %llu wrong working counters, %llu lost, %llu late, %llu skipped\n",
+              group.size(), 1e6 / static_cast<double>(period.count()), count(counters.cycles),
+              count(counters.wrong_counters), count(counters.lost), count(counters.late), count(counters.skipped));
   for (std::size_t i = 0; i < group.size(); ++i) {
     std::printf("  %-28s following error at most %.5f turns\n", found[i].sii.name.c_str(), worst[i]);
   }
@@ -96,7 +98,7 @@ int run(const char* link, seconds duration, microseconds period) {
         percentile(intervals_us, 0.999), intervals_us.back());
   }
   group.disable(limits.front());
-  return counters.missed == 0 ? 0 : 1;
+  return counters.wrong_counters + counters.lost == 0 ? 0 : 1;
 }
 
 }  // namespace

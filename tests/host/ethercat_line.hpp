@@ -95,6 +95,8 @@ class EthercatLine {
   // Is the next frame lost on its way to the slaves, or back?
   std::function<bool()> lost_out = [] { return false; };
   std::function<bool()> lost_back = [] { return false; };
+  // How much longer the next frame takes to come back.
+  std::function<Time()> delay_back = [] { return Time{}; };
   std::function<void(EthercatDevice&, Time)> on_poll;
 
  private:
@@ -116,7 +118,9 @@ class EthercatLine {
         if (device.slave.wants_poll()) device.slave.poll(line_.now);
       }
       if (passage.exit != ethercat::Segment::Exit::primary || line_.lost_back()) return;
-      coming_.push_back({passage.leaves + frame_time, std::move(bytes)});
+      const Time at = passage.leaves + frame_time + line_.delay_back();
+      const auto later = std::find_if(coming_.begin(), coming_.end(), [at](const Coming& one) { return one.at > at; });
+      coming_.insert(later, {at, std::move(bytes)});
     }
     std::size_t receive(std::span<std::uint8_t> into, Time timeout) override {
       const Time end = line_.now + timeout;

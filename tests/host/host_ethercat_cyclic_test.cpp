@@ -139,6 +139,38 @@ TEST_P(CyclicTest, LostFramesAreCountedAndForgotten) {
   EXPECT_TRUE(exchange->inputs_are_fresh());
 }
 
+TEST_P(CyclicTest, LateFramesAreToldFromLostOnes) {
+  start(3);
+  exchange->output(2, target)->set(700);
+  line->master->wait(3ms);
+  exchange->forget_statistics();
+  line->delay_back = [late = 2]() mutable { return late-- > 0 ? 2500us : 0us; };
+  line->lost_back = [frame = 0]() mutable { return ++frame == 6; };
+  line->master->wait(1ms);
+  exchange->output(2, target)->set(800);
+  line->master->wait(19ms);
+  exchange->check();
+  const CyclicStatistics& statistics = exchange->statistics();
+  EXPECT_EQ(statistics.late, 2U);
+  EXPECT_EQ(statistics.lost, 1U);
+  EXPECT_EQ(statistics.wrong_counters, 0U);
+  EXPECT_EQ(statistics.longest_loss, 2U);
+  EXPECT_EQ(exchange->input(2, position)->get<std::int32_t>(), 801);  // not what the late ones brought
+}
+
+TEST_P(CyclicTest, ALateFrameWithAWrongCounterIsNotLate) {
+  start(3);
+  exchange->forget_statistics();
+  line->delay_back = [late = 1]() mutable { return late-- > 0 ? 1500us : 0us; };
+  line->segment->set_cable(2, false);
+  line->master->wait(1ms);
+  line->segment->set_cable(2, true);
+  line->master->wait(19ms);
+  EXPECT_EQ(exchange->statistics().late, 0U);
+  EXPECT_EQ(exchange->statistics().lost, 0U);
+  EXPECT_EQ(exchange->statistics().wrong_counters, 1U);
+}
+
 TEST_P(CyclicTest, ATailThatIsGoneIsToldAndSoIsTheWatchdogAfterwards) {
   start(4);
   line->segment->set_cable(2, false);

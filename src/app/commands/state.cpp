@@ -42,13 +42,14 @@ void print(const Options& options, std::vector<host::EthercatSlave*>& slaves,
     if (statistics != nullptr) {
       json["cycles"] = statistics->cycles;
       json["lost"] = statistics->lost;
+      json["late"] = statistics->late;
       json["wrong_counters"] = statistics->wrong_counters;
       json["skipped"] = statistics->skipped;
     }
     fmt::print("{}\n", json.dump(2));
   } else if (statistics != nullptr) {
-    fmt::print("{} cycles, {} lost, {} with wrong working counters, {} skipped\n", statistics->cycles, statistics->lost,
-               statistics->wrong_counters, statistics->skipped);
+    fmt::print("{} cycles, {} lost, {} late, {} with wrong working counters, {} skipped\n", statistics->cycles, statistics->lost,
+               statistics->late, statistics->wrong_counters, statistics->skipped);
   }
   std::fflush(stdout);
 }

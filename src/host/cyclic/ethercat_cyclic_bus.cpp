@@ -15,7 +15,7 @@ EthercatCyclicBus::EthercatCyclicBus(EthercatMaster& master, EthercatOperation& 
 CycleCounters EthercatCyclicBus::counters() const {
   const CyclicStatistics& statistics = exchange_.statistics();
   return {.cycles = statistics.cycles,
-          .missed = statistics.lost + statistics.wrong_counters,
+          .missed = statistics.lost + statistics.late + statistics.wrong_counters,
           .skipped = statistics.skipped,
           .longest_miss = statistics.longest_loss,
           .worst_lateness = statistics.worst_lateness};

@@ -29,6 +29,10 @@ constexpr std::uint8_t fmmu_writes = 2;
 // Part of the phase error that each cycle takes out.
 constexpr int phase_gain = 8;
 
+// How many cycles a frame may be late: an index returns after 256 frames, and a cycle has several.
+constexpr std::uint64_t longest_delay = 50;
+constexpr std::size_t most_overdue = 256;
+
 // Working counters of a datagram: what a slave adds that writes or reads (ETG.1000.4 table 11).
 constexpr unsigned lrw_write_step = 2;
 
@@ -39,6 +43,7 @@ CyclicExchange::CyclicExchange(EthercatMaster& master, std::vector<Member> membe
   lrw_ = options.use_lrw && std::all_of(members_.begin(), members_.end(),
                                         [](const Member& member) { return member.slave->found().knows_lrw(); });
   lay_out();
+  overdue_.reserve(most_overdue);
   // Slaves that are no members may have mappings from before, and would answer to the same logical addresses.
   const std::array<std::uint8_t, fmmu_size * reg::fmmus> no_fmmus{};
   master_.write_all(reg::fmmu, no_fmmus);
@@ -243,8 +248,43 @@ void CyclicExchange::judge(bool back) {
     return;
   }
   ++(back ? statistics_.wrong_counters : statistics_.lost);
+  if (!back) expect_later();
   ++statistics_.losses_in_a_row;
   statistics_.longest_loss = std::max(statistics_.longest_loss, statistics_.losses_in_a_row);
+}
+
+// A cycle counts as lost until all of its datagrams have come: then it was late.
+void CyclicExchange::expect_later() {
+  const std::size_t first_data = datagrams_.size() - expected_.size();
+  for (std::size_t i = 0; i < datagrams_.size(); ++i) {
+    const EthercatDatagram& datagram = datagrams_[i];
+    if (datagram.answered || overdue_.size() == most_overdue) continue;
+    const auto counter = i < first_data ? std::nullopt : std::optional(expected_[i - first_data]);
+    overdue_.push_back({statistics_.cycles, datagram.index, datagram.address, counter});
+  }
+}
+
+void CyclicExchange::overdue(std::span<const ethercat::Datagram> datagrams) {
+  if (overdue_.empty()) return;
+  std::erase_if(overdue_, [&](const Overdue& one) { return one.cycle + longest_delay < statistics_.cycles; });
+  for (const ethercat::Datagram& datagram : datagrams) {
+    const auto found = std::find_if(overdue_.begin(), overdue_.end(), [&](const Overdue& one) {
+      return one.index == datagram.header[1] && one.address == datagram.logical();
+    });
+    if (found == overdue_.end()) continue;
+    const std::uint64_t cycle = found->cycle;
+    const auto is_of_it = [&](const Overdue& one) { return one.cycle == cycle; };
+    if (found->counter && *found->counter != datagram.working_counter()) {
+      std::erase_if(overdue_, is_of_it);
+      --statistics_.lost;
+      ++statistics_.wrong_counters;
+      continue;
+    }
+    overdue_.erase(found);
+    if (std::any_of(overdue_.begin(), overdue_.end(), is_of_it)) continue;
+    --statistics_.lost;
+    ++statistics_.late;
+  }
 }
 
 void CyclicExchange::schedule() {

@@ -15,12 +15,13 @@ struct CyclicOptions {
 
 struct CyclicStatistics {
   std::uint64_t cycles = 0;
-  std::uint64_t lost = 0;            // cycles of which not every frame came back in time
+  std::uint64_t lost = 0;            // cycles of which a frame did not come back
+  std::uint64_t late = 0;            // cycles of which a frame came back after its time, with its working counters
   std::uint64_t wrong_counters = 0;  // cycles in which a slave did not take part
   std::uint64_t skipped = 0;         // cycles that this program came too late for
-  unsigned losses_in_a_row = 0;
-  unsigned longest_loss = 0;  // cycles in a row
-  Time worst_lateness{0};     // of a frame behind its time
+  unsigned losses_in_a_row = 0;      // cycles without all data in time
+  unsigned longest_loss = 0;         // cycles in a row
+  Time worst_lateness{0};            // of a frame behind its time
 };
 
 class CyclicExchange;
@@ -100,8 +101,17 @@ class CyclicExchange final : public CyclicTask {
 
   Time due() const override { return due_; }
   void run() override;
+  void overdue(std::span<const ethercat::Datagram> datagrams) override;
 
  private:
+  // A datagram that has not come back in its cycle's time.
+  struct Overdue {
+    std::uint64_t cycle;
+    std::uint8_t index;
+    std::uint32_t address;
+    std::optional<unsigned> counter;  // that it must have
+  };
+
   struct Place {
     std::size_t group = 0;
     std::size_t offset = 0;  // within the outputs or inputs of the group
@@ -123,6 +133,7 @@ class CyclicExchange final : public CyclicTask {
   std::size_t input_offset(const Place& place) const { return groups_[place.group].output_bytes + place.offset; }
   void request_all(AlState state);
   void judge(bool back);
+  void expect_later();
   void schedule();
 
   EthercatMaster& master_;
@@ -144,6 +155,7 @@ class CyclicExchange final : public CyclicTask {
   std::size_t next_status_ = 0;              // member whose AL status goes with the next cycle
   std::array<std::uint8_t, 6> status_bytes_{};
   CyclicStatistics statistics_;
+  std::vector<Overdue> overdue_;
 
   std::optional<std::uint16_t> reference_;
   std::uint64_t frame_phase_ = 0;  // of the reference's time, within a period

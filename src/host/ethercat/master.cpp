@@ -94,10 +94,11 @@ void EthercatMaster::send(std::span<EthercatDatagram> datagrams, std::vector<Sen
     auto writer = ethercat::FrameWriter::payload(memory);
     Sent frame{.first = next, .count = 0, .index = ++index_};
     for (; next < datagrams.size() && !datagrams[next].answered; ++next, ++frame.count) {
-      const EthercatDatagram& datagram = datagrams[next];
+      EthercatDatagram& datagram = datagrams[next];
       if (writer.room() < static_cast<int>(datagram.data.size())) break;
       const auto place = writer.add(datagram.command, frame.index, datagram.address, datagram.data.size());
       std::copy(datagram.data.begin(), datagram.data.end(), place.begin());
+      datagram.index = frame.index;
     }
     if (frame.count == 0) {
       throw HostError(fmt::format("a datagram of {} bytes does not fit into a frame", datagrams[next].data.size()),
@@ -125,7 +126,10 @@ bool EthercatMaster::take_answer(std::span<EthercatDatagram> datagrams, std::vec
     }
     return true;
   });
-  if (match == sent.end()) return false;
+  if (match == sent.end()) {
+    if (task_ != nullptr) task_->overdue(back);
+    return false;
+  }
   match->back = true;
   for (std::size_t i = 0; i < match->count; ++i) {
     EthercatDatagram& datagram = datagrams[match->first + i];

@@ -22,6 +22,7 @@ struct EthercatDatagram {
   std::span<std::uint8_t> data{};  // at most ethercat::max_datagram_data bytes
   std::uint16_t counter = 0;       // working counter
   bool answered = false;
+  std::uint8_t index = 0;  // of the frame it left with
 };
 
 // Something that sends frames at times of its own, while others wait.
@@ -29,6 +30,8 @@ class CyclicTask {
  public:
   virtual Time due() const = 0;
   virtual void run() = 0;
+  // A frame came that nobody waits for any more, or another master's.
+  virtual void overdue(std::span<const ethercat::Datagram> datagrams) = 0;
 
  protected:
   ~CyclicTask() = default;
@@ -43,7 +46,7 @@ struct EthercatOptions {
 // The master's connection to a segment: sends datagrams, finds their answers, reads and writes registers, keeps a
 // cyclic task going while it waits. ETG.1000.4 clause 5. One thread.
 //
-// Frames of other masters, and answers that come too late, are skipped.
+// Nothing is taken out of frames of other masters, and of answers that come too late; the cyclic task is told of them.
 class EthercatMaster {
  public:
   explicit EthercatMaster(std::unique_ptr<links::EthercatClient> client, const EthercatOptions& options = {})
