@@ -67,6 +67,8 @@ Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
   if (ethercat_ != nullptr) {
     const Time hop = controller_delay + settings.ethercat->cable;
     ethercat_slave_ = device_->ethercat_slave();
+    // The drive acts once a tick: of frames that come closer together it can only follow the last.
+    ethercat_slave_->sample_process_data_every(tick_length);
     slave_ = ethercat_->attach(ethercat_station_, {hop, hop});
   }
   plant_.sample(feedback_);
