@@ -160,14 +160,17 @@ void Drive::synchronise() {
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   if (feedback.edge_count != 0) capture_edges(feedback);
   const bool cycle_due = cascade_.position_loop_due();
-  if (tripped_ == 0) tripped_ = feedback.hardware_faults;  // the first to speak; what follows it is its consequence
+  if ((tripped_ | feedback.hardware_faults) != 0) [[unlikely]] {
+    if (tripped_ == 0) tripped_ = feedback.hardware_faults;  // the first to speak; what follows it is its consequence
+    if (!cycle_due && outputs_.pwm_enabled) {
+      // The comparators do not wait for the end of a cycle.
+      outputs_.pwm_enabled = false;
+      actuation.pwm_enabled = false;
+    }
+  }
   if (cycle_due) {
     cycle(feedback);
     actuation = outputs_;
-  } else if (tripped_ != 0 && outputs_.pwm_enabled) {
-    // The comparators do not wait for the end of a cycle.
-    outputs_.pwm_enabled = false;
-    actuation.pwm_enabled = false;
   }
   cascade_.tick(feedback, actuation);
   return cycle_due;

@@ -45,9 +45,9 @@ enum class HardwareFault : std::uint32_t {
 };
 
 struct Feedback {
-  std::int64_t position_counts = 0;      // encoder, multi-turn, quantised
-  std::uint32_t single_turn_counts = 0;  // position within the turn, 0 .. counts per revolution - 1
-  std::array<float, 3> phase_current_a{};
+  std::int64_t position_counts = 0;        // encoder, multi-turn, quantised
+  std::uint32_t single_turn_counts = 0;    // position within the turn, 0 .. counts per revolution - 1
+  std::array<float, 3> phase_current_a{};  // U, V, W; of a motor of two windings W is 0
   float dc_link_v = 0.0F;
   std::uint32_t inputs = 0;  // level of wire n in bit n; high = current flows
   bool index_level = false;  // the encoder's index (Z) is high at this position
@@ -66,10 +66,11 @@ struct Actuation {
   bool pwm_enabled = false;    // false: all switches open, the motor coasts
   bool short_circuit = false;  // all low-side switches closed: the windings brake the motor
   bool brake_released = false;
-  bool dc_link_connected = false;          // the drive's own relay to the power supply
-  bool chopper_on = false;                 // brake resistor across the DC link
-  std::array<float, 3> phase_voltage_v{};  // average over the tick, against the star point
-  std::uint32_t outputs = 0;               // level of output n in bit n
+  bool dc_link_connected = false;  // the drive's own relay to the power supply
+  bool chopper_on = false;         // brake resistor across the DC link
+  std::array<float, 3>
+      phase_voltage_v{};      // average over the tick, against the star point; of two windings: across each
+  std::uint32_t outputs = 0;  // level of output n in bit n
 };
 
 }  // namespace servodrome::drive

@@ -151,9 +151,10 @@ void Supervision::phases(Axis& axis, const Feedback& feedback, const Situation& 
     phase_peak_a_[i] = std::max(phase_peak_a_[i], std::abs(feedback.phase_current_a[i]));
   if (phase_cycles_ < axis.cycles(open_phase_ms)) return;
   phase_cycles_ = 0;
-  const float most = std::max({phase_peak_a_[0], phase_peak_a_[1], phase_peak_a_[2]});
-  const float least = std::min({phase_peak_a_[0], phase_peak_a_[1], phase_peak_a_[2]});
   const MotorData& motor = axis.configuration.motor;
+  const auto peaks = std::minmax_element(phase_peak_a_.begin(), phase_peak_a_.begin() + motor.phases);
+  const float least = *peaks.first;
+  const float most = *peaks.second;
   // At rest one phase may rightly carry nothing: the angle decides. So either the field has turned meanwhile, or the
   // current loop runs into the voltage limit without getting its current.
   const Counts turned = std::abs(axis.encoder_position - phase_start_) * motor.pole_pairs;

@@ -4,7 +4,8 @@
 #include <cstdint>
 
 // Clarke and Park transforms, amplitude-invariant, and the sine they need. Angles are electrical, in turns: 0 is the d
-// axis on phase U, 1 a full electrical turn.
+// axis on phase U, 1 a full electrical turn. Of two windings in quadrature the first is U, the second V, and there is
+// no W: they are the axes of the stationary frame themselves.
 namespace servodrome::drive {
 
 struct SinCos {
@@ -34,16 +35,32 @@ struct DirectQuadrature {
 inline constexpr float one_over_sqrt3 = 0.57735026918962576F;
 inline constexpr float sqrt3_over_2 = 0.86602540378443865F;
 
-// Phase values (U, V, W; they need not sum to zero) to the rotor frame.
+// Power, torque and heat of amplitudes d and q are this often their products: half the number of phases.
+constexpr float phase_factor(unsigned phases) { return 0.5F * static_cast<float>(phases); }
+
+// The greatest amplitude of a sinusoidal phase voltage, as a share of the DC link's. A star on three half bridges: the
+// circle in the hexagon. Two windings on a full bridge each: the circle in the square of the whole link.
+constexpr float voltage_share(unsigned phases) { return phases == 2 ? 1.0F : one_over_sqrt3; }
+
+// Phase values (of three, U, V, W: they need not sum to zero) to the rotor frame.
+template <unsigned Phases = 3>
 constexpr DirectQuadrature to_rotor_frame(const std::array<float, 3>& phase, SinCos angle) {
-  const float alpha = (2.0F * phase[0] - phase[1] - phase[2]) * (1.0F / 3.0F);
-  const float beta = (phase[1] - phase[2]) * one_over_sqrt3;
-  return {alpha * angle.cosine + beta * angle.sine, beta * angle.cosine - alpha * angle.sine};
+  static_assert(Phases == 2 || Phases == 3);
+  if constexpr (Phases == 2) {
+    return {phase[0] * angle.cosine + phase[1] * angle.sine, phase[1] * angle.cosine - phase[0] * angle.sine};
+  } else {
+    const float alpha = (2.0F * phase[0] - phase[1] - phase[2]) * (1.0F / 3.0F);
+    const float beta = (phase[1] - phase[2]) * one_over_sqrt3;
+    return {alpha * angle.cosine + beta * angle.sine, beta * angle.cosine - alpha * angle.sine};
+  }
 }
 
+template <unsigned Phases = 3>
 constexpr std::array<float, 3> to_phases(DirectQuadrature dq, SinCos angle) {
+  static_assert(Phases == 2 || Phases == 3);
   const float alpha = dq.d * angle.cosine - dq.q * angle.sine;
   const float beta = dq.d * angle.sine + dq.q * angle.cosine;
+  if constexpr (Phases == 2) return {alpha, beta, 0.0F};
   return {alpha, -0.5F * alpha + sqrt3_over_2 * beta, -0.5F * alpha - sqrt3_over_2 * beta};
 }
 

@@ -13,6 +13,7 @@ drive::MotorData motor_data_of(const plant::Parameters& parameters) {
   const plant::Motor& motor = parameters.motor;
   drive::MotorData data;
   data.counts_per_revolution = static_cast<std::uint32_t>(parameters.encoder.counts_per_revolution);
+  data.phases = static_cast<std::uint8_t>(motor.phases);
   data.pole_pairs = static_cast<std::uint16_t>(motor.pole_pairs);
   data.rated_current_a = static_cast<float>(motor.rated_current_a * peak_per_rms);
   data.peak_current_a = static_cast<float>(motor.rated_current_a * peak_per_rms * peak_per_rated_current);

@@ -15,12 +15,15 @@ inline void fit_model(const products::Model& model, plant::Parameters& parameter
   const double peak_current_a = static_cast<double>(data.peak_current_a);
   motor.rated_current_a = static_cast<double>(data.rated_current_a) / std::numbers::sqrt2;
   motor.rated_speed_rpm = static_cast<double>(data.rated_speed_rpm);
+  motor.phases = data.phases;
   motor.pole_pairs = data.pole_pairs;
   motor.resistance_ohm = static_cast<double>(data.resistance_ohm);
   motor.direct_inductance_h = static_cast<double>(data.inductance_d_h);
   motor.quadrature_inductance_h = static_cast<double>(data.inductance_q_h);
   motor.torque_constant_nm_per_a = static_cast<double>(data.torque_constant_nm_per_a) * std::numbers::sqrt2;
   motor.rotor_inertia_kgm2 = static_cast<double>(data.inertia_kgm2);
+  motor.cogging_torque_nm = static_cast<double>(model.cogging_torque_nm);
+  motor.cogging_periods_per_revolution = model.cogging_periods_per_revolution;
   parameters.load.inertia_kgm2 = static_cast<double>(data.inertia_kgm2);
   parameters.encoder.counts_per_revolution = static_cast<std::int32_t>(data.counts_per_revolution);
   parameters.supply.volts = static_cast<double>(model.supply_v);

@@ -27,6 +27,7 @@ inline constexpr std::array motor_keys{
     SERVODROME_KEY(plant::Motor, rated_torque_nm),
     SERVODROME_KEY(plant::Motor, rated_current_a),
     SERVODROME_KEY(plant::Motor, rated_speed_rpm),
+    SERVODROME_KEY(plant::Motor, phases),
     SERVODROME_KEY(plant::Motor, pole_pairs),
     SERVODROME_KEY(plant::Motor, resistance_ohm),
     SERVODROME_KEY(plant::Motor, direct_inductance_h),

@@ -142,14 +142,14 @@ void Plant::inject(Injection injection, bool on) {
     if (injected(cause)) hardware_faults_ |= bit(fault);
   }
   const bool frozen = (injections_ & freezes_encoder) != 0;
-  if (frozen && !encoder_frozen_) frozen_position_ = position_;
-  encoder_frozen_ = frozen;
-  faulty_phases_ = 0;
-  for (unsigned phase = 0; phase < 3; ++phase) {
+  if (frozen && (unusual_ & encoder_frozen) == 0) frozen_position_ = position_;
+  unusual_ = static_cast<std::uint8_t>((unusual_ & two_phases) | (frozen ? encoder_frozen : 0u));
+  const unsigned phases = (unusual_ & two_phases) != 0 ? 2 : 3;  // two windings have no wire W
+  for (unsigned phase = 0; phase < phases; ++phase) {
     const auto open = static_cast<unsigned>(Injection::open_phase_u) + phase;
     const auto shorted = static_cast<unsigned>(Injection::short_phase_u) + phase;
-    faulty_phases_ |= static_cast<std::uint8_t>((injections_ >> open & 1u) << (open_shift + phase));
-    faulty_phases_ |= static_cast<std::uint8_t>((injections_ >> shorted & 1u) << (short_shift + phase));
+    unusual_ |= static_cast<std::uint8_t>((injections_ >> open & 1u) << (open_shift + phase));
+    unusual_ |= static_cast<std::uint8_t>((injections_ >> shorted & 1u) << (short_shift + phase));
   }
   if (injection == Injection::brake_stuck && brake_countdown_ == 0) brake_countdown_ = 1;  // ask the brake again
   update_readings();
@@ -186,7 +186,8 @@ Energy Plant::energy() const {
   return {.supplied_j = dc_link_.supplied_j(),
           .chopped_j = dc_link_.chopped_j(),
           .to_motor_j = to_motor_j_,
-          .copper_j = copper_j_ + 1.5 * drive::tick_seconds * windings_.resistance_ohm() * current_squared_sum_,
+          .copper_j = copper_j_ + windings_.phase_factor() * drive::tick_seconds * windings_.resistance_ohm() *
+                                      current_squared_sum_,
           .shaft_j = shaft_j_,
           .link_stored_j = dc_link_.stored_j(),
           .magnetic_j = windings_.magnetic_j(),

@@ -17,7 +17,7 @@ enum class Injection : std::uint8_t {
   encoder_overflow,
   hall_wiring,
   hall_state,
-  open_phase_u,  // wire cut: that phase carries no current
+  open_phase_u,  // wire cut: that phase carries no current; a motor of two phases has U and V
   open_phase_v,
   open_phase_w,
   short_phase_u,  // output shorted to the negative rail of the DC link

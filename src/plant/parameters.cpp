@@ -54,11 +54,11 @@ void check_motor(std::vector<std::string>& messages, const Parameters& p) {
   const Motor& motor = p.motor;
   check(messages, "motor.quadrature_inductance_h / motor.direct_inductance_h",
         motor.quadrature_inductance_h / motor.direct_inductance_h, 0.1, 10.0);
-  // Rotor against winding, an oscillation of p flux sqrt(1.5 / (J L)): some 500 to 4000 rad/s in real motors. Beyond
-  // the tick's reach it would no longer be this motor that is simulated.
+  // Rotor against winding, an oscillation of p flux sqrt(phases / 2 / (J L)): some 500 to 4000 rad/s in real motors.
+  // Beyond the tick's reach it would no longer be this motor that is simulated.
   const double flux = flux_linkage_vs(motor) * motor.pole_pairs;
   const double inductance = std::min(motor.direct_inductance_h, motor.quadrature_inductance_h);
-  if (!(drive::tick_seconds * flux * std::sqrt(1.5 / (motor.rotor_inertia_kgm2 * inductance)) <= 1.0)) {
+  if (!(drive::tick_seconds * flux * std::sqrt(0.5 * motor.phases / (motor.rotor_inertia_kgm2 * inductance)) <= 1.0)) {
     messages.emplace_back(
         "motor.torque_constant_nm_per_a: too large for this rotor inertia and inductance (together they would "
         "oscillate "
@@ -113,6 +113,7 @@ std::vector<std::string> validate(const Parameters& p) {
       Check{"motor.rated_torque_nm", m.rated_torque_nm, 1.0e-6, 1.0e5},
       Check{"motor.rated_current_a", m.rated_current_a, 1.0e-6, 1.0e4},
       Check{"motor.rated_speed_rpm", m.rated_speed_rpm, 1.0e-3, 1.0e5},
+      Check{"motor.phases", static_cast<double>(m.phases), 2.0, 3.0},
       Check{"motor.pole_pairs", static_cast<double>(m.pole_pairs), 1.0, 100.0},
       Check{"motor.resistance_ohm", m.resistance_ohm, 1.0e-3, 1.0e3},
       Check{"motor.direct_inductance_h", m.direct_inductance_h, 1.0e-6, 1.0},

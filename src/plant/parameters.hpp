@@ -13,8 +13,11 @@
 // load torque are given as what the motor has to hold: a positive value pulls towards smaller counts.
 namespace servodrome::plant {
 
-// Permanent-magnet synchronous motor. Phase values are line to neutral (half the line-to-line figure of a data sheet).
+// Permanent-magnet synchronous motor, in three phases, or as a hybrid stepper in two. Phase values are line to neutral
+// (half the line-to-line figure of a data sheet), with two phases those of one winding, as its data sheet has them.
 struct Motor {
+  // [2, 3]; 3: a star on three half bridges; 2: windings in quadrature, U and V, each on its own full bridge
+  int phases = 3;
   double rated_torque_nm = 1.27;            // (0, 1e5]: for the per-unit figures of users; not used by the step
   double rated_current_a = 2.7;             // (0, 1e4] A rms: likewise
   double rated_speed_rpm = 3000.0;          // (0, 1e5]: likewise
@@ -34,7 +37,7 @@ struct Motor {
   double brake_engage_ms = 20.0;                    // [0, 1e4] from command to full torque
 };
 
-// Amplitude of the flux linkage per phase: torque = 3/2 * pole pairs * flux * q current (amplitude).
+// Amplitude of the flux linkage per phase: torque = phases / 2 * pole pairs * flux * q current (amplitude).
 double flux_linkage_vs(const Motor& motor);
 
 inline constexpr std::int64_t no_low_limit = std::numeric_limits<std::int64_t>::min();

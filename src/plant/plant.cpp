@@ -40,12 +40,6 @@ const Parameters& valid(const Parameters& parameters) {
 [[gnu::always_inline]] inline void Plant::fill(drive::Feedback& feedback) const {
   feedback.position_counts = position_;
   feedback.single_turn_counts = static_cast<std::uint32_t>(single_turn_);
-  if (encoder_frozen_) [[unlikely]] {
-    feedback.position_counts = frozen_position_;
-    const std::int64_t remainder = frozen_position_ % counts_per_revolution_;
-    feedback.single_turn_counts =
-        static_cast<std::uint32_t>(remainder < 0 ? remainder + counts_per_revolution_ : remainder);
-  }
   const auto direct = windings_.direct_a;
   const auto quadrature = windings_.quadrature_a;
   const double alpha = direct * cosine_ - quadrature * sine_;
@@ -54,11 +48,8 @@ const Parameters& valid(const Parameters& parameters) {
   feedback.phase_current_a[0] = static_cast<float>(alpha);
   feedback.phase_current_a[1] = static_cast<float>(across - 0.5 * alpha);
   feedback.phase_current_a[2] = static_cast<float>(-0.5 * alpha - across);
-  if ((faulty_phases_ >> open_shift & 7u) != 0) [[unlikely]] {
-    for (unsigned phase = 0; phase < 3; ++phase) {
-      if ((faulty_phases_ >> (open_shift + phase) & 1u) != 0) feedback.phase_current_a[phase] = 0.0F;
-    }
-  }
+  if ((unusual_ & seen_otherwise) != 0) [[unlikely]]
+    fill_unusual({alpha, beta}, feedback);
   feedback.dc_link_v = static_cast<float>(dc_link_.volts());
   feedback.inputs = travel_.inputs();
   feedback.index_level = travel_.index();
@@ -83,6 +74,7 @@ Plant::Plant(const Parameters& parameters)
       overcurrent_squared_(parameters.supply.overcurrent_a * parameters.supply.overcurrent_a),
       bus_overcurrent_a_(parameters.supply.bus_overcurrent_a),
       cogging_(parameters.motor.cogging_torque_nm > 0.0),
+      unusual_(parameters.motor.phases == 2 ? two_phases : 0),
       counts_per_revolution_(parameters.encoder.counts_per_revolution),
       travel_(parameters.encoder, parameters.switches, parameters.switch_count),
       dc_link_(parameters.supply),
@@ -144,8 +136,8 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   const double w = static_cast<double>(actuation.phase_voltage_v[2]);
   const double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
   const double sum = u + v + w;
-  const bool usual = actuation.pwm_enabled && !actuation.short_circuit && faulty_phases_ == 0 && range <= link_v &&
-                     sum - sum == 0.0;  // finite
+  const bool usual = actuation.pwm_enabled && !actuation.short_circuit && (unusual_ & ~encoder_frozen) == 0 &&
+                     range <= link_v && sum - sum == 0.0;  // finite
   const double alpha = (2.0 * u - v - w) * (mean_factor * (1.0 / 3.0));
   const double beta = (v - w) * (mean_factor * 0.57735026918962576);
   const double direct_v = alpha * cosine + beta * sine;
@@ -209,6 +201,21 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
 void Plant::sample(drive::Feedback& feedback) const {
   feedback.edge_count = 0;
   fill(feedback);
+}
+
+void Plant::fill_unusual(Stationary current, drive::Feedback& feedback) const {
+  if ((unusual_ & encoder_frozen) != 0) {
+    feedback.position_counts = frozen_position_;
+    const std::int64_t remainder = frozen_position_ % counts_per_revolution_;
+    feedback.single_turn_counts =
+        static_cast<std::uint32_t>(remainder < 0 ? remainder + counts_per_revolution_ : remainder);
+  }
+  if ((unusual_ & two_phases) != 0) {
+    feedback.phase_current_a = {static_cast<float>(current.alpha), static_cast<float>(current.beta), 0.0F};
+  }
+  for (unsigned phase = 0; phase < 3; ++phase) {
+    if ((unusual_ >> (open_shift + phase) & 1u) != 0) feedback.phase_current_a[phase] = 0.0F;
+  }
 }
 
 std::uint32_t Plant::overcurrent_bits(const drive::Feedback& feedback) const {
@@ -295,41 +302,60 @@ ShaftTick Plant::solve_general(const Excitation& excitation, double rotor_torque
   return settle(excitation, windings, solve_shaft(windings.torque_nm, false), solve_shaft);
 }
 
+// What the bridges put across the windings, as far as the DC link and shorted outputs let them; of a star against its
+// point. Times `mean_factor`.
+Plant::Stationary Plant::inverter_voltage(const drive::Actuation& actuation, double mean_factor) const {
+  const double link_v = dc_link_.volts();
+  std::array<double, 3> volts{};
+  for (std::size_t phase = 0; phase < 3; ++phase) {
+    const double wanted = static_cast<double>(actuation.phase_voltage_v[phase]);
+    volts[phase] = std::isfinite(wanted) ? wanted : 0.0;
+  }
+  const auto shorted = [this](std::size_t phase) { return (unusual_ >> (short_shift + phase) & 1u) != 0; };
+  if ((unusual_ & two_phases) != 0) {
+    // Both ends of a winding swing about the middle of the DC link. With one of them on the negative rail the other
+    // still has its half.
+    for (std::size_t winding = 0; winding < 2; ++winding) {
+      volts[winding] = std::clamp(volts[winding], -link_v, link_v);
+      if (shorted(winding)) volts[winding] = 0.5 * (volts[winding] - link_v);
+    }
+    return {volts[0] * mean_factor, volts[1] * mean_factor};
+  }
+  const auto [least, most] = std::minmax({volts[0], volts[1], volts[2]});
+  const double scale = most - least > link_v ? link_v / (most - least) : 1.0;  // the hexagon
+  const double middle = 0.5 * (most + least);
+  for (std::size_t phase = 0; phase < 3; ++phase) {
+    volts[phase] = scale * (volts[phase] - middle);  // the terminals, against the middle of the DC link
+    if (shorted(phase)) volts[phase] = -0.5 * link_v;
+  }
+  return {(2.0 * volts[0] - volts[1] - volts[2]) * (mean_factor * (1.0 / 3.0)),
+          (volts[1] - volts[2]) * (mean_factor * 0.57735026918962576)};
+}
+
 Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation, double sine, double cosine,
                                             double mean_factor) const {
-  const double link_v = dc_link_.volts();
   const bool freewheeling = !actuation.pwm_enabled && !actuation.short_circuit;
   Excitation excitation;
-  std::array<double, 3> volts{};
-  if (actuation.pwm_enabled && !actuation.short_circuit) {
-    for (std::size_t phase = 0; phase < 3; ++phase) {
-      const double wanted = static_cast<double>(actuation.phase_voltage_v[phase]);
-      volts[phase] = std::isfinite(wanted) ? wanted : 0.0;
-    }
-    const auto [least, most] = std::minmax({volts[0], volts[1], volts[2]});
-    const double scale = most - least > link_v ? link_v / (most - least) : 1.0;  // the hexagon
-    const double middle = 0.5 * (most + least);
-    for (std::size_t phase = 0; phase < 3; ++phase) {
-      volts[phase] = scale * (volts[phase] - middle);  // the terminals, against the middle of the DC link
-      if ((faulty_phases_ >> (short_shift + phase) & 1u) != 0) volts[phase] = -0.5 * link_v;
-    }
-  }
-  const double alpha = (2.0 * volts[0] - volts[1] - volts[2]) * (mean_factor * (1.0 / 3.0));
-  const double beta = (volts[1] - volts[2]) * (mean_factor * 0.57735026918962576);
-  excitation.direct_v = alpha * cosine + beta * sine;
-  excitation.quadrature_v = beta * cosine - alpha * sine;
+  Stationary mean;
+  if (actuation.pwm_enabled && !actuation.short_circuit) mean = inverter_voltage(actuation, mean_factor);
+  excitation.direct_v = mean.alpha * cosine + mean.beta * sine;
+  excitation.quadrature_v = mean.beta * cosine - mean.alpha * sine;
   excitation.blocked = freewheeling;
   excitation.bridge = freewheeling ? Bridge::freewheeling : Bridge::driven;
 
-  const unsigned open = faulty_phases_ >> open_shift & 7u;
+  const unsigned open = (unusual_ & open_bits) >> open_shift;
   if (open == 0) return excitation;
   excitation.bridge = Bridge::open_phase;
   if ((open & (open - 1u)) != 0) return excitation;  // two wires cut: no current has a way
   // The current flows at right angles to the axis of the open phase.
-  const double axis_alpha = open == 1u ? 0.0 : 0.86602540378443865;
-  const double axis_beta = open == 1u ? 1.0 : (open == 2u ? 0.5 : -0.5);
-  excitation.axis = {axis_alpha * cosine + axis_beta * sine, axis_beta * cosine - axis_alpha * sine};
-  excitation.along_v = freewheeling ? link_v * 0.57735026918962576 : alpha * axis_alpha + beta * axis_beta;
+  Stationary axis{.alpha = 0.0, .beta = 1.0};
+  if (open != 1u) {
+    axis = (unusual_ & two_phases) != 0 ? Stationary{.alpha = 1.0, .beta = 0.0}
+                                        : Stationary{.alpha = 0.86602540378443865, .beta = open == 2u ? 0.5 : -0.5};
+  }
+  excitation.axis = {axis.alpha * cosine + axis.beta * sine, axis.beta * cosine - axis.alpha * sine};
+  excitation.along_v =
+      freewheeling ? dc_link_.volts() * windings_.bridge_share() : mean.alpha * axis.alpha + mean.beta * axis.beta;
   return excitation;
 }
 
@@ -377,7 +403,7 @@ void Plant::update_brake() { shaft_.set_brake(brake_engaged_ ? parameters_.motor
 
 void Plant::update_heat(bool pwm) {
   heat_countdown_ = Heat::ticks_per_step;
-  const double mean_square = 1.5 / Heat::ticks_per_step * current_squared_sum_;
+  const double mean_square = windings_.phase_factor() / Heat::ticks_per_step * current_squared_sum_;
   current_squared_sum_ = 0.0;
   const double copper_w = mean_square * windings_.resistance_ohm();
   copper_j_ += copper_w * Heat::ticks_per_step * h;

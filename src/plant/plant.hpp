@@ -67,7 +67,7 @@ class Plant {
   double torque_nm() const;               // electromagnetic, average of the last tick
   double current_a() const;               // torque-producing (q), amplitude, signed
   double direct_current_a() const;        // amplitude
-  double electrical_angle_turns() const;  // of the d axis against phase U, [0, 1)
+  double electrical_angle_turns() const;  // of the d axis against phase U, [0, 1); V is ahead by 1/3, of two by 1/4
   double dc_link_v() const;
   double winding_temperature_c() const;
   double case_temperature_c() const;
@@ -79,8 +79,19 @@ class Plant {
  private:
   enum class Bridge : std::uint8_t { driven, freewheeling, open_phase };
 
-  static constexpr unsigned open_shift = 0;   // faulty_phases_: one bit for each open phase U, V, W,
-  static constexpr unsigned short_shift = 3;  // and one for each shorted
+  // What a tick of three sound phases and a sound encoder does not know, in unusual_: one bit for each open phase U, V,
+  // W, one for each shorted, one for windings in quadrature, one for a position that is not told any more.
+  static constexpr unsigned open_shift = 0;
+  static constexpr unsigned short_shift = 3;
+  static constexpr unsigned open_bits = 7u << open_shift;
+  static constexpr unsigned two_phases = 1u << 6;
+  static constexpr unsigned encoder_frozen = 1u << 7;
+  static constexpr unsigned seen_otherwise = open_bits | two_phases | encoder_frozen;  // in the feedback
+
+  struct Stationary {
+    double alpha = 0.0;
+    double beta = 0.0;
+  };
 
   // What the inverter does in this tick, in the rotor frame at mid-tick.
   struct Excitation {
@@ -94,6 +105,7 @@ class Plant {
 
   WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const;
   WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft, const Guess& guess) const;
+  Stationary inverter_voltage(const drive::Actuation& actuation, double mean_factor) const;
   Excitation unusual_excitation(const drive::Actuation& actuation, double sine, double cosine,
                                 double mean_factor) const;
   template <typename MeanSpeed>
@@ -117,6 +129,7 @@ class Plant {
   void place(std::int64_t position_counts);
   std::uint32_t overcurrent_bits(const drive::Feedback& feedback) const;
   void fill(drive::Feedback& feedback) const;
+  void fill_unusual(Stationary current, drive::Feedback& feedback) const;
 
   // Every tick, in the order of use.
   Windings windings_;
@@ -140,8 +153,7 @@ class Plant {
   bool brake_engaged_ = true;
   bool brake_command_released_ = false;
   std::int32_t brake_countdown_ = 0;  // ticks until the command takes effect; 0: settled
-  bool encoder_frozen_ = false;
-  std::uint8_t faulty_phases_ = 0;  // open or shorted
+  std::uint8_t unusual_ = 0;
   std::uint32_t encoder_faults_ = 0;
   std::uint32_t hardware_faults_ = 0;
   std::int32_t counts_per_revolution_;

@@ -14,17 +14,19 @@ constexpr double one_over_sqrt3 = 0.57735026918962576;
 }  // namespace
 
 double flux_linkage_vs(const Motor& motor) {
-  // Torque per A rms = 3/2 p flux sqrt(2).
-  return motor.torque_constant_nm_per_a / (1.5 * motor.pole_pairs * std::sqrt(2.0));
+  // Torque per A rms = phases / 2 p flux sqrt(2).
+  return motor.torque_constant_nm_per_a / (0.5 * motor.phases * motor.pole_pairs * std::sqrt(2.0));
 }
 
 Windings::Windings(const Motor& motor, int direction)
-    : pole_pairs_(direction * motor.pole_pairs),
-      torque_per_flux_(1.5 * pole_pairs_),
+    : phase_factor_(0.5 * motor.phases),
+      pole_pairs_(direction * motor.pole_pairs),
+      torque_per_flux_(phase_factor_ * pole_pairs_),
       flux_(flux_linkage_vs(motor)),
       direct_inductance_(motor.direct_inductance_h),
       quadrature_inductance_(motor.quadrature_inductance_h),
-      saliency_(motor.direct_inductance_h - motor.quadrature_inductance_h) {
+      saliency_(motor.direct_inductance_h - motor.quadrature_inductance_h),
+      bridge_share_(motor.phases == 2 ? 1.0 : one_over_sqrt3) {
   set_resistance_ohm(motor.resistance_ohm);
 }
 
@@ -45,7 +47,7 @@ WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft,
   const double coupling = pole_pairs_ * shaft.slope * effective_flux;
   const double direct = direct_inductance_ / h * direct_a;
   const double quadrature = quadrature_inductance_ / h * quadrature_a - speed * flux_ + coupling * torque_nm;
-  const double threshold = dc_link_v * one_over_sqrt3;
+  const double threshold = dc_link_v * bridge_share_;
   const double source2 = direct * direct + quadrature * quadrature;
   const double margin = source2 - threshold * threshold;
   if (margin <= 0.0) return {};  // the diodes block
@@ -70,7 +72,7 @@ WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft,
           .mean_quadrature_a = q,
           .end_direct_a = d,
           .end_quadrature_a = q,
-          .power_w = -1.5 * bridge * (d * d + q * q),
+          .power_w = -phase_factor_ * bridge * (d * d + q * q),
           .torque_nm = torque_nm_of(d, q)};
 }
 
@@ -100,7 +102,7 @@ WindingTick Windings::along(Axis axis, double voltage_v, bool freewheeling, cons
           .mean_quadrature_a = q,
           .end_direct_a = d,
           .end_quadrature_a = q,
-          .power_w = 1.5 * voltage * y,
+          .power_w = phase_factor_ * voltage * y,
           .torque_nm = torque_nm_of(d, q)};
 }
 

@@ -7,7 +7,7 @@
 
 // The electrical side of the motor in the rotor frame (d on the magnet, amplitude-invariant):
 //   Ld did/dt = vd - R id + we Lq iq,   Lq diq/dt = vq - R iq - we (Ld id + flux),
-//   torque = 3/2 p (flux + (Ld - Lq) id) iq.
+//   torque = n/2 p (flux + (Ld - Lq) id) iq,   n phases.
 //
 // Each axis is integrated with the exponentially fitted weight of fitting.hpp: exact at standstill, exact in the steady
 // state at any speed, second order in between (error (we h)^2 / 12 of the rotation in a tick). The shaft's response to
@@ -69,13 +69,14 @@ class Windings {
             .mean_quadrature_a = mean_q,
             .end_direct_a = direct_a + (mean_d - direct_a) * inverse_direct_weight_,
             .end_quadrature_a = quadrature_a + (mean_q - quadrature_a) * inverse_quadrature_weight_,
-            .power_w = 1.5 * (direct_v * mean_d + quadrature_v * mean_q),
+            .power_w = (direct_v * mean_d + quadrature_v * mean_q) * phase_factor_,
             .torque_nm = torque_nm_of(mean_d, mean_q)};
   }
 
   // All switches open: the current flows through the diodes against the DC link until it is gone, and again when the
-  // back-EMF is higher than the link. The bridge is taken as a voltage of magnitude dc_link_v / sqrt(3) (the smallest
-  // line-to-line peak at which it conducts) opposing the current vector; backward Euler, so that it ends at nothing.
+  // back-EMF is higher than the link. The bridge is taken as a voltage opposing the current vector, of the smallest
+  // back-EMF at which it conducts: dc_link_v / sqrt(3) of three phases (a line-to-line peak of dc_link_v), dc_link_v of
+  // two windings with full bridges. Backward Euler, so that it ends at nothing.
   WindingTick freewheeling(double dc_link_v, const ShaftResponse& shaft, const Guess& guess) const;
 
   // One phase open: current only along `axis` (a unit vector, at mid-tick). `voltage_v` lies along it, or,
@@ -100,20 +101,27 @@ class Windings {
     return torque_per_flux_ * (flux_ + saliency_ * direct) * quadrature;
   }
   double magnetic_j() const {
-    return 0.75 * (direct_inductance_ * direct_a * direct_a + quadrature_inductance_ * quadrature_a * quadrature_a);
+    return 0.5 * phase_factor_ *
+           (direct_inductance_ * direct_a * direct_a + quadrature_inductance_ * quadrature_a * quadrature_a);
   }
   double pole_pairs() const { return pole_pairs_; }  // negative with an encoder that counts the other way
+  // Half the number of phases: what products of amplitudes have to be taken by for power and heat.
+  double phase_factor() const { return phase_factor_; }
+  // What the open bridge holds against a current, and a voltage has to exceed to drive one, by the DC link's voltage.
+  double bridge_share() const { return bridge_share_; }
 
   double direct_a = 0.0;  // state: currents at the end of the last tick
   double quadrature_a = 0.0;
 
  private:
+  double phase_factor_;
   double pole_pairs_;
-  double torque_per_flux_;  // 3/2 p
+  double torque_per_flux_;  // n/2 p
   double flux_;
   double direct_inductance_;
   double quadrature_inductance_;
   double saliency_;  // Ld - Lq
+  double bridge_share_;
   double resistance_ = 0.0;
   double direct_memory_ = 0.0;  // L / (weight h): what the old current is worth in volts
   double quadrature_memory_ = 0.0;

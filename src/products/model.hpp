@@ -9,11 +9,13 @@
 namespace servodrome::products {
 
 // A drive with its own motor: nameplate, and what a simulation has to know beyond it. SI units, phase values line to
-// neutral, currents of `motor` as peak values of the phase current.
+// neutral (of a stepper, of one winding), currents of `motor` as peak values of the phase current.
 struct Model {
-  std::string_view name;     // as a line file calls it
-  std::string_view title;    // one line for people
-  drive::MotorData motor{};  // inertia_kgm2: of the rotor alone
+  std::string_view name;           // as a line file calls it
+  std::string_view title;          // one line for people
+  drive::MotorData motor{};        // inertia_kgm2: of the rotor alone
+  float cogging_torque_nm = 0.0F;  // amplitude
+  int cogging_periods_per_revolution = 30;
   float brake_torque_nm = 0.0F;
   float supply_v = 48.0F;
   float dc_link_f = 1e-3F;

@@ -16,11 +16,13 @@ inline MotorData motor_data(const plant::Parameters& parameters) {
   const plant::Motor& motor = parameters.motor;
   MotorData data;
   data.counts_per_revolution = static_cast<std::uint32_t>(parameters.encoder.counts_per_revolution);
+  data.phases = static_cast<std::uint8_t>(motor.phases);
   data.pole_pairs = static_cast<std::uint16_t>(motor.pole_pairs);
   data.rated_current_a = static_cast<float>(motor.rated_current_a * std::numbers::sqrt2);
   data.peak_current_a = 3.0F * data.rated_current_a;
   data.rated_torque_nm = static_cast<float>(motor.rated_torque_nm);
-  data.torque_constant_nm_per_a = static_cast<float>(1.5 * motor.pole_pairs * plant::flux_linkage_vs(motor));
+  data.torque_constant_nm_per_a =
+      static_cast<float>(0.5 * motor.phases * motor.pole_pairs * plant::flux_linkage_vs(motor));
   data.resistance_ohm = static_cast<float>(motor.resistance_ohm);
   data.inductance_d_h = static_cast<float>(motor.direct_inductance_h);
   data.inductance_q_h = static_cast<float>(motor.quadrature_inductance_h);

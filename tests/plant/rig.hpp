@@ -44,9 +44,17 @@ struct Rig {
     const double alpha = direct_v * std::cos(angle) - quadrature_v * std::sin(angle);
     const double beta = direct_v * std::sin(angle) + quadrature_v * std::cos(angle);
     actuation.pwm_enabled = true;
-    actuation.phase_voltage_v = {static_cast<float>(alpha), static_cast<float>(-0.5 * alpha + std::sqrt(0.75) * beta),
-                                 static_cast<float>(-0.5 * alpha - std::sqrt(0.75) * beta)};
+    set_voltage(alpha, beta);
     step();
+  }
+  void set_voltage(double alpha, double beta) {
+    const auto volts = [](double v) { return static_cast<float>(v); };
+    if (plant.parameters().motor.phases == 2) {
+      actuation.phase_voltage_v = {volts(alpha), volts(beta), 0.0F};
+    } else {
+      actuation.phase_voltage_v = {volts(alpha), volts(-0.5 * alpha + std::sqrt(0.75) * beta),
+                                   volts(-0.5 * alpha - std::sqrt(0.75) * beta)};
+    }
   }
   double speed_rad_s() const { return plant.velocity_rpm() * rad_s_per_rpm; }
   // Turns the rotor to a speed by an external torque, coasting.
@@ -83,7 +91,7 @@ struct ReferenceMotor {
     const double we = m.pole_pairs * s[2];
     const double ld = m.direct_inductance_h;
     const double lq = m.quadrature_inductance_h;
-    const double torque = 1.5 * m.pole_pairs * (flux + (ld - lq) * s[0]) * s[1];
+    const double torque = 0.5 * m.phases * m.pole_pairs * (flux + (ld - lq) * s[0]) * s[1];
     return {(vd - m.resistance_ohm * s[0] + we * lq * s[1]) / ld,
             (vq - m.resistance_ohm * s[1] - we * (ld * s[0] + flux)) / lq,
             locked ? 0.0 : (torque - viscous * s[2] - p.load.external_torque_nm) / inertia, s[2]};

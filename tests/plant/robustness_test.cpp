@@ -23,13 +23,15 @@ class RandomMachine {
   Parameters parameters() {
     Parameters p;
     Motor& m = p.motor;
+    m.phases = chance(2) ? 2 : 3;
     m.pole_pairs = 1 + static_cast<int>(random_() % 100);
     m.resistance_ohm = decades(1e-3, 1e3);
     m.direct_inductance_h = decades(1e-5, 0.1);
     m.quadrature_inductance_h = m.direct_inductance_h * (chance(2) ? 1.0 : decades(0.11, 9.0));
     m.rotor_inertia_kgm2 = decades(1e-8, 10.0);
     const double inductance = std::min(m.direct_inductance_h, m.quadrature_inductance_h);
-    const double largest = 1.5 * std::sqrt(2.0) * 0.999 / h * std::sqrt(m.rotor_inertia_kgm2 * inductance / 1.5);
+    const double factor = 0.5 * m.phases;
+    const double largest = factor * std::sqrt(2.0) * 0.999 / h * std::sqrt(m.rotor_inertia_kgm2 * inductance / factor);
     m.torque_constant_nm_per_a = decades(1e-4, std::clamp(largest, 1.01e-4, 1e3));
     if (largest < 1.02e-4) m.direct_inductance_h = m.quadrature_inductance_h = 0.01;
     m.viscous_friction_nms = maybe(1e-9, 1e3);

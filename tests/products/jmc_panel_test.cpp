@@ -213,6 +213,22 @@ TEST(JmcPanel, MotorOfTheParameters) {
   EXPECT_FLOAT_EQ(motor.rated_torque_nm, before.rated_torque_nm);
 }
 
+// P00-00: "0: P0-01 to P0-17 is available" (L633); with a motor's number they are not.
+TEST(JmcPanel, MotorNumberSetsTheParametersAside) {
+  MemoryRig memory;
+  FactoryJmcRig& rig = memory.rig;
+  const drive::MotorData before = rig.device.drive().configuration().motor;
+  rig.set_panel(0, 0, 11);
+  rig.set_panel(0, 4, 52);
+  rig.set_panel(0, 10, 2500);
+  memory.power_cycle();
+  EXPECT_EQ(rig.device.drive().configuration().motor.counts_per_revolution, before.counts_per_revolution);
+  EXPECT_EQ(rig.device.drive().configuration().motor.inertia_kgm2, before.inertia_kgm2);
+  rig.set_panel(0, 0, 0);
+  memory.power_cycle();
+  EXPECT_EQ(rig.device.drive().configuration().motor.counts_per_revolution, 10000U);
+}
+
 // --- P01-02, P01-03
 
 TEST(JmcRigidity, LevelThirteenIsPrinted) {  // L565-576, L621

@@ -17,6 +17,7 @@ inline drive::MotorData motor_data(const plant::Parameters& parameters) {
   drive::MotorData data;
   const double amplitude = 1.4142135623730951;
   data.counts_per_revolution = static_cast<std::uint32_t>(parameters.encoder.counts_per_revolution);
+  data.phases = static_cast<std::uint8_t>(motor.phases);
   data.pole_pairs = static_cast<std::uint16_t>(motor.pole_pairs);
   data.rated_current_a = static_cast<float>(motor.rated_current_a * amplitude);
   data.peak_current_a = 3.0F * data.rated_current_a;

@@ -44,6 +44,7 @@ float clip(float value, float low, float high) { return std::min(std::max(value,
 void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates) {
   const auto counts = static_cast<float>(motor.counts_per_revolution);
   const auto pole_pairs = static_cast<float>(motor.pole_pairs);
+  two_phases_ = motor.phases == 2;
   const bool controlling = enabled_ && (demand_.loop == Loop::velocity || demand_.loop == Loop::position);
   const float proportional_before = controlling ? proportional_torque() : 0.0F;
   // With the phases reversed the electrical angle runs against the counts, and so does the torque of a q current.
@@ -59,7 +60,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   if (motor.phase_order_reversed) phase_scale_ = 0 - phase_scale_;
   const float offset = motor.commutation_offset_turns - std::floor(motor.commutation_offset_turns);
   commutation_phase_ = static_cast<std::uint32_t>(static_cast<std::int64_t>(offset * 4294967296.0F));
-  flux_linkage_vs_ = motor.torque_constant_nm_per_a / (1.5F * pole_pairs);
+  flux_linkage_vs_ = motor.torque_constant_nm_per_a / (phase_factor(motor.phases) * pole_pairs);
   electrical_rad_per_count_ = sense * 2.0F * pi * pole_pairs / counts;
   half_tick_turns_ = sense * 0.5F * tick_s * pole_pairs / counts;
 
@@ -238,7 +239,8 @@ void Cascade::set_demand(const LoopDemand& demand) {
   last_demand_fraction_ = demand.position_fraction;
 }
 
-void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
+template <unsigned Phases>
+void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
   const std::uint32_t tick = tick_++;
   const bool active = enabled_ && demand_.loop != Loop::off;
   if ((tick & velocity_mask_) == 0) {
@@ -252,7 +254,7 @@ void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
   const auto phase =
       static_cast<std::uint32_t>((feedback.single_turn_counts * phase_scale_) >> 16) + commutation_phase_;
   const SinCos angle = sin_cos_turns(static_cast<float>(phase >> 8) * (1.0F / 16777216.0F));
-  const DirectQuadrature current = to_rotor_frame(feedback.phase_current_a, angle);
+  const DirectQuadrature current = to_rotor_frame<Phases>(feedback.phase_current_a, angle);
   state_.current_d_a = current.d;
   state_.current_q_a = current.q * sense_;
   state_.torque = current.q * torque_per_ampere_;
@@ -262,17 +264,20 @@ void Cascade::tick(const Feedback& feedback, Actuation& actuation) {
     torque_sum_ = 0.0F;
   }
   if (active && demand_.loop == Loop::locked) [[unlikely]] {
-    run_locked(feedback, phase, actuation);
+    run_locked<Phases>(feedback, phase, actuation);
   } else if (active) {
     // The voltage acts until the next sample: turn it to where the rotor is half-way there.
     const SinCos ahead{angle.sine * half_tick_.cosine + angle.cosine * half_tick_.sine,
                        angle.cosine * half_tick_.cosine - angle.sine * half_tick_.sine};
-    run_current_loop(current, {0.0F, current_reference_a_}, electrical_rad_per_s_, ahead, feedback.dc_link_v,
-                     actuation);
+    run_current_loop<Phases>(current, {0.0F, current_reference_a_}, electrical_rad_per_s_, ahead, feedback.dc_link_v,
+                             actuation);
   } else {
     actuation.phase_voltage_v = {};
   }
 }
+
+template void Cascade::run_tick<2>(const Feedback&, Actuation&);
+template void Cascade::run_tick<3>(const Feedback&, Actuation&);
 
 // The encoder tells the shaft's place within one count. The edge crossed last is where it was exactly, so differences
 // of edges give the velocity without the count of play that a change of direction, or standing on an edge, would add.
@@ -420,14 +425,17 @@ float Cascade::torque_controller() {
   return torque;
 }
 
-void Cascade::run_locked(const Feedback& feedback, std::uint32_t phase, Actuation& actuation) {
+// Apart from the tick, whose registers it would take.
+template <unsigned Phases>
+[[gnu::noinline]] void Cascade::run_locked(const Feedback& feedback, std::uint32_t phase, Actuation& actuation) {
   if (!locked_) lock_phase_ = phase;
   locked_ = true;
   const SinCos angle = sin_cos_turns(static_cast<float>(lock_phase_ >> 8) * (1.0F / 16777216.0F));
-  run_current_loop(to_rotor_frame(feedback.phase_current_a, angle), {demand_.lock_current_a, 0.0F}, 0.0F, angle,
-                   feedback.dc_link_v, actuation);
+  run_current_loop<Phases>(to_rotor_frame<Phases>(feedback.phase_current_a, angle), {demand_.lock_current_a, 0.0F},
+                           0.0F, angle, feedback.dc_link_v, actuation);
 }
 
+template <unsigned Phases>
 void Cascade::run_current_loop(DirectQuadrature current, DirectQuadrature reference, float rad_per_s, SinCos angle,
                                float dc_link_v, Actuation& actuation) {
   const float error_d = reference.d - current.d;
@@ -436,8 +444,8 @@ void Cascade::run_current_loop(DirectQuadrature current, DirectQuadrature refere
   const float wanted_q = quadrature_.kp * error_q + quadrature_.integral_v +
                          rad_per_s * (direct_.inductance_h * current.d + flux_linkage_vs_);
 
-  // A sinusoidal phase voltage of up to 1/sqrt(3) of the DC link; d first, which keeps the field where it belongs.
-  const float available = dc_link_v * one_over_sqrt3;
+  // A sinusoidal phase voltage of what the DC link gives; d first, which keeps the field where it belongs.
+  const float available = dc_link_v * voltage_share(Phases);
   DirectQuadrature voltage{wanted_d, wanted_q};
   state_.voltage_limited = wanted_d * wanted_d + wanted_q * wanted_q > available * available;
   if (state_.voltage_limited) {
@@ -448,7 +456,7 @@ void Cascade::run_current_loop(DirectQuadrature current, DirectQuadrature refere
   direct_.integral_v += direct_.ki * error_d + direct_.back_calculation * (voltage.d - wanted_d);
   quadrature_.integral_v += quadrature_.ki * error_q + quadrature_.back_calculation * (voltage.q - wanted_q);
 
-  actuation.phase_voltage_v = to_phases(voltage, angle);
+  actuation.phase_voltage_v = to_phases<Phases>(voltage, angle);
 }
 
 }  // namespace servodrome::drive

@@ -88,7 +88,13 @@ class Cascade {
 
   // Once per base tick, also while disabled (the measurements go on). Writes actuation.phase_voltage_v and nothing
   // else: zero unless enabled with a loop other than off.
-  void tick(const Feedback& feedback, Actuation& actuation);
+  void tick(const Feedback& feedback, Actuation& actuation) {
+    if (two_phases_) [[unlikely]] {
+      run_tick<2>(feedback, actuation);
+    } else {
+      run_tick<3>(feedback, actuation);
+    }
+  }
 
   const CascadeState& state() const { return state_; }
 
@@ -106,8 +112,12 @@ class Cascade {
   void hand_over(float proportional_before);
   float velocity_controller();
   float torque_controller();
+  template <unsigned Phases>
+  void run_tick(const Feedback& feedback, Actuation& actuation);
+  template <unsigned Phases>
   void run_locked(const Feedback& feedback, std::uint32_t phase, Actuation& actuation);
   // In a frame that turns with `rad_per_s`; the voltage is applied at `angle` of that frame.
+  template <unsigned Phases>
   void run_current_loop(DirectQuadrature current, DirectQuadrature reference, float rad_per_s, SinCos angle,
                         float dc_link_v, Actuation& actuation);
 
@@ -156,6 +166,7 @@ class Cascade {
   float last_demand_fraction_ = 0.0F;
 
   // Derived from motor data, gains and rates
+  bool two_phases_ = false;
   std::uint32_t velocity_mask_ = 1;
   std::uint32_t position_mask_ = 7;
   float per_position_cycle_ = 0.125F;

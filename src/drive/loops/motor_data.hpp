@@ -5,9 +5,10 @@
 namespace servodrome::drive {
 
 // What a drive knows of its motor: the nameplate and the identified electrical data. Phase values are line to neutral,
-// currents are peak values of the phase current.
+// with two phases those of one winding; currents are peak values of the phase current.
 struct MotorData {
   std::uint32_t counts_per_revolution = 131072;
+  std::uint8_t phases = 3;  // 3 in star on three half bridges; 2 windings in quadrature, each on its own full bridge
   std::uint16_t pole_pairs = 5;
   float rated_current_a = 3.8F;
   float peak_current_a = 11.5F;

@@ -60,6 +60,7 @@ drive::MotorData PanelControl::motor(const drive::MotorData& rating) const {
   drive::MotorData motor = rating;
   const Panel& now = active_;
   const Panel& then = factory_;
+  if (now.motor_code != 0) return rating;  // only 0 makes P00-01 to 17 available (L633)
   if (now.rated_speed_rpm != then.rated_speed_rpm) motor.rated_speed_rpm = now.rated_speed_rpm;
   if (now.rated_torque != then.rated_torque) motor.rated_torque_nm = 0.01F * now.rated_torque;
   if (now.rated_current != then.rated_current) {

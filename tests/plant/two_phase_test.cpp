@@ -1,0 +1,245 @@
+#include <gtest/gtest.h>
+
+#include "plant/rig.hpp"
+
+// A hybrid stepper: two windings in quadrature, each on its own full bridge, against closed forms.
+namespace servodrome::plant::test {
+namespace {
+
+constexpr double link = 72.0;
+constexpr double detent_nm = 0.18;
+
+Parameters stepper() {
+  Parameters p = bare_motor();
+  p.motor.phases = 2;
+  p.motor.pole_pairs = 50;
+  p.motor.rated_torque_nm = 4.4;
+  p.motor.rated_current_a = 6.0;
+  p.motor.resistance_ohm = 0.4;
+  p.motor.direct_inductance_h = p.motor.quadrature_inductance_h = 2.3e-3;
+  p.motor.torque_constant_nm_per_a = 0.74;
+  p.motor.rotor_inertia_kgm2 = 1.4e-4;
+  p.supply.volts = link;
+  p.supply.source_resistance_ohm = 1.0e-4;
+  p.supply.overcurrent_a = 1.0e5;
+  p.supply.bus_overcurrent_a = 1.0e5;
+  p.encoder.counts_per_revolution = 200000;
+  return p;
+}
+
+TEST(TwoPhases, AWindingAloneIsAnInductanceWithItsResistance) {
+  for (const std::size_t winding : {0u, 1u}) {
+    Rig rig(stepper());
+    rig.plant.lock_rotor(true);
+    rig.actuation.pwm_enabled = true;
+    rig.actuation.phase_voltage_v[winding] = 2.0F;
+    for (int tick = 1; tick <= 500; ++tick) {
+      rig.step();
+      const double exact = 2.0 / 0.4 * (1.0 - std::exp(-tick * h * 0.4 / 2.3e-3));
+      ASSERT_NEAR(static_cast<double>(rig.feedback.phase_current_a[winding]), exact, 2.0e-5) << tick;
+      ASSERT_NEAR(static_cast<double>(rig.feedback.phase_current_a[1 - winding]), 0.0, 2.0e-5);
+      ASSERT_EQ(rig.feedback.phase_current_a[2], 0.0F);
+    }
+  }
+}
+
+// The holding torque of a nameplate: both windings at their current, p flux sqrt(2) I.
+TEST(TwoPhases, HoldingTorqueOfTwoWindings) {
+  Parameters p = stepper();
+  const double flux = flux_linkage_vs(p.motor);
+  EXPECT_NEAR(50.0 * flux * std::sqrt(2.0), 0.74, 1e-12);
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  rig.plant.set_position_counts(200000 - 500);  // 1/8 of a tooth before the d axis: against it with both windings
+  rig.plant.lock_rotor(true);
+  rig.actuation.pwm_enabled = true;
+  rig.actuation.phase_voltage_v = {0.4F * 6.0F, 0.4F * 6.0F, 0.0F};
+  rig.run(3200);
+  EXPECT_NEAR(static_cast<double>(rig.feedback.phase_current_a[0]), 6.0, 1e-4);
+  EXPECT_NEAR(static_cast<double>(rig.feedback.phase_current_a[1]), 6.0, 1e-4);
+  EXPECT_NEAR(rig.plant.torque_nm(), 6.0 * 0.74, 1e-3);
+  EXPECT_NEAR(rig.plant.current_a(), 6.0 * std::sqrt(2.0), 1e-3);
+}
+
+// The bridges do not share the link: each winding has all of it.
+TEST(TwoPhases, EachWindingHasTheWholeLink) {
+  Parameters p = stepper();
+  p.motor.resistance_ohm = 10.0;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  rig.actuation.pwm_enabled = true;
+  rig.actuation.phase_voltage_v = {1000.0F, -1000.0F, 0.0F};
+  rig.run(1000);
+  EXPECT_NEAR(static_cast<double>(rig.feedback.phase_current_a[0]), link / 10.0, 0.01);
+  EXPECT_NEAR(static_cast<double>(rig.feedback.phase_current_a[1]), -link / 10.0, 0.01);
+}
+
+// With the circle of voltages a drive uses, radius link: p flux w = link.
+TEST(TwoPhases, NoLoadSpeedIsWhereTheLinkEnds) {
+  Parameters p = stepper();
+  Rig rig(p);
+  for (int i = 0; i < 64000; ++i) rig.step_voltage(0.0, link);
+  const double exact = link / (50.0 * flux_linkage_vs(p.motor));
+  EXPECT_NEAR(rig.speed_rad_s(), exact, 0.01 * exact);
+  // The star of the same flux linkage would be done at 1/sqrt(3) of it.
+  EXPECT_GT(rig.speed_rad_s(), 1.7 * link / std::sqrt(3.0) / (50.0 * flux_linkage_vs(p.motor)));
+}
+
+TEST(TwoPhases, FollowsTheContinuousEquations) {
+  Parameters p = stepper();
+  p.load.inertia_kgm2 = 1.4e-4;
+  p.load.viscous_friction_nms = 1.0e-3;
+  Rig rig(p);
+  ReferenceMotor reference(p);
+  rig.actuation.pwm_enabled = true;
+  double angle = 0.0;
+  double frequency = 0.0;
+  double worst_current = 0.0;
+  double peak_current = 0.0;
+  for (int tick = 0; tick < 16000; ++tick) {
+    frequency = std::min(100.0, frequency + 0.01);  // 120 rpm at the end
+    angle += 2.0 * std::numbers::pi * frequency * h;
+    const double amplitude = 3.0 + 0.12 * frequency;
+    rig.set_voltage(amplitude * std::cos(angle), amplitude * std::sin(angle));
+    rig.step();
+    reference.advance(h, amplitude * std::cos(angle), amplitude * std::sin(angle));
+    worst_current = std::max(worst_current, std::hypot(rig.plant.direct_current_a() - reference.state[0],
+                                                       rig.plant.current_a() - reference.state[1]));
+    peak_current = std::max(peak_current, std::hypot(reference.state[0], reference.state[1]));
+  }
+  EXPECT_GT(reference.state[2], 10.0);  // it did run up
+  EXPECT_LT(worst_current, 0.005 * peak_current);
+  EXPECT_NEAR(rig.speed_rad_s(), reference.state[2], 0.005 * reference.state[2]);
+}
+
+// The rotor rests where a winding alone would hold it: 200 places in a revolution of 50 teeth.
+TEST(TwoPhases, DetentHasFourPlacesPerTooth) {
+  Parameters p = stepper();
+  p.motor.cogging_torque_nm = detent_nm;
+  p.motor.cogging_periods_per_revolution = 200;
+  p.load.viscous_friction_nms = 0.05;
+  for (const std::int64_t place : {0, 1, 2, 3, 77, 199}) {
+    Rig rig(p);
+    rig.plant.set_position_counts(place * 1000 + 300);
+    rig.run(16000);
+    EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()) + rig.plant.position_fraction(),
+                static_cast<double>(place) * 1000.0, 0.5);
+  }
+}
+
+TEST(TwoPhases, DetentHoldsItsTorqueAndNoMore) {
+  Parameters p = stepper();
+  p.motor.cogging_torque_nm = detent_nm;
+  p.motor.cogging_periods_per_revolution = 200;
+  p.load.viscous_friction_nms = 0.05;
+  for (const double share : {0.5, 0.98, 1.02}) {
+    Rig rig(p);
+    for (int i = 1; i <= 1000; ++i) {  // without a blow
+      rig.plant.set_external_torque_nm(share * detent_nm * i / 1000.0);
+      rig.run(16);
+    }
+    rig.run(16000);
+    const double counts = static_cast<double>(rig.plant.position_counts()) + rig.plant.position_fraction();
+    if (share < 1.0) {
+      EXPECT_NEAR(counts, -1000.0 / (2.0 * std::numbers::pi) * std::asin(share), 1.0);
+    } else {
+      EXPECT_LT(counts, -1000.0);
+    }
+  }
+}
+
+TEST(TwoPhases, EnergyBalances) {
+  Parameters p = stepper();
+  p.load.inertia_kgm2 = 2.0e-3;
+  p.load.viscous_friction_nms = 2.0e-3;
+  Rig rig(p);
+  const Energy start = rig.plant.energy();
+  double friction = 0.0;
+  for (int tick = 0; tick < 48000; ++tick) {
+    const double before = rig.speed_rad_s();
+    const double angle = 2.0 * std::numbers::pi * 0.8 * tick * h;
+    rig.actuation.short_circuit = tick % 4000 < 200;
+    rig.step_voltage(-1.0 * std::sin(angle), 20.0 * std::sin(angle) + 1.0 * std::sin(11.0 * angle));
+    const double mean = 0.5 * (before + rig.speed_rad_s());
+    friction += 2.0e-3 * mean * mean * h;
+  }
+  const Energy end = rig.plant.energy();
+  EXPECT_GT(end.to_motor_j, 10.0);
+  EXPECT_NEAR(end.to_motor_j - end.copper_j - end.shaft_j - (end.magnetic_j - start.magnetic_j), 0.0,
+              1.0e-3 * end.to_motor_j);
+  EXPECT_NEAR(end.shaft_j - friction - (end.kinetic_j - start.kinetic_j), 0.0, 1.0e-4 * end.to_motor_j);
+  EXPECT_NEAR(end.supplied_j - end.chopped_j - end.to_motor_j - (end.link_stored_j - start.link_stored_j), 0.0,
+              1.0e-5 * end.to_motor_j);
+}
+
+// L di/dt = -R i - link: the full bridge turns the whole link against the current.
+TEST(TwoPhases, CurrentDiesAgainstTheWholeLink) {
+  Parameters p = stepper();
+  p.supply.capacitance_f = 0.1;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  rig.actuation.pwm_enabled = true;
+  rig.actuation.phase_voltage_v = {4.0F, 0.0F, 0.0F};
+  rig.run(1600);
+  EXPECT_NEAR(static_cast<double>(rig.feedback.phase_current_a[0]), 10.0, 1e-3);
+  rig.actuation.pwm_enabled = false;
+  rig.run(2);
+  const double bridge_a = link / 0.4;
+  EXPECT_NEAR(static_cast<double>(rig.feedback.phase_current_a[0]),
+              (10.0 + bridge_a) * std::exp(-2.0 * h * 0.4 / 2.3e-3) - bridge_a, 0.05);
+  rig.run(6);
+  EXPECT_EQ(rig.feedback.phase_current_a[0], 0.0F);
+}
+
+TEST(TwoPhases, OpenWindingCarriesNothingAndTheOtherAll) {
+  const std::array open{Injection::open_phase_u, Injection::open_phase_v};
+  for (std::size_t winding = 0; winding < 2; ++winding) {
+    Rig rig(stepper());
+    rig.plant.lock_rotor(true);
+    rig.plant.inject(open[winding], true);
+    rig.actuation.pwm_enabled = true;
+    rig.actuation.phase_voltage_v = {2.0F, -1.6F, 0.0F};
+    for (int tick = 0; tick < 2000; ++tick) {
+      rig.step();
+      ASSERT_EQ(rig.feedback.phase_current_a[winding], 0.0F);
+    }
+    const std::size_t other = 1 - winding;
+    EXPECT_NEAR(rig.feedback.phase_current_a[other], rig.actuation.phase_voltage_v[other] / 0.4F, 1e-3);
+    rig.plant.inject(open[other], true);
+    rig.step();
+    for (const float current : rig.feedback.phase_current_a) EXPECT_EQ(current, 0.0F);
+  }
+}
+
+TEST(TwoPhases, ThereIsNoWireW) {
+  Rig rig(stepper());
+  Rig sound(stepper());
+  rig.plant.inject(Injection::open_phase_w, true);
+  rig.plant.inject(Injection::short_phase_w, true);
+  for (int tick = 0; tick < 1000; ++tick) {
+    rig.step_voltage(0.0, 5.0);
+    sound.step_voltage(0.0, 5.0);
+    ASSERT_EQ(rig.feedback.phase_current_a, sound.feedback.phase_current_a);
+  }
+}
+
+// One end on the negative rail, the other in the middle of the link: half the link across the winding.
+TEST(TwoPhases, ShortedWindingTripsItsComparator) {
+  Parameters p = stepper();
+  p.supply.overcurrent_a = 15.0;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  rig.actuation.pwm_enabled = true;
+  rig.run(10);
+  EXPECT_EQ(rig.feedback.hardware_faults, 0u);
+  rig.plant.inject(Injection::short_phase_v, true);
+  int ticks = 0;
+  while (rig.feedback.hardware_faults == 0 && ++ticks < 200) rig.step();
+  // 36 V across 2.3 mH and 0.4 ohm: -R i = 36 (1 - exp(-t R / L)).
+  EXPECT_NEAR(ticks * h, -2.3e-3 / 0.4 * std::log(1.0 - 15.0 * 0.4 / 36.0), 2.0 * h);
+  EXPECT_EQ(rig.feedback.hardware_faults, static_cast<std::uint32_t>(drive::HardwareFault::overcurrent_v));
+  EXPECT_LT(rig.feedback.phase_current_a[1], -15.0F);
+}
+
+}  // namespace
+}  // namespace servodrome::plant::test
