@@ -303,7 +303,7 @@ TEST_F(Sdo, MappingOnlyInPreOperational) {
 }
 
 TEST_F(Sdo, SynchronisationParameters) {
-  EXPECT_EQ(upload(0x1C32, 4), (Bytes{0x07, 0x00}));
+  EXPECT_EQ(upload(0x1C32, 4), (Bytes{0x27, 0x00}));  // SYNC0, shifted by a local timer
   EXPECT_EQ(upload(0x1C33, 5), bytes_of(125'000U));
   EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
   EXPECT_EQ(download(0x1C33, 1, 0x22, 2), AbortCode::none);

@@ -379,6 +379,84 @@ TEST_F(Synchronous, MissedCyclesAreCountedAndForgiven) {
   EXPECT_EQ(upload(0x1C32, 0x20), Bytes{1});
 }
 
+// 10F1h:01 = 0: the error is told, and gone when enough cycles had outputs again.
+TEST_F(Synchronous, TheSlaveMayStayWithSyncErrors) {
+  to_pre_operational();
+  EXPECT_EQ(upload(0x10F1, 1), bytes_of(1U));
+  EXPECT_EQ(download(0x10F1, 1, 2, 4), AbortCode::value_invalid);
+  EXPECT_EQ(download(0x10F1, 1, 0, 4), AbortCode::none);
+  set_process_data(7, 7);
+  start_sync(1'000'000);
+  ASSERT_EQ(request(4), good(4));
+  cycle();
+  request(8);
+  run(1500us);
+  ASSERT_EQ(status(), good(8));
+  cycle();
+  run(1ms);
+  EXPECT_EQ(upload(0x1C32, 0x20), Bytes{0});
+  run(50ms);  // without outputs
+  EXPECT_EQ(status(), good(8));
+  EXPECT_EQ(upload(0x1C32, 0x20), Bytes{1});
+  EXPECT_EQ(upload(0x1C33, 0x20), Bytes{1});
+  EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{50, 0}));
+  for (int i = 0; i < 2; ++i) cycle(), run(1ms);  // from 4 + 3 to 5
+  EXPECT_EQ(upload(0x1C32, 0x20), Bytes{1});
+  cycle(99), run(1ms);
+  EXPECT_EQ(upload(0x1C32, 0x20), Bytes{0});
+  EXPECT_EQ(objects.target_position, 99);
+  // The pulses themselves are no sync error to stay with.
+  write(reg::sync_activation, {0});
+  cycle();
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::fatal_sync_error}));
+}
+
+// 1C32h:0C: two events of the sync manager closer than 1C32h:05, in Operational.
+TEST_F(Synchronous, CyclesThatAreTooShortAreCounted) {
+  to_pre_operational();
+  EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
+  set_process_data(7, 7);
+  ASSERT_EQ(request(4), good(4));
+  cycle();
+  run(10us);
+  cycle();
+  ASSERT_EQ(request(8), good(8));
+  for (const Time span : {1000us, 200us, 126us}) run(span), cycle();
+  EXPECT_EQ(upload(0x1C32, 0x0C), (Bytes{0, 0}));
+  for (int i = 0; i < 3; ++i) run(10us), cycle(i);
+  EXPECT_EQ(upload(0x1C32, 0x0C), (Bytes{3, 0}));
+  EXPECT_EQ(upload(0x1C33, 0x0C), (Bytes{0, 0}));
+  EXPECT_EQ(objects.target_position, 2);  // they are taken all the same
+  EXPECT_EQ(download(0x1C32, 8, 2, 2), AbortCode::none);
+  EXPECT_EQ(upload(0x1C32, 0x0C), (Bytes{0, 0}));
+}
+
+// 1C33h:0D: the frame passed between SYNC0 and the time at which 1C33h:03 has the inputs sampled.
+TEST_F(Synchronous, FramesBeforeTheShiftedInputsAreCounted) {
+  to_pre_operational();
+  EXPECT_EQ(download(0x1C33, 3, 600'000, 4), AbortCode::none);
+  set_process_data(7, 7);
+  start_sync(1'000'000);
+  ASSERT_EQ(request(4), good(4));
+  cycle();
+  request(8);
+  run(1800us);  // 800 us behind a pulse
+  ASSERT_EQ(status(), good(8));
+  cycle();
+  run(1ms);
+  cycle();
+  EXPECT_EQ(upload(0x1C33, 0x0D), (Bytes{0, 0}));
+  run(500us);  // 300 us behind a pulse
+  cycle();
+  run(1ms);
+  cycle();
+  EXPECT_EQ(upload(0x1C33, 0x0D), (Bytes{2, 0}));
+  EXPECT_EQ(upload(0x1C32, 0x0D), (Bytes{0, 0}));
+  EXPECT_EQ(status(), good(8));
+  EXPECT_EQ(download(0x1C33, 8, 2, 2), AbortCode::none);
+  EXPECT_EQ(upload(0x1C33, 0x0D), (Bytes{0, 0}));
+}
+
 TEST_F(Synchronous, TheLimitIs10F1h) {
   to_pre_operational();
   EXPECT_EQ(download(0x10F1, 2, 30, 2), AbortCode::none);

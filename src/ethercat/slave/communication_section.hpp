@@ -62,7 +62,7 @@ constexpr auto communication() {
   add(element(0x1018, 4, record, "Serial number", SERVODROME_FIELD(Objects, serial_number), Access::ro));
   add(highest_sub(0x10F1, record, "Error settings", 2));
   add(element(0x10F1, 1, record, "Local error reaction", SERVODROME_FIELD(Objects, local_error_reaction), Access::rw,
-              Pdo::none, {.default_value = 1}));
+              Pdo::none, owned({.default_value = 1})));
   add(element(0x10F1, 2, record, "Sync error counter limit", SERVODROME_FIELD(Objects, sync_error_limit), Access::rw,
               Pdo::none, {.default_value = 4}));
 

@@ -20,6 +20,7 @@ namespace sync_support {
 inline constexpr std::uint16_t free_run = 0x0001;
 inline constexpr std::uint16_t sync_manager = 0x0002;
 inline constexpr std::uint16_t dc_sync0 = 0x0004;
+inline constexpr std::uint16_t local_shift = 0x0020;  // sub-index 3 shifts, by a timer of the slave's
 }  // namespace sync_support
 
 // An object that a master writes when it starts the slave, as the ESI file recommends it and list 5 of the SDO

@@ -42,7 +42,9 @@ void Slave::start(Time now) {
   esc_.settle(~0U);
   report();
   forget_synchronisation();
-  set_sync_parameter(sync_parameter::types_supported, profile_.synchronisation);
+  const bool shifts = (profile_.synchronisation & sync_support::dc_sync0) != 0;
+  set_sync_parameter(sync_parameter::types_supported,
+                     profile_.synchronisation | (shifts ? sync_support::local_shift : 0));
   set_sync_parameter(sync_parameter::least_cycle_time, profile_.least_cycle.count());
   if (before != AlState::init) events_.state_changed(before, AlState::init, AlStatusCode::none, now);
 }
@@ -66,7 +68,7 @@ void Slave::poll(Time now) {
   if ((events & reg::al_event::sync0) != 0) sync0_arrived(now);
   if ((events & reg::al_event::sync_manager0 << 3) != 0 && inputs_run() && sync_type_ == SyncType::sync_manager &&
       outputs_.bytes() == 0) {
-    if (measures_cycle_) measure_cycle(now);
+    sync_manager_event(0x1C33, now);
     exchange(now);  // without outputs, reading the inputs is the signal
   }
   if ((events & reg::al_event::sync_manager_activation) != 0) follow_configuration(now);
@@ -201,6 +203,8 @@ AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
     const dictionary::Area areas = dictionary::area_of_storage_sub(entry.sub);
     return storing ? events_.store(areas) : events_.restore_defaults(areas);
   }
+  // 0: an error of the synchronisation is told; 1: it ends Operational.
+  if (index == 0x10F1 && entry.sub == 1) return value <= 1 ? AbortCode::none : AbortCode::value_invalid;
   if (index == 0x1C32 || index == 0x1C33) {
     if (!entry.writable()) return AbortCode::none;
     const bool shifts = entry.sub == sync_parameter::shift_time;

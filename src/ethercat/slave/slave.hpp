@@ -105,11 +105,15 @@ class Slave final : dictionary::Listener {
   bool waits_for_sampling(Time now);
   void exchange(Time now);
   void exchange_shifted(Time now);
+  void sync_manager_event(std::uint16_t index, Time now);
   void measure_cycle(Time now);
   void cycle_measurement_written(unsigned command);
   void take_outputs();
   void give_inputs();
   void count_missed(Time now);
+  void count(std::uint16_t index, std::uint8_t counter);
+  bool stays_with_sync_errors() const;
+  void show_sync_error(bool error);
   void show_synchronisation();
   void forget_synchronisation();
   void set_sync_parameter(std::uint16_t index, std::uint8_t sub, std::int64_t value);
@@ -162,7 +166,9 @@ class Slave final : dictionary::Listener {
   Time sampling_cycle_{0};
   Time sampled_at_ = never;  // when process data that have come are dealt with
 
+  bool sync_error_ = false;      // 1C32h:20
   bool measures_cycle_ = false;  // 1C32h:08
+  Time last_event_ = never;      // of the sync manager that times the exchange, in Operational
   Time last_exchange_ = never;   // by the sync manager's event, since measuring began
   Time shortest_cycle_ = never;
 

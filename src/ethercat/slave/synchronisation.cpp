@@ -10,6 +10,9 @@ namespace servodrome::ethercat {
 namespace {
 constexpr std::uint16_t output_parameter = 0x1C32;
 constexpr std::uint16_t input_parameter = 0x1C33;
+constexpr std::uint16_t error_settings = 0x10F1;
+constexpr std::uint8_t local_error_reaction = 1;
+constexpr std::uint8_t sync_error_limit = 2;
 constexpr std::uint32_t missed_step = 3;  // ETG.1020, object 10F1h
 // 1C32h:08
 constexpr unsigned measure_bit = 0x01;
@@ -86,9 +89,11 @@ void Slave::forget_synchronisation() {
 void Slave::start_exchange() {
   outputs_seen_ = sync_seen_ = outputs_fresh_ = false;
   missed_ = 0;
-  outputs_at_ = inputs_at_ = shifted_at_ = last_exchange_ = never;
+  outputs_at_ = inputs_at_ = shifted_at_ = last_exchange_ = last_event_ = never;
   set_sync_parameter(sync_parameter::events_missed, 0);
-  set_sync_parameter(sync_parameter::sync_error, 0);
+  set_sync_parameter(sync_parameter::cycle_too_short, 0);
+  set_sync_parameter(sync_parameter::shift_too_short, 0);
+  show_sync_error(false);
   give_inputs();  // the first reading finds something
 }
 
@@ -138,6 +143,19 @@ void Slave::cycle_measurement_written(unsigned command) {
   }
 }
 
+// One more in a counter of 1C32h or 1C33h; after FFFFh comes 0.
+void Slave::count(std::uint16_t index, std::uint8_t counter) {
+  set_sync_parameter(index, counter, dictionary_.number(index, counter) + 1);
+}
+
+// An event of the sync manager that times the exchange. Events closer than 1C32h:05 do not leave the application the
+// time it needs: 1C32h:0C (1C33h:0C where there are no outputs) counts them, in Operational.
+void Slave::sync_manager_event(std::uint16_t index, Time now) {
+  const Time before = std::exchange(last_event_, state_ == AlState::operational ? now : never);
+  if (before != never && now - before < profile_.least_cycle) count(index, sync_parameter::cycle_too_short);
+  if (measures_cycle_) measure_cycle(now);
+}
+
 // The shortest time between two events of the sync manager becomes the cycle time.
 void Slave::measure_cycle(Time now) {
   const Time before = std::exchange(last_exchange_, now);
@@ -154,9 +172,11 @@ void Slave::outputs_arrived(Time now) {
     if (state_ == AlState::operational && !esc_.clock().sync(0).pending) {
       fall_back(AlState::safe_operational, AlStatusCode::fatal_sync_error, now);
     }
+    // The frame went by before this cycle's inputs were there.
+    if (state_ == AlState::operational && inputs_at_ != never) count(input_parameter, sync_parameter::shift_too_short);
     return;
   }
-  if (measures_cycle_ && sync_type_ == SyncType::sync_manager) measure_cycle(now);
+  if (sync_type_ == SyncType::sync_manager) sync_manager_event(output_parameter, now);
   exchange(now);
 }
 
@@ -167,6 +187,9 @@ void Slave::sync0_arrived(Time now) {
   if (state_ == AlState::operational && outputs_.bytes() != 0) {
     if (outputs_fresh_) {
       if (missed_ > 0) --missed_;
+      if (sync_error_ && missed_ <= static_cast<std::uint32_t>(dictionary_.number(error_settings, sync_error_limit))) {
+        show_sync_error(false);
+      }
     } else {
       count_missed(now);
     }
@@ -183,10 +206,25 @@ void Slave::count_missed(Time now) {
   missed_ += missed_step;
   set_sync_parameter(sync_parameter::events_missed,
                      dictionary_.number(output_parameter, sync_parameter::events_missed) + 1);
-  const std::int64_t limit = dictionary_.number(0x10F1, 2);
+  const std::int64_t limit = dictionary_.number(error_settings, sync_error_limit);
   if (limit == 0 || missed_ <= static_cast<std::uint32_t>(limit)) return;
-  set_sync_parameter(sync_parameter::sync_error, 1);
+  show_sync_error(true);
+  if (stays_with_sync_errors()) {
+    missed_ = static_cast<std::uint32_t>(limit) + missed_step;  // no more than the last one to forgive
+    return;
+  }
   fall_back(AlState::safe_operational, AlStatusCode::synchronization_error, now);
+}
+
+// 10F1h:01 is 0, where a master may write it: some makers' read-only 0 means nothing.
+bool Slave::stays_with_sync_errors() const {
+  const dictionary::Entry* entry = dictionary_.find(error_settings, local_error_reaction);
+  return entry != nullptr && entry->writable() && dictionary_.number(error_settings, local_error_reaction) == 0;
+}
+
+void Slave::show_sync_error(bool error) {
+  sync_error_ = error;
+  set_sync_parameter(sync_parameter::sync_error, error ? 1 : 0);
 }
 
 void Slave::process_image_updated() {
