@@ -97,6 +97,8 @@ TEST(Validate, NamesTheParameter) {
     return messages.size() == 1 ? messages.front().substr(0, messages.front().find(':')) : std::string("?");
   };
   EXPECT_EQ(complaint([](Parameters& p) { p.motor.pole_pairs = 0; }), "motor.pole_pairs");
+  EXPECT_EQ(complaint([](Parameters& p) { p.motor.phases = 4; }), "motor.phases");
+  EXPECT_EQ(complaint([](Parameters& p) { p.motor.phases = 1; }), "motor.phases");
   EXPECT_EQ(complaint([](Parameters& p) { p.motor.resistance_ohm = std::nan(""); }), "motor.resistance_ohm");
   EXPECT_EQ(complaint([](Parameters& p) { p.motor.cogging_torque_nm = 500.0; }), "motor.cogging_torque_nm");
   EXPECT_EQ(complaint([](Parameters& p) { p.load.static_friction_nm = 0.001; }), "load.static_friction_nm");

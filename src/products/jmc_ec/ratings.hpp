@@ -16,7 +16,7 @@
 // The steppers ("hybrid stepping servo", L24) have two phases and 50 pole pairs. 6 A and 4.436 Nm are the defaults of
 // 6075h and 6076h (L3338-3342), so they are 2HSS458-EC's; 2DM542-EC has the 4.2 A of its name. Chosen: windings with
 // which the link gives the rated torque up to the rated speed, a detent torque of 4 % of the holding torque, four times
-// per tooth. The object table of both has an encoder (608Fh, 6064h, 60F4h: L3332, L3364, L3396), so the 2DM542 has one.
+// per tooth. The object table of both has an encoder (6064h, 608Fh, 60F4h: L3328, L3364, L3398), so the 2DM542 has one.
 namespace servodrome::products::jmc_ec {
 
 struct Rating {
