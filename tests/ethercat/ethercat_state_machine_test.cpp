@@ -45,6 +45,17 @@ TEST_F(StateMachine, AnErrorStandsUntilAcknowledged) {
   EXPECT_EQ(request(0x12), good(2));  // acknowledge and change in one
 }
 
+// Init is heard without it: it is where every master begins.
+TEST_F(StateMachine, InitNeedsNoAcknowledgement) {
+  to_operational();
+  run(200ms);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::sync_manager_watchdog}));
+  EXPECT_EQ(request(2), (std::pair{0x14U, AlStatusCode::sync_manager_watchdog}));
+  EXPECT_EQ(request(1), good(1));
+  EXPECT_EQ(request(8), (std::pair{0x11U, AlStatusCode::invalid_requested_state_change}));
+  EXPECT_EQ(request(1), good(1));
+}
+
 TEST_F(StateMachine, MailboxChecks) {
   const auto refused = std::pair{0x11U, AlStatusCode::invalid_mailbox_configuration};
   struct Case {
@@ -169,6 +180,44 @@ TEST_F(StateMachine, LosingASyncManagerEndsInPreOperational) {
   to_operational();
   write(0x0816, {0});
   EXPECT_EQ(status(), (std::pair{0x12U, AlStatusCode::invalid_output_configuration}));
+}
+
+// Off, changed and on again in one frame: what is checked on the way to Safe-Operational holds there and above.
+TEST_F(StateMachine, AChannelThatIsMadeAnotherOneEndsInPreOperational) {
+  using C = AlStatusCode;
+  struct Case {
+    const char* name;
+    unsigned channel;
+    unsigned start, length, control;
+    C code;  // none: goes on
+  };
+  for (const Case& one : {Case{"outputs short", 2, 0x1200, 6, 0x64, C::invalid_output_configuration},
+                          {"outputs long", 2, 0x1200, 8, 0x64, C::invalid_output_configuration},
+                          {"outputs elsewhere", 2, 0x1240, 7, 0x64, C::invalid_output_configuration},
+                          {"outputs mailbox", 2, 0x1200, 7, 0x26, C::invalid_output_configuration},
+                          {"outputs read", 2, 0x1200, 7, 0x20, C::invalid_output_configuration},
+                          {"inputs short", 3, 0x1500, 6, 0x20, C::invalid_input_configuration},
+                          {"inputs written", 3, 0x1500, 7, 0x24, C::invalid_input_configuration},
+                          {"another one", 4, 0x1800, 4, 0x24, C::invalid_sync_manager_configuration},
+                          {"outputs the same", 2, 0x1200, 7, 0x64, C::none}}) {
+    line.send(Command::bwr, address_of(0, reg::sync_manager), Bytes(64));
+    slave.poll(line.now);
+    request(0x11);
+    to_operational();
+    std::array<std::uint8_t, max_frame> memory;
+    FrameWriter writer = FrameWriter::ethernet(memory);
+    const auto at = static_cast<std::uint16_t>(reg::sync_manager + 8 * one.channel);
+    writer.add(Command::apwr, 0, address_of(0, at + 6), 1);
+    const Bytes settings = words({one.start, one.length, one.control, 1});
+    const auto place = writer.add(Command::apwr, 0, address_of(0, at), settings.size());
+    std::copy(settings.begin(), settings.end(), place.begin());
+    line.segment->process(writer.bytes(), line.now);
+    slave.poll(line.now);
+    EXPECT_EQ(status(), one.code == C::none ? good(8) : std::pair(0x12U, one.code)) << one.name;
+    if (one.code != C::none) continue;
+    cycle(77);
+    EXPECT_EQ(objects.target_position, 77);
+  }
 }
 
 TEST_F(StateMachine, TheDeviceMayRefuse) {

@@ -90,6 +90,7 @@ class Slave final : dictionary::Listener {
   AlStatusCode change_state(AlState to, Time now);
   AlStatusCode check_transition(AlState to);
   AlStatusCode check_mailbox(const AreaRule& out, const AreaRule& in, AlStatusCode failure) const;
+  AlStatusCode check_process_data_channels() const;
   AlStatusCode check_process_data();
   void enter(AlState to, AlStatusCode cause, Time now);
   void report();

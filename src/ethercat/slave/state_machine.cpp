@@ -57,8 +57,8 @@ void Slave::al_control_written(Time now) {
   const unsigned control = esc_.take_al_control();
   const unsigned wanted = control & state_mask;
   const bool acknowledges = (control & acknowledge_bit) != 0;
-  // With an error standing, nothing but its acknowledgement is heard.
-  if (error_ && !acknowledges) return;
+  // With an error standing, nothing is heard but its acknowledgement and Init, where every master begins.
+  if (error_ && !acknowledges && wanted != static_cast<unsigned>(AlState::init)) return;
   error_ = false;
   code_ = AlStatusCode::none;
   identifies_ = (control & identification_bit) != 0;
@@ -111,10 +111,8 @@ AlStatusCode Slave::check_mailbox(const AreaRule& out, const AreaRule& in, AlSta
   return good ? AlStatusCode::none : failure;
 }
 
-// Pre-Operational to Safe-Operational: the PDOs can be served, and sync managers 2 and 3 are theirs.
-AlStatusCode Slave::check_process_data() {
-  if (outputs_.resolve() != dictionary::AbortCode::none) return AlStatusCode::invalid_output_mapping;
-  if (inputs_.resolve() != dictionary::AbortCode::none) return AlStatusCode::invalid_input_mapping;
+// Sync managers 2 and 3 are what the mapped PDOs need, and those behind them are off (ETG.1020 table 11).
+AlStatusCode Slave::check_process_data_channels() const {
   const auto fits = [this](unsigned n, std::uint16_t bytes, std::uint16_t start, bool master_writes) {
     const SyncManager& channel = esc_.sync_manager(n);
     if (bytes == 0) return !channel.active;
@@ -123,11 +121,18 @@ AlStatusCode Slave::check_process_data() {
   };
   if (!fits(2, outputs_.bytes(), profile_.outputs_start, true)) return AlStatusCode::invalid_output_configuration;
   if (!fits(3, inputs_.bytes(), profile_.inputs_start, false)) return AlStatusCode::invalid_input_configuration;
-  // A channel that this slave has no use for (ETG.1020 table 11).
   for (unsigned n = used_sync_managers; n < Esc::sync_managers; ++n) {
     if (esc_.sync_manager(n).active) return AlStatusCode::invalid_sync_manager_configuration;
   }
-  return choose_synchronisation();
+  return AlStatusCode::none;
+}
+
+// Pre-Operational to Safe-Operational: the PDOs can be served, their channels are there.
+AlStatusCode Slave::check_process_data() {
+  if (outputs_.resolve() != dictionary::AbortCode::none) return AlStatusCode::invalid_output_mapping;
+  if (inputs_.resolve() != dictionary::AbortCode::none) return AlStatusCode::invalid_input_mapping;
+  const AlStatusCode code = check_process_data_channels();
+  return code == AlStatusCode::none ? choose_synchronisation() : code;
 }
 
 void Slave::enter(AlState to, AlStatusCode cause, Time now) {
@@ -184,11 +189,8 @@ void Slave::follow_configuration(Time now) {
     return;
   }
   if (!inputs_run()) return;
-  if ((outputs_.bytes() != 0) != esc_.sync_manager(2).active) {
-    fall_back(AlState::pre_operational, AlStatusCode::invalid_output_configuration, now);
-  } else if ((inputs_.bytes() != 0) != esc_.sync_manager(3).active) {
-    fall_back(AlState::pre_operational, AlStatusCode::invalid_input_configuration, now);
-  }
+  const AlStatusCode code = check_process_data_channels();
+  if (code != AlStatusCode::none) fall_back(AlState::pre_operational, code, now);
 }
 
 }  // namespace servodrome::ethercat
