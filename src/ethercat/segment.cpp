@@ -78,9 +78,9 @@ void Segment::run_forward(std::size_t first, Travel& travel) {
     travel.time += slaves_[slave + 1].forward;
   }
   travel.latches = (effects & Esc::effect_receive_times) != 0;
-  if (!marks || travel.kind == FrameKind::foreign) return;
-  if (travel.frame.source_address != nullptr) *travel.frame.source_address |= locally_administered;
+  if (travel.kind == FrameKind::foreign) return;
   if (travel.frame.udp_checksum != nullptr) store_u16(travel.frame.udp_checksum, 0);
+  if (marks && travel.frame.source_address != nullptr) *travel.frame.source_address |= locally_administered;
 }
 
 // The frame turned at the last slave and comes back through port 1 of those before it.
@@ -142,11 +142,13 @@ Segment::Passage Segment::enter_back(Travel& travel) {
     if (slave == 0) return {Exit::primary, travel.time};
     --slave;
   }
-  // A frame that comes to a closed port 0 a second time circulates and is taken off the line (ETG.1000.4 clause 5.3.3).
-  if (!travel.frame.datagrams().empty()) {
-    Datagram& first = travel.frame.datagrams().front();
-    if (first.circulating()) return {};
-    first.set_circulating();
+  // A frame that comes a second time to a port 0 without a link circulates and is taken off the line (ETG.1000.4 clause
+  // 5.3.3).
+  if (slaves_[slave].esc->closes_loops_itself(0)) {
+    for (Datagram& datagram : travel.frame.datagrams()) {
+      if (datagram.circulating()) return {};
+      datagram.set_circulating();
+    }
   }
   const std::size_t turning = slave;
   run_forward(turning, travel);

@@ -361,6 +361,69 @@ TEST_F(SyncUnit, TheApplicationMayControlIt) {
   EXPECT_EQ(line.write(0, reg::sync_activation, {3}).counter, 0U);
 }
 
+// 0984h tells of the first pulse only.
+TEST_F(SyncUnit, TheFirstPulseIsPendingUntilItCame) {
+  activate(system() + 1'000'000, 1'000'000, 250'000, 0x07);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status), 0x03);
+  pulses(1100us);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status), 0x02);
+  pulses(300us);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status), 0x00);
+}
+
+// The start time counts when the unit is activated; writing the same again is no start.
+TEST_F(SyncUnit, StaysAsItRunsWhenItIsActivatedAgain) {
+  const std::uint64_t start = system() + 1'000'000;
+  activate(start, 1'000'000, 0, 0x03);
+  pulses(2500us);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x03);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status), 0x00);
+  const auto all = pulses(2ms);
+  ASSERT_EQ(all.size(), 2U);
+  EXPECT_EQ(all[0].second, start + 2'000'000);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x01);  // without SYNC0
+  EXPECT_TRUE(pulses(3ms).empty());
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x03);
+  EXPECT_EQ(pulses(1ms).size(), 1U);
+}
+
+// 0008h bit 8 promises the bits 3 to 7 of 0981h.
+TEST_F(SyncUnit, WritingTheStartTimeActivates) {
+  line.put<std::uint32_t>(0, reg::sync0_cycle, 1'000'000);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x0A);  // SYNC0, by the start time
+  EXPECT_TRUE(pulses(3ms).empty());
+  const std::uint64_t start = system() + 1'000'000;
+  const Bytes bytes = bytes_of(start);
+  line.write(0, reg::sync_start_time, Bytes(bytes.begin(), bytes.begin() + 4));
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation), 0x0A);  // all of it
+  line.write(0, reg::sync_start_time + 4, Bytes(bytes.begin() + 4, bytes.end()));
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation), 0x0B);
+  const auto all = pulses(1500us);
+  ASSERT_EQ(all.size(), 1U);
+  EXPECT_EQ(all[0].second, start);
+}
+
+TEST_F(SyncUnit, AStartTimeOf32BitsIsExtended) {
+  line.put<std::uint64_t>(0, reg::system_time_offset, 0x5'FFFF'0000);
+  line.put<std::uint32_t>(0, reg::sync0_cycle, 1'000'000);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x1A);
+  const std::uint64_t start = system() + 1'000'000;  // the lower half overflows on the way
+  EXPECT_NE(start >> 32, system() >> 32);
+  line.put<std::uint32_t>(0, reg::sync_start_time, static_cast<std::uint32_t>(start));
+  EXPECT_EQ(line.get<std::uint64_t>(0, reg::sync_start_time), start);
+  const auto all = pulses(1500us);
+  ASSERT_EQ(all.size(), 1U);
+  EXPECT_EQ(all[0].second, start);
+}
+
+TEST_F(SyncUnit, OnePulseToLookAt) {
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x82);
+  EXPECT_EQ(esc.attention() & (reg::al_event::sync0 | reg::al_event::sync1), reg::al_event::sync0);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation), 0x02);  // clears itself
+  EXPECT_TRUE(pulses(10ms).empty());
+}
+
+// The status shows edges in single event mode only; the times are there in both.
 TEST(Latch, EdgesSingleAndContinuous) {
   Line line(1);
   Esc& esc = *line.escs[0];
@@ -373,7 +436,7 @@ TEST(Latch, EdgesSingleAndContinuous) {
   esc.latch_edge(0, false, line.now);
   line.now += 1us;
   esc.latch_edge(0, true, line.now);
-  EXPECT_EQ(line.get<std::uint8_t>(0, reg::latch0_status), 0x07);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::latch0_status), 0x05);
   EXPECT_EQ(line.send(Command::nop, 0, {}).interrupt, reg::ecat_event::latch);
   EXPECT_EQ(line.get<std::uint64_t>(0, reg::latch_times), first);
   EXPECT_EQ(line.get<std::uint64_t>(0, reg::latch_times + 8), first + 1000);
@@ -382,6 +445,22 @@ TEST(Latch, EdgesSingleAndContinuous) {
   line.now += 1us;
   esc.latch_edge(0, true, line.now);
   EXPECT_EQ(line.get<std::uint64_t>(0, reg::latch_times), first + 3000);
+  esc.latch_edge(0, false, line.now);
+  EXPECT_EQ(line.send(Command::nop, 0, {}).interrupt, 0);  // continuous: no event
+}
+
+TEST(Latch, TheUnitOfTheApplicationIsNotTheMasters) {
+  Line line(1);
+  Esc& esc = *line.escs[0];
+  line.put<std::uint8_t>(0, reg::latch1_control, 0x01);
+  line.put<std::uint8_t>(0, reg::cyclic_unit_control, 0x20);  // latch 1
+  EXPECT_EQ(line.write(0, reg::latch1_control, {0x03}).counter, 0U);
+  EXPECT_EQ(line.write(0, reg::latch0_control, {0x03, 0x03}).counter, 1U);
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::latch0_control), 0x0103);
+  esc.latch_edge(1, true, line.now);
+  EXPECT_NE(esc.attention() & reg::al_event::latch, 0U);
+  line.get<std::uint64_t>(0, reg::latch_times + 16);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::latch1_status), 0x05);  // not acknowledged by the master's reading
 }
 
 }  // namespace

@@ -85,8 +85,6 @@ TEST(Registers, ResetSequence) {
   for (const char letter : {'R', 'E', 'S'}) line.write(0, reg::reset_ecat, bytes_of(letter));
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_address), 0);
   EXPECT_NE(line.escs[0]->attention() & Esc::attention_reset, 0U);
-  for (const char letter : {'R', 'E', 'S'}) line.write(0, reg::reset_pdi, bytes_of(letter));
-  EXPECT_NE(line.escs[0]->attention() & Esc::attention_pdi_reset, 0U);
 }
 
 // ---- Sync managers ----
@@ -454,7 +452,7 @@ TEST_F(Sii, WriteNeedsItsPermission) {
   EXPECT_EQ(load_u16(&line.sii[0][40]), 0);
   command(0x0201, 20);
   EXPECT_EQ(status() & 0x8000, 0x8000U);
-  command(0x0201, 22);  // busy: not heard
+  EXPECT_EQ(line.write(0, reg::sii_control, words({0x0201, 22, 0})).counter, 0U);  // busy: not heard
   line.now += 5ms;
   EXPECT_EQ(status() & 0xF800, 0U);
   EXPECT_EQ(load_u16(&line.sii[0][40]), 0xBEEF);
@@ -492,21 +490,6 @@ TEST_F(Sii, ChecksumAndReload) {
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_alias), 0x1234);  // only with the power
   line.escs[0]->power_on(line.now);
   EXPECT_EQ(line.get<std::uint16_t>(0, reg::station_alias), 0x1299);
-}
-
-TEST_F(Sii, AccessGoesToTheApplicationAndBack) {
-  using Side = SiiInterface::Side;
-  SiiInterface& sii = line.escs[0]->sii();
-  sii.byte_written(1, 1, Side::application, line.now);
-  EXPECT_TRUE(sii.granted(Side::master));  // not offered
-  line.put<std::uint8_t>(0, reg::sii_configuration, 1);
-  EXPECT_TRUE(sii.granted(Side::master));  // not taken
-  sii.byte_written(1, 1, Side::application, line.now);
-  EXPECT_TRUE(sii.granted(Side::application));
-  command(0x0100, 4);
-  EXPECT_EQ(status() & 0x8000, 0U);
-  line.put<std::uint8_t>(0, reg::sii_configuration, 2);  // by force
-  EXPECT_TRUE(sii.granted(Side::master));
 }
 
 TEST(SiiMemory, KnownChecksum) {

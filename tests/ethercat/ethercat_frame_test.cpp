@@ -43,7 +43,7 @@ TEST(Frame, IsFoundInEveryEncapsulation) {
       {"plain", join({{0x88, 0xA4}}), FrameKind::ethercat},
       {"vlan", join({vlan, {0x88, 0xA4}}), FrameKind::ethercat},
       {"udp", join({{0x08, 0x00}, ip, udp}), FrameKind::ethercat},
-      {"udp, options", join({{0x08, 0x00}, ip_options, udp}), FrameKind::ethercat},
+      {"udp, options", join({{0x08, 0x00}, ip_options, udp}), FrameKind::foreign},
       {"vlan, udp", join({vlan, {0x08, 0x00}, ip, udp}), FrameKind::ethercat},
       {"another port", join({{0x08, 0x00}, ip, other_port}), FrameKind::foreign},
       {"tcp", join({{0x08, 0x00}, ip_tcp, udp}), FrameKind::foreign},
@@ -85,6 +85,19 @@ TEST(Frame, OtherProtocolsPassWhenDlControlAllows) {
   writer.add(Command::brd, 0, 0, 1);
   line.segment->process(writer.bytes(), line.now);
   EXPECT_EQ(memory[6], 0x10);
+}
+
+// The checksum of a UDP packet cannot be right any more, whatever DL control says.
+TEST(Frame, UdpChecksumIsClearedByEverySlave) {
+  Line line(1);
+  line.send(Command::bwr, address_of(0, reg::dl_control), {0x00});
+  Bytes frame{1, 1,  5,  1, 0, 0,  0x10, 2, 3, 4,   5,   6,   0x08, 0x00, 0x45, 0,    0,    0, 0, 0,    0,
+              0, 64, 17, 0, 0, 10, 0,    0, 1, 255, 255, 255, 255,  0x12, 0x34, 0x88, 0xA4, 0, 0, 0xAB, 0xCD};
+  const Bytes datagram{0x0D, 0x10, 7, 0, 0, 0, 0x05, 0x00, 1, 0, 0, 0, 0, 0, 0};
+  frame.insert(frame.end(), datagram.begin(), datagram.end());
+  EXPECT_EQ(line.segment->process(frame, line.now).exit, Segment::Exit::primary);
+  EXPECT_EQ(frame[40] | frame[41], 0);
+  EXPECT_EQ(frame[6], 0x10);  // the source address stays
 }
 
 TEST(Frame, PayloadOfUdp) {

@@ -141,6 +141,28 @@ TEST(Segment, ACirculatingFrameIsTakenOffTheLine) {
   EXPECT_EQ(line.segment->process(writer.bytes(), line.now, Segment::Port::secondary).exit, Segment::Exit::lost);
 }
 
+// A port 0 that was closed by hand is no break: nothing is marked (ETG.1000.4 clause 5.3.3).
+TEST(Segment, OnlyABreakMarksFrames) {
+  Line line(2);
+  line.put<std::uint8_t>(1, reg::dl_control + 1, 0x00);
+  line.segment->set_cable(2, true);
+  line.put<std::uint8_t>(0, reg::dl_control + 1, 0x03);
+  const auto marks = [&line] {
+    std::array<std::uint8_t, max_frame> memory;
+    FrameWriter writer = FrameWriter::ethernet(memory);
+    writer.add(Command::brd, 0, 0, 1);
+    writer.add(Command::nop, 0, 0, 4);
+    line.segment->process(writer.bytes(), line.now, Segment::Port::secondary);
+    Frame frame;
+    parse_ethernet(writer.bytes(), frame);
+    return std::pair{frame.datagrams()[0].circulating(), frame.datagrams()[1].circulating()};
+  };
+  EXPECT_EQ(marks(), (std::pair{false, false}));
+  line.send(Command::apwr, address_of(0, reg::dl_control + 1), {0x00}, Segment::Port::secondary);
+  line.segment->set_cable(0, false);
+  EXPECT_EQ(marks(), (std::pair{true, true}));  // each datagram has the bit
+}
+
 TEST(Segment, AWrongFcsIsCountedWhereItHappenedAndBehind) {
   Line line(3);
   line.slaves[1].corrupts_next = true;
@@ -178,6 +200,24 @@ TEST(Segment, PortReceiveTimes) {
   EXPECT_EQ(line.get<std::uint32_t>(1, reg::receive_time_port + 4) - base, 100U + 2 * 350U);
   EXPECT_EQ(line.get<std::uint32_t>(2, reg::receive_time_port) - base, 450U);
   EXPECT_EQ(line.get<std::uint32_t>(2, reg::receive_time_port + 4), 0U);
+}
+
+// 0900h: any write with an address match counts, only BWR and FPWR latch at the ports (the datasheets of the ESCs).
+TEST(Segment, PortReceiveTimesByBroadcastAndStationOnly) {
+  Line line(2, 100ns);
+  line.put<std::uint16_t>(0, reg::station_address, 5);
+  const auto port0 = [&line] { return line.get<std::uint32_t>(0, reg::receive_time_port); };
+  const auto unit = [&line] { return line.get<std::uint32_t>(0, reg::receive_time_processing_unit); };
+  line.send(Command::bwr, address_of(0, reg::receive_time_port), Bytes(4));
+  const std::uint32_t first = port0();
+  EXPECT_EQ(unit(), first);
+  line.now += 1us;
+  EXPECT_EQ(line.send(Command::apwr, address_of(0, reg::receive_time_port), Bytes(4)).counter, 1U);
+  EXPECT_EQ(port0(), first);
+  EXPECT_EQ(unit(), first + 1000);
+  line.now += 1us;
+  EXPECT_EQ(line.send(Command::fpwr, address_of(5, reg::receive_time_port), Bytes(4)).counter, 1U);
+  EXPECT_EQ(port0(), first + 2000);
 }
 
 }  // namespace

@@ -171,6 +171,22 @@ bool DistributedClock::start_sync(const SyncSettings& settings, Time now) {
   return plausible;
 }
 
+void DistributedClock::enable_sync(unsigned n, bool enabled, Time now) {
+  Sync& sync = sync_[n];
+  if (sync.enabled == enabled) return;
+  sync.enabled = enabled;
+  if (n == 0) return;  // goes on unseen, as what SYNC1 follows
+  sync.pending = enabled;
+  next_known_ = false;
+  const auto late = static_cast<std::int64_t>(system_time(now) - sync.next);
+  if (!enabled || late < 0) return;
+  if (sync.step == 0) {
+    sync.pending = false;
+  } else {
+    sync.next += (static_cast<std::uint64_t>(late) / sync.step + 1) * sync.step;
+  }
+}
+
 void DistributedClock::stop_sync() {
   sync_ = {};
   next_known_ = false;

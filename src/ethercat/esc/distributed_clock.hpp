@@ -74,6 +74,8 @@ class DistributedClock {
   // False: the start time is not in the near future (0984h bit 2); without `check_start_time` nothing will start then.
   bool start_sync(const SyncSettings& settings, Time now);
   void stop_sync();
+  // While pulses run: whether SYNCn is one of them.
+  void enable_sync(unsigned n, bool enabled, Time now);
   const Sync& sync(unsigned n) const { return sync_[n]; }
   void acknowledge_sync(unsigned n) { sync_[n].unacknowledged = false; }
   bool sync_level(unsigned n, Time now) const;

@@ -78,6 +78,7 @@ unsigned Esc::process(Frame& frame, Time now) {
 void Esc::end_frame() {
   frame_end_work_ = false;
   registers_unlocked_ = memory_unlocked_ = false;
+  memory_[reg::register_write_enable] = memory_[reg::write_enable] = 0;
   sii_.frame_ended();
   if (reset_pending_) {
     power_on(now_);
@@ -132,8 +133,9 @@ void Esc::latch_edge(unsigned unit, bool rising, Time now) {
   const bool single = (memory_[reg::latch0_control + unit] >> edge & 1) != 0;
   status = static_cast<std::uint8_t>((status & 3U) | (rising ? 4U : 0U));
   if (single && (status >> edge & 1) != 0) return;
-  status = static_cast<std::uint8_t>(status | 1U << edge);
   store(&memory_[reg::latch_times + 16U * unit + 8U * edge], clock_.system_time(now));
+  if (!single) return;
+  status = static_cast<std::uint8_t>(status | 1U << edge);
   const bool application_controls = (memory_[reg::cyclic_unit_control] >> (4 + unit) & 1) != 0;
   if (application_controls) {
     attention_ |= reg::al_event::latch;
@@ -245,7 +247,8 @@ unsigned Esc::poll(Time now) {
   expire_watchdogs();
   if (now >= dl_control_until_) {
     dl_control_until_ = never;
-    store_u32(&memory_[reg::dl_control], lasting_dl_control_);
+    memory_[reg::dl_control] = static_cast<std::uint8_t>(memory_[reg::dl_control] & ~0x02U);
+    memory_[reg::dl_control + 1] = lasting_loops_;
     configure_ports();
   }
   const unsigned fired = clock_.poll_sync(now);

@@ -46,6 +46,8 @@ class Esc {
   bool link(unsigned port) const { return link_[port]; }
   // A closed loop turns frames back inside the controller (DL control, ETG.1000.4 table 33).
   bool loop_closed(unsigned port) const { return loop_closed_[port]; }
+  // Closed because its link is gone, rather than by hand.
+  bool closes_loops_itself(unsigned port) const { return (memory_[reg::dl_control + 1] >> 2 * port & 3U) < 2; }
   // A frame came to a port with its loop closed, and is lost: it opens a loop that closed because the link was gone.
   void frame_at_closed_port(unsigned port);
   // DL control bit 0: frames that are not EtherCAT are destroyed, those that are get their source address changed.
@@ -58,10 +60,8 @@ class Esc {
 
   // ---- The application's side ----
 
-  // What wants the application: bits as in the AL event request, whether or not a mask lets them through, and the
-  // first two of these.
-  static constexpr std::uint32_t attention_reset = 0x80000000;      // the controller was reset over the bus
-  static constexpr std::uint32_t attention_pdi_reset = 0x40000000;  // reset sequence at 0041h
+  // What wants the application: bits as in the AL event request, whether or not a mask lets them through, and this.
+  static constexpr std::uint32_t attention_reset = 0x80000000;  // the controller was reset over the bus
   std::uint32_t attention() const { return attention_; }
   void settle(std::uint32_t events) { attention_ &= ~events; }
 
@@ -169,9 +169,10 @@ class Esc {
   void configure_mappings();
   void configure_watchdogs();
   void configure_ports();
+  void start_time_written(bool low_half, bool high_half);
   void configure_sync();
   void load_from_sii();
-  void reset_letter(unsigned which, std::uint8_t letter);
+  void reset_letter(std::uint8_t letter);
   void expire_watchdogs();
   std::uint16_t ecat_event_request() const;
   void increment(std::uint32_t address) {
@@ -201,16 +202,18 @@ class Esc {
   std::uint16_t ecat_events_ = 0;
   unsigned effects_ = 0;
   bool al_control_pending_ = false;
+  bool sync_active_ = false;    // 0981h bit 0, as it was acted upon
+  bool latches_ports_ = false;  // the command at work, if it writes 0900h
   bool frame_end_work_ = false;
   bool registers_unlocked_ = false;  // by 0020h in this frame
   bool memory_unlocked_ = false;     // by 0030h in this frame
   bool reset_pending_ = false;
-  std::array<std::uint8_t, 2> reset_progress_{};
-  std::array<std::uint32_t, 2> reset_frame_{};
+  std::uint8_t reset_progress_ = 0;
+  std::uint32_t reset_frame_ = 0;
   std::uint32_t frames_ = 0;
   std::array<bool, ports> link_{};
   std::array<bool, ports> loop_closed_{true, true};
-  std::uint32_t lasting_dl_control_ = 0;
+  std::uint8_t lasting_loops_ = 0;
   Time dl_control_until_ = never;
 };
 

@@ -44,7 +44,7 @@ unsigned Esc::sync_manager_at(std::uint32_t address) const {
 // Memory without a sync manager goes up to here.
 std::uint32_t Esc::plain_until(std::uint32_t address, std::uint32_t end) const {
   for (const SyncManager& channel : sync_managers_) {
-    if (channel.active && channel.start > address) end = std::min<std::uint32_t>(end, channel.start);
+    if (channel.guards && channel.start > address) end = std::min<std::uint32_t>(end, channel.start);
   }
   return end;
 }
@@ -122,7 +122,7 @@ bool Esc::write_memory(std::uint32_t address, std::uint32_t length, Get get) {
     }
     SyncManager& channel = sync_managers_[n];
     const std::uint32_t within = at - channel.start;
-    const std::int32_t place = channel.master_writes ? channel.writing_at(within) : -1;
+    const std::int32_t place = channel.active && channel.master_writes ? channel.writing_at(within) : -1;
     if (place < 0) {
       ++at;
       continue;
@@ -158,9 +158,11 @@ void Esc::exchange(Datagram& datagram, bool reads, bool writes, bool combines) {
   bool written = false;
   if (writes) {
     const std::uint32_t target = reads ? address + load_u16(&memory_[reg::physical_offset]) : address;
+    latches_ports_ = datagram.command == Command::bwr || datagram.command == Command::fpwr;
     written = write_memory(target, length, [source](std::uint32_t offset, std::uint8_t* bytes, std::uint32_t count) {
       std::memcpy(bytes, source + offset, count);
     });
+    latches_ports_ = false;
   }
   datagram.count(gain(read, written, reads && writes));
 }

@@ -1,12 +1,15 @@
 // What is particular about registers: which bits a master may write, what reading and writing them does
 // (ETG.1000.4 clause 6).
 #include <algorithm>
+#include <utility>
 
 #include "ethercat/esc/esc.hpp"
 
 namespace servodrome::ethercat {
 
 namespace {
+
+constexpr std::uint32_t user_memory = 0x0F80;
 
 // Bits a master can write, for every register byte. What is not stored but acts (counters, system time) counts as
 // writable.
@@ -18,7 +21,7 @@ constexpr auto writable = [] {
   allow(reg::station_address, 2);
   allow(reg::register_write_enable, 2, 0x01);
   allow(reg::write_enable, 2, 0x01);
-  allow(reg::reset_ecat, 2);
+  allow(reg::reset_ecat, 1);
   allow(reg::dl_control, 1, 0x03);
   allow(reg::dl_control + 1, 1);
   allow(reg::dl_control + 2, 1, 0x0F);
@@ -59,7 +62,7 @@ constexpr auto writable = [] {
   allow(reg::sync_start_time, 8);
   allow(reg::sync0_cycle, 8);
   allow(reg::latch0_control, 2, 0x03);
-  allow(0x0F80, 0x80);  // user RAM
+  allow(user_memory, 0x80);
   return mask;
 }();
 
@@ -75,9 +78,9 @@ void Esc::power_on(Time now) {
   fmmus_ = {};
   attention_ = 0;
   ecat_events_ = 0;
-  al_control_pending_ = false;
+  al_control_pending_ = sync_active_ = false;
   frame_end_work_ = registers_unlocked_ = memory_unlocked_ = reset_pending_ = false;
-  reset_progress_ = {};
+  reset_progress_ = lasting_loops_ = 0;
   dl_control_until_ = never;
   loop_closed_ = {true, true};
   now_ = now;
@@ -128,10 +131,7 @@ void Esc::load_from_sii() {
 
 void Esc::refresh_block(std::uint32_t block) {
   switch (block * 16) {
-    case reg::reset_ecat:
-      memory_[reg::reset_ecat] = reset_progress_[0];
-      memory_[reg::reset_pdi] = reset_progress_[1];
-      break;
+    case reg::reset_ecat: memory_[reg::reset_ecat] = reset_progress_; break;
     case reg::ecat_event_request: store_u16(&memory_[reg::ecat_event_request], ecat_event_request()); break;
     case reg::al_event_request: store_u32(&memory_[reg::al_event_request], al_event_request()); break;
     case reg::watchdog_status:
@@ -155,9 +155,12 @@ void Esc::refresh_block(std::uint32_t block) {
     case reg::cyclic_unit_control:
       memory_[reg::sync0_status] = clock_.sync_level(0, now_) ? 1 : 0;
       memory_[reg::sync1_status] = clock_.sync_level(1, now_) ? 1 : 0;
-      memory_[reg::sync_activation_status] = static_cast<std::uint8_t>(
-          (memory_[reg::sync_activation_status] & 0x04U) |
-          (clock_.sync(0).pending && clock_.sync(0).enabled ? 1U : 0U) | (clock_.sync(1).pending ? 2U : 0U));
+      memory_[reg::sync_activation_status] &= 0x04U;
+      for (unsigned n = 0; n < 2; ++n) {
+        const DistributedClock::Sync& sync = clock_.sync(n);
+        const bool first_pending = sync.enabled && sync.pending && sync.count == 0;
+        memory_[reg::sync_activation_status] |= static_cast<std::uint8_t>(first_pending ? 1U << n : 0U);
+      }
       break;
     case reg::sync_start_time:
       if (clock_.sync(0).pending) store(&memory_[reg::sync_start_time], clock_.sync(0).next);
@@ -179,7 +182,8 @@ void Esc::registers_read(std::uint32_t address, std::uint32_t length) {
   acknowledge(reg::ecat_event::al_status, reg::al_status, 2);
   if (!touches(address, length, reg::latch_times, 32)) return;
   for (unsigned edge = 0; edge < 4; ++edge) {
-    if (!touches(address, length, reg::latch_times + 8 * edge)) continue;
+    const bool of_the_master = (memory_[reg::cyclic_unit_control] >> (4 + edge / 2) & 1) == 0;
+    if (!of_the_master || !touches(address, length, reg::latch_times + 8 * edge)) continue;
     std::uint8_t& status = memory_[reg::latch0_status + edge / 2];
     status = static_cast<std::uint8_t>(status & ~(1U << edge % 2));
   }
@@ -199,7 +203,8 @@ std::uint8_t Esc::read_byte(std::uint16_t address, Time now) {
 bool Esc::may_write(std::uint32_t address, std::uint32_t sync_managers_enabled) const {
   const bool protects = (memory_[reg::register_write_protection] & 1) != 0 && !registers_unlocked_;
   const bool protects_all = (memory_[reg::write_protection] & 1) != 0 && !memory_unlocked_;
-  if ((protects && address < 0x0F10) || protects_all) {
+  if (protects_all) return address == reg::write_enable;
+  if (protects && address < user_memory) {
     return address == reg::register_write_enable || address == reg::write_enable;
   }
   if (address == reg::al_control || address == reg::al_control + 1U) return !al_control_pending_;
@@ -207,8 +212,10 @@ bool Esc::may_write(std::uint32_t address, std::uint32_t sync_managers_enabled) 
     // Settings of a channel in use stay as they are.
     return address % 8 > 4 || (sync_managers_enabled >> (address - reg::sync_manager) / 8 & 1) == 0;
   }
-  if (address >= reg::sync_activation && address < reg::latch0_control) {
-    return (memory_[reg::cyclic_unit_control] & 0x01) == 0;  // else the application controls the pulses
+  // What 0980h gives to the application: the pulses, each latch.
+  if (address >= reg::sync_activation && address <= reg::latch1_control) {
+    const unsigned unit = address < reg::latch0_control ? 0 : 4 + address - reg::latch0_control;
+    return (memory_[reg::cyclic_unit_control] >> unit & 1) == 0;
   }
   return true;
 }
@@ -222,24 +229,37 @@ bool Esc::take_register_bytes(std::uint32_t address, std::span<const std::uint8_
     enabled |= (activation[n] & SyncManager::activate_enable) != 0 ? 1U << n : 0U;
   }
 
+  // All bytes are taken over before any of them acts. What a block could not take does not act in it.
+  const auto length = static_cast<std::uint32_t>(bytes.size());
+  const std::uint32_t first_block = address / 16;
+  const std::uint32_t blocks = (address + length - 1) / 16 - first_block + 1;
+  struct Taken {
+    std::uint8_t begin, end;  // within the block
+  };
+  std::array<Taken, max_payload / 16 + 2> taken;
+  std::fill_n(taken.begin(), blocks, Taken{16, 0});
   bool any = false;
-  for (std::uint32_t i = 0; i < bytes.size(); ++i) {
+  for (std::uint32_t i = 0; i < length; ++i) {
     const std::uint32_t at = address + i;
     const std::uint8_t mask = writable[at];
     if (mask == 0 || !may_write(at, enabled)) continue;
-    any = true;
-    if (at >= reg::sii_configuration && at < reg::sii_configuration + 16U) {
-      sii_.byte_written(static_cast<std::uint8_t>(at - reg::sii_configuration), bytes[i], SiiInterface::Side::master,
-                        now_);
-      continue;
+    const auto within = static_cast<std::uint8_t>(at % 16);
+    if (at / 16 == reg::sii_configuration / 16) {
+      if (!sii_.byte_written(within, bytes[i], SiiInterface::Side::master, now_)) continue;
+    } else if (at / 16 != reg::receive_time_port / 16) {  // whose value is ignored
+      memory_[at] = static_cast<std::uint8_t>((memory_[at] & ~mask) | (bytes[i] & mask));
     }
-    memory_[at] = static_cast<std::uint8_t>((memory_[at] & ~mask) | (bytes[i] & mask));
+    any = true;
+    Taken& block = taken[at / 16 - first_block];
+    block.begin = std::min(block.begin, within);
+    block.end = static_cast<std::uint8_t>(within + 1);
   }
   if (!any) return false;
-  const auto length = static_cast<std::uint32_t>(bytes.size());
-  for (std::uint32_t block = address / 16; block <= (address + length - 1) / 16; ++block) {
-    const std::uint32_t first = std::max(address, block * 16);
-    block_written(block, first, std::min(address + length, block * 16 + 16) - first);
+  for (std::uint32_t i = 0; i < blocks; ++i) {
+    const Taken part = taken[i];
+    if (part.end == 0) continue;
+    block_written(first_block + i, (first_block + i) * 16 + part.begin,
+                  static_cast<std::uint32_t>(part.end - part.begin));
   }
   for (unsigned n = 0; n < sync_managers; ++n) {
     if (!touches(address, length, reg::sync_manager + 8 * n, 8)) continue;
@@ -268,15 +288,14 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
       memory_unlocked_ = frame_end_work_ = true;
       break;
     case reg::reset_ecat:
-      for (unsigned which = 0; which < 2; ++which) {
-        if (wrote(reg::reset_ecat + which)) reset_letter(which, memory_[reg::reset_ecat + which]);
-      }
+      if (wrote(reg::reset_ecat)) reset_letter(memory_[reg::reset_ecat]);
       break;
     case reg::dl_control: {
-      if (!wrote(reg::dl_control, 4)) break;
+      if (!wrote(reg::dl_control, 2)) break;
+      // Only the settings of the loops are lent.
       const bool temporary = (memory_[reg::dl_control] & 0x02) != 0;
       dl_control_until_ = temporary ? now_ + std::chrono::seconds(1) : never;
-      if (!temporary) lasting_dl_control_ = load_u32(&memory_[reg::dl_control]);
+      if (!temporary) lasting_loops_ = memory_[reg::dl_control + 1];
       if (wrote(reg::dl_control + 1)) loop_closed_ = {};
       configure_ports();
       break;
@@ -288,7 +307,8 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
       break;
     case reg::rx_errors:
       if (wrote(reg::rx_errors, 12)) clear(reg::rx_errors, 12);
-      if (wrote(reg::processing_unit_errors, 2)) clear(reg::processing_unit_errors, 2);
+      if (wrote(reg::processing_unit_errors)) memory_[reg::processing_unit_errors] = 0;
+      if (wrote(reg::pdi_errors)) memory_[reg::pdi_errors] = 0;
       break;
     case reg::lost_links: clear(reg::lost_links, 4); break;
     case reg::watchdog_divider:
@@ -304,7 +324,7 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
     case reg::receive_time_port:
       if (!wrote(reg::receive_time_port)) break;
       store(&memory_[reg::receive_time_processing_unit], clock_.local_time(now_));
-      effects_ |= effect_receive_times;
+      if (latches_ports_) effects_ |= effect_receive_times;
       break;
     case reg::system_time:
       if (wrote(reg::system_time, 4)) clock_.compare(load_u32(&memory_[reg::system_time]), now_);
@@ -325,6 +345,9 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
     case reg::cyclic_unit_control:
       if (wrote(reg::sync_activation)) configure_sync();
       break;
+    case reg::sync_start_time:
+      start_time_written(wrote(reg::sync_start_time + 3U), wrote(reg::sync_start_time + 7U));
+      break;
     default:
       if (block < reg::fmmu / 16 || block >= reg::fmmu / 16 + fmmus) break;
       fmmus_[block - reg::fmmu / 16] = Fmmu::from(&memory_[block * 16]);
@@ -332,19 +355,15 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
   }
 }
 
-void Esc::reset_letter(unsigned which, std::uint8_t letter) {
+void Esc::reset_letter(std::uint8_t letter) {
   constexpr std::array<std::uint8_t, 3> sequence{'R', 'E', 'S'};  // in three consecutive frames
-  std::uint8_t& progress = reset_progress_[which];
-  if (frames_ - reset_frame_[which] != 1) progress = 0;
-  progress = letter == sequence[progress] ? static_cast<std::uint8_t>(progress + 1) : std::uint8_t{0};
-  reset_frame_[which] = frames_;
-  if (progress < sequence.size()) return;
-  progress = 0;
-  if (which == 0) {
-    reset_pending_ = frame_end_work_ = true;
-  } else {
-    attention_ |= attention_pdi_reset;
-  }
+  if (frames_ - reset_frame_ != 1) reset_progress_ = 0;
+  reset_progress_ =
+      letter == sequence[reset_progress_] ? static_cast<std::uint8_t>(reset_progress_ + 1) : std::uint8_t{0};
+  reset_frame_ = frames_;
+  if (reset_progress_ < sequence.size()) return;
+  reset_progress_ = 0;
+  reset_pending_ = frame_end_work_ = true;
 }
 
 void Esc::configure_sync_manager(unsigned n) {
@@ -361,17 +380,43 @@ void Esc::configure_watchdogs() {
   pdi_watchdog_.period = Watchdog::period_of(divider, load_u16(&memory_[reg::watchdog_pdi]));
 }
 
+// Bit 4 of 0981h: the upper half follows from the present time. Bit 3: the start time, once it is whole, activates.
+void Esc::start_time_written(bool low_half, bool high_half) {
+  std::uint8_t& activation = memory_[reg::sync_activation];
+  const bool extends = (activation & 0x10) != 0;
+  if (extends && low_half) {
+    const std::uint64_t system = clock_.system_time(now_);
+    const std::uint32_t ahead = load_u32(&memory_[reg::sync_start_time]) - static_cast<std::uint32_t>(system);
+    store(&memory_[reg::sync_start_time], system + ahead);
+  }
+  if ((activation & 0x08) == 0 || !(extends ? low_half : high_half)) return;
+  activation = static_cast<std::uint8_t>(activation | 0x01U);
+  configure_sync();
+}
+
 void Esc::configure_sync() {
-  const unsigned activation = memory_[reg::sync_activation];
+  std::uint8_t& activation = memory_[reg::sync_activation];
+  const bool sync0 = (activation & 0x02) != 0;
+  const bool sync1 = (activation & 0x04) != 0;
+  if ((activation & 0x80) != 0) {  // one pulse to look at
+    activation = static_cast<std::uint8_t>(activation & ~0x80U);
+    attention_ |= (sync0 ? reg::al_event::sync0 : 0U) | (sync1 ? reg::al_event::sync1 : 0U);
+  }
+  const bool was_active = std::exchange(sync_active_, (activation & 0x01) != 0);
+  if (was_active && sync_active_) {
+    clock_.enable_sync(0, sync0, now_);
+    clock_.enable_sync(1, sync1, now_);
+    return;
+  }
   std::uint8_t& status = memory_[reg::sync_activation_status];
   status = 0;
-  if ((activation & 0x01) == 0) {
+  if (!sync_active_) {
     clock_.stop_sync();
     return;
   }
   DistributedClock::SyncSettings settings;
-  settings.sync0 = (activation & 0x02) != 0;
-  settings.sync1 = (activation & 0x04) != 0;
+  settings.sync0 = sync0;
+  settings.sync1 = sync1;
   settings.check_start_time = (activation & 0x20) != 0;
   settings.short_near_future = (activation & 0x40) != 0;
   settings.start_time = load<std::uint64_t>(&memory_[reg::sync_start_time]);

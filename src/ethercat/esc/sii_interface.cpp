@@ -69,7 +69,8 @@ std::uint8_t SiiInterface::byte(std::uint8_t offset, Time now) {
     case 0: return configuration_;
     case 1: return pdi_access_;
     case 2:
-      return static_cast<std::uint8_t>((write_enabled_ ? 0x01U : 0U) | 0x40U | (memory_.size() > 2048 ? 0x80U : 0U));
+      return static_cast<std::uint8_t>((write_enabled_ || application_has_it() ? 0x01U : 0U) | 0x40U |
+                                       (memory_.size() > 2048 ? 0x80U : 0U));
     case 3:
       return static_cast<std::uint8_t>(command_ | (checksum_error_ ? 0x08U : 0U) | (loaded_ ? 0U : 0x10U) |
                                        (acknowledge_error_ ? 0x20U : 0U) | (write_enable_error_ ? 0x40U : 0U) |
@@ -78,19 +79,20 @@ std::uint8_t SiiInterface::byte(std::uint8_t offset, Time now) {
   }
 }
 
-void SiiInterface::byte_written(std::uint8_t offset, std::uint8_t value, Side side, Time now) {
+bool SiiInterface::byte_written(std::uint8_t offset, std::uint8_t value, Side side, Time now) {
   if (offset == 0) {
-    if (side != Side::master) return;
+    if (side != Side::master) return false;
     configuration_ = value & 0x03;
     if ((value & 0x02) != 0) pdi_access_ = 0;  // force: the application loses its access
-    return;
+    return true;
   }
   if (offset == 1) {
     // The application takes the interface only when it is offered.
-    if (side == Side::application && ((configuration_ & 1) != 0 || (value & 1) == 0)) pdi_access_ = value & 0x01;
-    return;
+    if (side != Side::application || !application_has_it() || (configuration_ & 0x02) != 0) return false;
+    pdi_access_ = value & 0x01;
+    return true;
   }
-  if (!granted(side) || busy(now)) return;
+  if (!granted(side) || busy(now)) return false;
   if (offset == 2) {
     write_enabled_ = (value & 0x01) != 0;
   } else if (offset == 3) {
@@ -102,6 +104,7 @@ void SiiInterface::byte_written(std::uint8_t offset, std::uint8_t value, Side si
   } else {
     data_[offset - 8] = value;
   }
+  return true;
 }
 
 void SiiInterface::run(Side side, Time now) {

@@ -41,7 +41,8 @@ class SiiInterface {
 
   // Register access, offsets from 0500h. `byte_written` only takes values over; a command runs at `run`.
   std::uint8_t byte(std::uint8_t offset, Time now);
-  void byte_written(std::uint8_t offset, std::uint8_t value, Side side, Time now);
+  // False: this side cannot write it now.
+  bool byte_written(std::uint8_t offset, std::uint8_t value, Side side, Time now);
   // After an access that wrote 0503h: begins the command.
   void run(Side side, Time now);
   // Has a reload command finished since the last call?
@@ -55,7 +56,8 @@ class SiiInterface {
  private:
   enum class Command : std::uint8_t { none = 0, read = 1, write = 2, reload = 4 };
 
-  bool application_has_it() const { return (configuration_ & 1) != 0 && (pdi_access_ & 1) != 0; }
+  // Offered is given; and it is not back before the application has let go of it or was forced to.
+  bool application_has_it() const { return ((configuration_ | pdi_access_) & 1) != 0; }
   bool busy(Time now);
   void finish();
 

@@ -16,8 +16,9 @@ void SyncManager::configure(const std::uint8_t* registers, std::uint32_t memory_
   interrupts_application = (control & 0x20) != 0;
   triggers_watchdog = (control & control_watchdog) != 0;
   const std::uint32_t size = (mode == Mode::buffered ? 3U : 1U) * length;
-  active = (registers[6] & activate_enable) != 0 && (registers[7] & pdi_disable) == 0 && length != 0 &&
-           start >= reg::process_memory && start + size <= memory_end;
+  guards = (registers[6] & activate_enable) != 0 && length != 0 && start >= reg::process_memory &&
+           start + size <= memory_end;
+  active = guards && (registers[7] & pdi_disable) == 0;
 }
 
 std::uint8_t SyncManager::status() const {

@@ -24,7 +24,7 @@ struct SyncManager {
   void configure(const std::uint8_t* registers, std::uint32_t memory_end);
 
   bool contains(std::uint32_t address) const {
-    return active && address - start < (mode == Mode::buffered ? 3U * length : length);
+    return guards && address - start < (mode == Mode::buffered ? 3U * length : length);
   }
   bool contains_user_area(std::uint32_t address, std::uint32_t bytes) const {
     return active && address >= start && address + bytes <= std::uint32_t{start} + length;
@@ -62,7 +62,8 @@ struct SyncManager {
   std::uint16_t start = 0;
   std::uint16_t length = 0;
   Mode mode = Mode::buffered;
-  bool active = false;  // enabled by both sides, and its area exists
+  bool guards = false;  // enabled by the master, and its area exists
+  bool active = false;  // by the application as well; else nobody gets at the area
   bool master_writes = false;
   bool interrupts_master = false;
   bool interrupts_application = false;

@@ -10,6 +10,7 @@ constexpr std::size_t udp_header_size = 8;
 constexpr unsigned type_ethercat = 0x88A4;
 constexpr unsigned type_vlan = 0x8100;
 constexpr unsigned type_ipv4 = 0x0800;
+constexpr unsigned ipv4_without_options = 0x45;  // version and header length: all that slave controllers take
 constexpr unsigned protocol_udp = 17;
 constexpr unsigned datagram_type = 1;  // of the EtherCAT header
 
@@ -52,12 +53,10 @@ FrameKind parse_ethernet(std::span<std::uint8_t> bytes, Frame& frame) {
   if (type == type_ipv4) {
     if (bytes.size() < at + ipv4_header_size + udp_header_size) return FrameKind::foreign;
     const std::uint8_t* ip = bytes.data() + at;
-    const std::size_t header_size = (ip[0] & 0x0FU) * 4U;
-    if (ip[0] >> 4 != 4 || header_size < ipv4_header_size || ip[9] != protocol_udp) return FrameKind::foreign;
-    if (bytes.size() < at + header_size + udp_header_size) return FrameKind::foreign;
-    std::uint8_t* udp = bytes.data() + at + header_size;
+    if (ip[0] != ipv4_without_options || ip[9] != protocol_udp) return FrameKind::foreign;
+    std::uint8_t* udp = bytes.data() + at + ipv4_header_size;
     if (network_u16(udp + 2) != type_ethercat) return FrameKind::foreign;
-    at += header_size + udp_header_size;
+    at += ipv4_header_size + udp_header_size;
     const FrameKind kind = parse_payload(bytes.subspan(at), frame);
     if (kind != FrameKind::foreign) frame.udp_checksum = udp + 6;
     return kind;

@@ -55,7 +55,7 @@ void Slave::poll(Time now) {
   esc_.poll(now);
   const std::uint32_t events = esc_.attention();
   esc_.settle(events);
-  if ((events & (Esc::attention_reset | Esc::attention_pdi_reset)) != 0) {
+  if ((events & Esc::attention_reset) != 0) {
     start(now);
     return;
   }
