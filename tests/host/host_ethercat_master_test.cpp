@@ -69,6 +69,41 @@ TEST(EthercatScan, ATailThatIsCutOffIsNotCounted) {
   EXPECT_EQ(scan_slaves(*line.master).size(), 3U);
 }
 
+// Another master may be at work with them.
+TEST(EthercatScan, StationAddressesOfOthersStay) {
+  EthercatLine line({.slaves = 4});
+  const auto give = [&](std::size_t slave, std::uint16_t address) {
+    line.device(slave).esc.write_register<std::uint16_t>(ethercat::reg::station_address, address);
+  };
+  give(0, 7);
+  give(1, 0x1003);
+  give(2, 7);  // twice
+  const auto found = scan_slaves(*line.master);
+  ASSERT_EQ(found.size(), 4U);
+  EXPECT_EQ(found[0].station, 7);
+  EXPECT_EQ(found[1].station, 0x1003);
+  EXPECT_EQ(found[2].station, 0x1004);
+  EXPECT_EQ(found[3].station, 0x1005);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(found[i].sii.identity.serial_number, i + 1);
+    EXPECT_EQ(line.device(i).esc.read_register<std::uint16_t>(ethercat::reg::station_address, line.now),
+              found[i].station);
+  }
+}
+
+// One that answers to its alias, left so by another master, is not taken for the slave with that address.
+TEST(EthercatScan, AnAliasIsNobodyElsesAddress) {
+  EthercatLine line({.slaves = 3});
+  line.device(2).esc.write_register<std::uint16_t>(ethercat::reg::station_alias, 0x1001);
+  line.master->write_all(ethercat::reg::dl_control + 3, std::array<std::uint8_t, 1>{1});
+  for (int times = 0; times < 2; ++times) {
+    const auto found = scan_slaves(*line.master);
+    ASSERT_EQ(found.size(), 3U);
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(found[i].sii.identity.serial_number, i + 1);
+    EXPECT_NE(found[0].station, 0x1001);
+  }
+}
+
 TEST(EthercatFrames, LostOnesAreSentAgain) {
   EthercatLine line({.slaves = 2});
   scan_slaves(*line.master);

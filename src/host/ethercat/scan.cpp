@@ -45,11 +45,30 @@ std::vector<std::uint16_t> read_each(EthercatMaster& master, unsigned count, std
   return values;
 }
 
-void give_stations(EthercatMaster& master, unsigned count) {
+// Station addresses stay as they are, for another master may be using them, unless a slave has none, has that of a
+// slave before it, or the alias that another one answers to.
+std::vector<std::uint16_t> give_stations(EthercatMaster& master, const std::vector<std::uint16_t>& aliases) {
+  constexpr std::uint16_t alias_enabled = 0x0100;  // bit 24 of DL control, in its upper half
+  const auto count = static_cast<unsigned>(aliases.size());
   const std::vector<std::uint16_t> present = read_each(master, count, reg::station_address);
+  const std::vector<std::uint16_t> control = read_each(master, count, reg::dl_control + 2);
+  std::vector<std::uint16_t> stations(count, 0);
+  const auto taken = [&](unsigned self, std::uint16_t address) {
+    for (unsigned i = 0; i < count; ++i) {
+      if (i != self && (stations[i] == address || ((control[i] & alias_enabled) != 0 && aliases[i] == address))) {
+        return true;
+      }
+    }
+    return address == 0;
+  };
   for (unsigned i = 0; i < count; ++i) {
-    const auto wanted = static_cast<std::uint16_t>(first_station + i);
-    if (present[i] == wanted) continue;
+    if (!taken(i, present[i])) stations[i] = present[i];
+  }
+  for (unsigned i = 0; i < count; ++i) {
+    if (stations[i] != 0) continue;
+    auto wanted = static_cast<std::uint16_t>(first_station + i);
+    while (taken(i, wanted)) ++wanted;
+    stations[i] = wanted;
     std::array<std::uint8_t, 2> data{};
     ethercat::store_u16(data.data(), wanted);
     EthercatDatagram datagram{.command = Command::apwr,
@@ -57,6 +76,7 @@ void give_stations(EthercatMaster& master, unsigned count) {
                               .data = data};
     master.exchange(datagram);
   }
+  return stations;
 }
 
 }  // namespace
@@ -65,13 +85,13 @@ std::vector<FoundSlave> scan_slaves(EthercatMaster& master) {
   const unsigned count = count_slaves(master);
   std::vector<FoundSlave> slaves;
   if (count == 0) return slaves;
-  give_stations(master, count);
   const auto aliases = read_each(master, count, reg::station_alias);
+  const auto stations = give_stations(master, aliases);
   const auto dl_status = read_each(master, count, reg::dl_status);
   const auto features = read_each(master, count, reg::features);
   for (unsigned i = 0; i < count; ++i) {
     FoundSlave slave{.position = static_cast<std::uint16_t>(i + 1),
-                     .station = static_cast<std::uint16_t>(first_station + i),
+                     .station = stations[i],
                      .alias = aliases[i],
                      .status = {},
                      .dl_status = dl_status[i],

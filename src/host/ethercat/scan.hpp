@@ -8,7 +8,7 @@ namespace servodrome::host {
 // A slave as it is found.
 struct FoundSlave {
   std::uint16_t position = 0;  // 1: the first behind the master
-  std::uint16_t station = 0;   // address it got
+  std::uint16_t station = 0;   // its address, which no other slave answers to
   std::uint16_t alias = 0;     // 0012h
   AlStatus status;
   std::uint16_t dl_status = 0;  // 0110h
@@ -21,14 +21,15 @@ struct FoundSlave {
   bool knows_lrw() const { return (features & 0x0200) == 0; }
 };
 
-// Station addresses that scan_slaves gives: this and up, in the order of the line.
+// Station addresses that scan_slaves gives to slaves without one: this and up, in the order of the line.
 inline constexpr std::uint16_t first_station = 0x1001;
 
 // How many slaves answer a broadcast. 0 also where no frame comes back.
 unsigned count_slaves(EthercatMaster& master);
 
-// Counts the slaves, gives them station addresses where they have others, and reads what they are. States stay as they
-// are. Throws EthercatError if a slave that was counted does not answer.
+// Counts the slaves, gives station addresses to those that have none of their own, and reads what they are. States stay
+// as they are, and so do addresses that another master gave. Throws EthercatError if a slave that was counted does not
+// answer.
 std::vector<FoundSlave> scan_slaves(EthercatMaster& master);
 
 // "0 1": the ports with a link; "-" without one.
