@@ -128,15 +128,17 @@ TEST(Clock, WhenFarAhead) {
   }
 }
 
+// Bit 31 as the data sheet has it since its version 2.8, which calls what it said before a mistake.
 TEST(Clock, DifferenceRegisterIsSignAndAmount) {
   Line line(1);
+  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 0U);
   line.put<std::uint8_t>(0, reg::system_time_filter, 0);
   const auto own = line.get<std::uint64_t>(0, reg::system_time);
   line.put<std::uint32_t>(0, reg::system_time, static_cast<std::uint32_t>(own) - 40);
-  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 40U);  // own clock ahead
+  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 0x80000028U);  // own clock ahead
   line.put<std::uint16_t>(0, reg::speed_counter_start, 0x1000);
   line.put<std::uint32_t>(0, reg::system_time, static_cast<std::uint32_t>(own) + 40);
-  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 0x80000028U);
+  EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 40U);
 }
 
 struct Startup {

@@ -115,9 +115,10 @@ void DistributedClock::compare(std::uint32_t received, Time now) {
 }
 
 std::uint32_t DistributedClock::difference() const {
+  if (!compared_) return 0;
   const std::int64_t mean = mean_difference_ / 256;
   const auto amount = static_cast<std::uint32_t>(std::min<std::int64_t>(std::abs(mean), 0x7FFFFFFF));
-  return mean < 0 ? amount | 0x80000000U : amount;
+  return mean < 0 ? amount : amount | 0x80000000U;
 }
 
 void DistributedClock::set_speed_counter_start(std::uint16_t start, Time now) {

@@ -40,7 +40,8 @@ class DistributedClock {
 
   // The reference clock's time arrived (low 32 bits, as the comparison uses them).
   void compare(std::uint32_t received, Time now);
-  // Mean difference as 092Ch shows it: bit 31 set when the own time is behind, bits 30..0 the amount in ns.
+  // Mean difference as 092Ch shows it: bit 31 set when the own time is not behind, bits 30..0 the amount in ns; 0
+  // before the first comparison.
   std::uint32_t difference() const;
 
   // 0930h: bounds the compensation, 0080h..3FFFh; starts the filter anew.

@@ -92,7 +92,7 @@ std::uint32_t DistributedClocks::delay_ns(std::uint16_t station) const {
 std::int64_t DistributedClocks::difference_ns(std::uint16_t station) {
   const auto bits = master_.read<std::uint32_t>(station, reg::system_time_difference);
   const auto amount = static_cast<std::int64_t>(bits & 0x7FFFFFFF);
-  return (bits & 0x80000000U) != 0 ? -amount : amount;
+  return (bits & 0x80000000U) != 0 ? amount : -amount;
 }
 
 std::uint64_t DistributedClocks::common_start(std::uint32_t cycle_ns, Time margin) {

@@ -17,7 +17,7 @@ def register(slave, address, size):
 def difference_ns(slave):
     """092Ch: sign and amount of the local copy of system time less what was received."""
     value = register(slave, 0x092C, 4)
-    return -(value & 0x7FFFFFFF) if value >> 31 else value
+    return value & 0x7FFFFFFF if value >> 31 else -value
 
 
 def test_start_up(start_line, open_master):
