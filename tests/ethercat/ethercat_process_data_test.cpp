@@ -31,6 +31,43 @@ TEST_F(ProcessData, WorkingCountersOfACycle) {
   EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(7)).counter, 1U);
 }
 
+// A master that looks at its working counters only sees by them which slaves exchange process data.
+TEST_F(ProcessData, WorkingCountersTellOfTheState) {
+  const auto counter = [this] { return send(Command::lrw, 0x1000, Bytes(0x107)).counter; };
+  to_pre_operational();
+  set_process_data(7, 7);
+  EXPECT_EQ(counter(), 0U);
+  ASSERT_EQ(request(4), good(4));
+  EXPECT_EQ(counter(), 3U);
+  ASSERT_EQ(request(8), good(8));
+  run(200ms);  // the watchdog
+  EXPECT_EQ(status().first, 0x14U);
+  EXPECT_EQ(counter(), 1U);  // inputs only
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_status), 0);
+  EXPECT_EQ(request(0x14), good(4));
+  EXPECT_EQ(counter(), 3U);
+  ASSERT_EQ(request(8), good(8));
+  EXPECT_EQ(request(4), good(4));  // as it was told
+  EXPECT_EQ(counter(), 3U);
+  slave.fall_back(AlState::pre_operational, AlStatusCode::needs_pre_operational, line.now);
+  EXPECT_EQ(counter(), 0U);
+  EXPECT_EQ(request(0x12), good(2));
+  EXPECT_EQ(counter(), 0U);
+  EXPECT_EQ(request(4), good(4));
+  EXPECT_EQ(counter(), 3U);
+}
+
+TEST_F(ProcessData, NotLetIntoOperationalOutputsAreNotTaken) {
+  to_safe_operational();
+  request(8);
+  run(5s);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_valid_outputs}));
+  EXPECT_EQ(send(Command::lwr, 0x1000, Bytes(7)).counter, 0U);
+  EXPECT_EQ(request(0x18), good(4));
+  EXPECT_EQ(send(Command::lwr, 0x1000, Bytes(7)).counter, 1U);
+  EXPECT_EQ(status(), good(8));
+}
+
 TEST_F(ProcessData, RemappedWithBitsGapsAndTwoPdos) {
   to_pre_operational();
   const auto map = [this](std::uint16_t pdo, std::initializer_list<std::uint32_t> entries) {

@@ -153,8 +153,10 @@ TEST_F(StateMachine, WatchdogEndsOperation) {
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::sync_manager_watchdog}));
   EXPECT_EQ(events.changes.back(),
             (Change{AlState::operational, AlState::safe_operational, AlStatusCode::sync_manager_watchdog}));
+  cycle();  // not taken before it is acknowledged
+  EXPECT_EQ(request(0x18), good(4));
   cycle();
-  EXPECT_EQ(request(0x18), good(8));
+  EXPECT_EQ(status(), good(8));
 }
 
 TEST_F(StateMachine, OutputsThatStoppedComingAreNone) {

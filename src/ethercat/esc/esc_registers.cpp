@@ -370,7 +370,7 @@ void Esc::configure_sync_manager(unsigned n) {
   sync_managers_[n].configure(&memory_[reg::sync_manager + 8 * n], memory_size);
   configure_mappings();
   const bool any = std::any_of(sync_managers_.begin(), sync_managers_.end(),
-                               [](const SyncManager& channel) { return channel.active && channel.triggers_watchdog; });
+                               [](const SyncManager& channel) { return channel.guards && channel.triggers_watchdog; });
   if (!any) process_data_watchdog_.stop();
 }
 

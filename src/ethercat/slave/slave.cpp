@@ -40,6 +40,7 @@ void Slave::start(Time now) {
   measures_cycle_ = false;
   reset_mailbox();
   esc_.settle(~0U);
+  open_process_data(false, false);
   report();
   forget_synchronisation();
   const bool shifts = (profile_.synchronisation & sync_support::dc_sync0) != 0;

@@ -95,6 +95,8 @@ class Slave final : dictionary::Listener {
   void enter(AlState to, AlStatusCode cause, Time now);
   void report();
   void refuse(AlStatusCode code);
+  void open_process_data(bool outputs, bool inputs);
+  void hold_process_data_back();
   void await_operational(Time now);
   void follow_configuration(Time now);
 

@@ -73,6 +73,7 @@ void Slave::al_control_written(Time now) {
 
 AlStatusCode Slave::change_state(AlState to, Time now) {
   if (to == state_) {
+    open_process_data(inputs_run(), inputs_run());
     report();
     return AlStatusCode::none;
   }
@@ -80,6 +81,7 @@ AlStatusCode Slave::change_state(AlState to, Time now) {
   if (code == AlStatusCode::none) code = events_.may_change(state_, to);
   if (code != AlStatusCode::none) return code;
   if (to == AlState::operational) {
+    open_process_data(true, true);
     operational_until_ = now + profile_.operational_timeout;
     report();  // an error that was acknowledged is gone while outputs are waited for
     await_operational(now);
@@ -115,14 +117,14 @@ AlStatusCode Slave::check_mailbox(const AreaRule& out, const AreaRule& in, AlSta
 AlStatusCode Slave::check_process_data_channels() const {
   const auto fits = [this](unsigned n, std::uint16_t bytes, std::uint16_t start, bool master_writes) {
     const SyncManager& channel = esc_.sync_manager(n);
-    if (bytes == 0) return !channel.active;
-    return channel.active && channel.length == bytes && channel.start == start &&
+    if (bytes == 0) return !channel.guards;
+    return channel.guards && channel.length == bytes && channel.start == start &&
            channel.master_writes == master_writes && channel.mode == SyncManager::Mode::buffered;
   };
   if (!fits(2, outputs_.bytes(), profile_.outputs_start, true)) return AlStatusCode::invalid_output_configuration;
   if (!fits(3, inputs_.bytes(), profile_.inputs_start, false)) return AlStatusCode::invalid_input_configuration;
   for (unsigned n = used_sync_managers; n < Esc::sync_managers; ++n) {
-    if (esc_.sync_manager(n).active) return AlStatusCode::invalid_sync_manager_configuration;
+    if (esc_.sync_manager(n).guards) return AlStatusCode::invalid_sync_manager_configuration;
   }
   return AlStatusCode::none;
 }
@@ -142,7 +144,12 @@ void Slave::enter(AlState to, AlStatusCode cause, Time now) {
     reset_mailbox();
   }
   if (to == AlState::init) forget_synchronisation();
-  if (to == AlState::safe_operational && from == AlState::pre_operational) start_exchange();
+  if (!inputs_run()) open_process_data(false, false);
+  if (to == AlState::safe_operational && from == AlState::pre_operational) {
+    open_process_data(true, true);
+    start_exchange();
+  }
+  if (to == AlState::safe_operational && cause != AlStatusCode::none) hold_process_data_back();
   operational_until_ = never;
   if (!inputs_run()) outputs_at_ = inputs_at_ = shifted_at_ = never;
   report();
@@ -154,10 +161,27 @@ void Slave::fall_back(AlState state, AlStatusCode code, Time now) {
   code_ = code;
   if (state == state_) {
     operational_until_ = never;
+    if (state == AlState::safe_operational) hold_process_data_back();
     report();
     return;
   }
   enter(state, code, now);
+}
+
+// The application takes sync managers 2 and 3 into use and out of it: a master's process data count where they are
+// exchanged, and it sees by its working counters where they are not.
+void Slave::open_process_data(bool outputs, bool inputs) {
+  const bool inputs_were_open = esc_.sync_manager(3).active;
+  esc_.disable_sync_manager(2, !outputs);
+  esc_.disable_sync_manager(3, !inputs);
+  if (inputs && !inputs_were_open && inputs_run()) give_inputs();
+}
+
+// Thrown out of Operational, or not let in: until the master has acknowledged that, outputs are not taken; of a slave
+// without outputs the inputs are not there.
+void Slave::hold_process_data_back() {
+  const bool has_outputs = outputs_.bytes() != 0;
+  open_process_data(!has_outputs, has_outputs);
 }
 
 // Safe-Operational to Operational: once there are outputs, and pulses if they are to time them. Outputs that stopped
@@ -173,6 +197,7 @@ void Slave::await_operational(Time now) {
   }
   if (now < operational_until_) return;
   operational_until_ = never;
+  hold_process_data_back();
   refuse(pulses ? AlStatusCode::no_valid_outputs : AlStatusCode::no_sync);
 }
 

@@ -55,8 +55,8 @@ def test_changes_that_do_not_exist(slave, begin, wanted, code):
     write(slave, AL_CONTROL, wanted)
     wait_for(lambda: status(slave)[0] & ERROR, "a refusal")
     assert status(slave) == (begin | ERROR, code)
-    # Nothing but its acknowledgement is heard; then all is as before.
-    write(slave, AL_CONTROL, INIT)
+    # Nothing but its acknowledgement (and Init) is heard; then all is as before.
+    write(slave, AL_CONTROL, PREOP)
     assert status(slave) == (begin | ERROR, code)
     acknowledge(slave, begin)
     assert request(slave, INIT) == (INIT, 0)
