@@ -109,11 +109,13 @@ AxisStatus Axis402::status() {
     has_velocity_ = value.has_value();
     status.velocity = value.value_or(0);
   }
+  status.has_velocity = has_velocity_;
   if (has_torque_) {
     const auto value = objects_.read_if_present<std::int16_t>(0x6077);
     has_torque_ = value.has_value();
     status.torque = value.value_or(0);
   }
+  status.has_torque = has_torque_;
   return status;
 }
 
@@ -279,6 +281,18 @@ std::optional<double> Axis402::ratio(std::uint16_t index) {
   const auto divisor = objects_.read_if_present<std::uint32_t>(index, 2);
   if (!dividend || !divisor || *dividend == 0 || *divisor == 0) return std::nullopt;
   return static_cast<double>(*dividend) / static_cast<double>(*divisor);
+}
+
+std::optional<AxisUnits> Axis402::units_per_count() {
+  const auto revolution = units();
+  // Of a drive that does not say, the manual does: its units are before the factors.
+  const auto counts = options_.dialect.units ? std::optional(options_.dialect.units->position) : ratio(0x608F);
+  if (revolution && counts) {
+    return AxisUnits{revolution->position / *counts, revolution->velocity / *counts,
+                     revolution->acceleration / *counts};
+  }
+  if (ratio(0x6092)) return std::nullopt;
+  return AxisUnits{1.0, 1.0, 1.0};
 }
 
 std::optional<AxisUnits> Axis402::units(std::optional<double> position) {

@@ -103,6 +103,8 @@ struct AxisStatus {
   std::int32_t position = 0;  // 6064h
   std::int32_t velocity = 0;  // 606Ch, 0 if the drive does not have it
   std::int16_t torque = 0;    // 6077h, 0.1 % of rated torque; 0 if the drive does not have it
+  bool has_velocity = true;
+  bool has_torque = true;
 
   PowerState state() const { return state_of(statusword); }
 };
@@ -188,6 +190,8 @@ class Axis402 {
   // By the dialect and the drive's factors. Nothing if neither says what a position unit is; `position`, where given,
   // does instead.
   std::optional<AxisUnits> units(std::optional<double> position = {});
+  // An increment of the encoder, one per second, and one per second squared. Nothing: there are factors, but no 608Fh.
+  std::optional<AxisUnits> units_per_count();
 
   ObjectClient& objects() { return objects_; }
   const Dialect& dialect() const { return options_.dialect; }
@@ -234,6 +238,13 @@ class Axis402 {
   void begin_velocity(const MotionProfile& profile);
   void wait_for_standstill();
   // Polls a motion until `done` says so; throws if the drive leaves operation enabled or the time is up.
+  // Polls of a motion: has the axis stood for a while?
+  bool stands();
+  // The drive says so, and the axis is there. Throws if it stands elsewhere.
+  bool has_arrived(std::uint16_t statusword, const std::string& doing);
+  bool is_near(std::int32_t goal);
+  // Throws if the switch in the way is active (60FDh).
+  void leave_if_at_limit(bool forward, const std::string& doing);
   void follow(Time timeout, const Progress& progress, const std::string& doing,
               const std::function<bool(std::uint16_t statusword)>& done);
   [[noreturn]] void fail(const std::string& happened, const std::string& remedy);
@@ -241,11 +252,15 @@ class Axis402 {
   AxisOptions options_;
   ObjectClient& objects_;
   std::uint16_t controlword_ = 0;
-  std::optional<std::int32_t> goal_{};  // of the last move
-  std::string order_{};                 // the last move in words
-  bool halted_ = false;                 // by halt()
-  bool comes_to_rest_ = false;          // nothing is cancelled
-  Time ordered_{};                      // when the drive was last told to move
+  std::optional<std::int32_t> goal_{};   // of the last move
+  std::string order_{};                  // the last move in words
+  bool halted_ = false;                  // by halt()
+  bool comes_to_rest_ = false;           // nothing is cancelled
+  Time ordered_{};                       // when the drive was last told to move
+  std::optional<std::int32_t> place_{};  // where the axis has been since `stands_since_`, for stands()
+  Time stands_since_{};
+  Time next_look_{};
+  std::optional<std::int64_t> near_{};  // within which the axis is at its goal
   bool has_position_ = true;
   bool has_mode_display_ = true;
   bool has_velocity_ = true;

@@ -1,5 +1,9 @@
 // Homing and profile position.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <fmt/format.h>
+#include <limits>
 
 #include "host/axis402.hpp"
 #include "host/axis402_words.hpp"
@@ -153,9 +157,70 @@ void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile)
   start_move(static_cast<std::int32_t>(target), false, profile);
 }
 
+bool Axis402::stands() {
+  constexpr Time between_looks = std::chrono::milliseconds(100);
+  constexpr Time standing = std::chrono::milliseconds(500);
+  const Time now = objects_.now();
+  if (halted_) place_.reset();
+  if (halted_ || now < next_look_) return false;
+  next_look_ = now + between_looks;
+  const std::int32_t at = position();
+  if (!place_ || std::abs(std::int64_t{at} - *place_) > 1) {
+    place_ = at;
+    stands_since_ = now;
+  }
+  return now - stands_since_ >= standing;
+}
+
+bool Axis402::is_near(std::int32_t goal) {
+  if (!near_) {
+    constexpr std::int64_t least = 2000;  // where nobody says what a revolution is
+    constexpr std::uint32_t no_window = 1U << 30;
+    const std::uint32_t window = objects_.read_if_present<std::uint32_t>(0x6067).value_or(0);
+    const auto revolution = units();
+    near_ = std::max<std::int64_t>(window < no_window ? window : 0,
+                                   revolution ? std::llround(revolution->position / 50) + 1 : least);
+    // Beyond its range (607Bh) a position begins anew: nothing can be said.
+    const auto lowest = objects_.read_if_present<std::int32_t>(0x607B, 1);
+    const auto highest = objects_.read_if_present<std::int32_t>(0x607B, 2);
+    if (lowest && highest && *lowest < *highest && (goal < *lowest || goal > *highest)) {
+      near_ = std::numeric_limits<std::int64_t>::max();
+    }
+  }
+  return std::abs(std::int64_t{goal} - position()) <= *near_;
+}
+
+void Axis402::leave_if_at_limit(bool forward, const std::string& doing) {
+  constexpr std::uint32_t negative_limit = 1U << 0;
+  constexpr std::uint32_t positive_limit = 1U << 1;
+  const std::uint32_t inputs = objects_.read_if_present<std::uint32_t>(0x60FD).value_or(0);
+  if ((inputs & (forward ? positive_limit : negative_limit)) == 0) return;
+  const std::int32_t at = position();
+  const std::string problem = try_to_stop();
+  fail(fmt::format("{} ended at position {}, where the {} limit switch is active (60FDh){}", doing, at,
+                   forward ? "positive" : "negative", problem.empty() ? "" : "; " + problem),
+       "move the other way; or check switch, wiring and polarity of the input");
+}
+
+bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
+  const bool reached = (statusword & statusword_bit::target_reached) != 0;
+  if (!goal_ || (reached && is_near(*goal_))) return reached;
+  if (!stands()) return false;
+  leave_if_at_limit(*goal_ > *place_, doing);
+  if (!reached) return false;
+  const std::int32_t goal = *goal_;
+  const std::string problem = try_to_stop();
+  fail(fmt::format("{}: the drive shows the target as reached, but the axis stands at {} instead of {}{}", doing,
+                   *place_, goal, problem.empty() ? "" : "; " + problem),
+       "see what holds it (a hard stop, a brake, a torque limit), and whether the following error window (6065h) is "
+       "off");
+}
+
 void Axis402::wait_for_target(Time timeout, const Progress& progress) {
-  follow(timeout, progress, order_.empty() ? "moving" : order_,
-         [](std::uint16_t word) { return (word & statusword_bit::target_reached) != 0; });
+  const std::string doing = order_.empty() ? "moving" : order_;
+  place_.reset();
+  near_.reset();
+  follow(timeout, progress, doing, [&](std::uint16_t word) { return has_arrived(word, doing); });
 }
 
 void Axis402::move_to(std::int32_t position, const MotionProfile& profile, Time timeout, const Progress& progress) {

@@ -33,7 +33,13 @@ void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time t
   begin_velocity(profile);
   objects_.write<std::int32_t>(0x60FF, 0, velocity);
   write_controlword(enabled);
-  follow(timeout, progress, fmt::format("running up to velocity {}", velocity), reached);
+  const std::string doing = fmt::format("running up to velocity {}", velocity);
+  place_.reset();
+  follow(timeout, progress, doing, [&](std::uint16_t word) {
+    if (reached(word)) return true;
+    if (velocity != 0 && stands()) leave_if_at_limit(velocity > 0, doing);
+    return false;
+  });
 }
 
 void Axis402::change_velocity(std::int32_t velocity) {

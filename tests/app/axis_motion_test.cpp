@@ -233,6 +233,43 @@ TEST_P(AxisMotion, ACutBusAndALostSupplyEndEveryWaitWithAMessage) {
   }
 }
 
+// Those that have a limit switch at an input from the factory, and stop there in profile position.
+class AxisAtALimit : public AxisMotion {};
+INSTANTIATE_TEST_SUITE_P(Some, AxisAtALimit,
+                         testing::Values(RigCase{"pronet"}, RigCase{"generic402"},
+                                         RigCase{"generic402", RigCase::BusKind::modbus},
+                                         RigCase{"jmc_ec", RigCase::BusKind::ethercat},
+                                         RigCase{"generic402-ec", RigCase::BusKind::ethercat}),
+                         [](const auto& row) { return row.param.name(); });
+
+TEST_P(AxisAtALimit, AMoveThatALimitSwitchStopsIsNotWaitedForTillItsTimeIsUp) {
+  axis.enable();
+  const std::uint8_t input = line::find_product(line::all_products(), GetParam().product)->wiring.positive_limit;
+  bool active = false;
+  const Time start = rig.objects().now();
+  const std::string problem = problem_of([&] {
+    axis.move_to(revolutions(100), profile(2), 60s, [&](const AxisStatus&) {
+      if (!active && shaft() > 0.5) rig.drive().force_input(input, true);
+      active = active || shaft() > 0.5;
+    });
+  });
+  EXPECT_THAT(problem, HasSubstr("where the positive limit switch is active (60FDh)"));
+  EXPECT_LT(rig.objects().now() - start, 4s);
+  EXPECT_NEAR(shaft_speed(), 0, 0.02);
+}
+
+// An ISMC says that the target is reached when its demand is there, and watches no following error from the factory.
+TEST(AxisAtAHardStop, IsNotTakenForAnAxisAtItsTarget) {
+  AxisRig rig(RigCase{"ismc", RigCase::BusKind::can,
+                      "[axis.travel]\ncounts_per_unit = 131072\nlow_stop = -1\nhigh_stop = 1\n"});
+  Axis402 axis(rig.objects(), rig.options());
+  axis.enable();
+  const std::string problem = problem_of(
+      [&] { axis.move_to(4 * 131072, {.velocity = 131072, .acceleration = 1310720, .deceleration = 1310720}, 60s); });
+  EXPECT_THAT(problem, HasSubstr("the drive shows the target as reached, but the axis stands at 13"));
+  EXPECT_THAT(problem, HasSubstr("instead of 524288"));
+}
+
 class Probes : public testing::TestWithParam<RigCase> {};
 INSTANTIATE_TEST_SUITE_P(Some, Probes,
                          testing::Values(RigCase{"generic402"}, RigCase{"generic402", RigCase::BusKind::modbus},
