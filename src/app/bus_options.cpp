@@ -139,13 +139,14 @@ bool InterruptGuard::interrupted() { return interrupting_signal() != 0; }
 
 int interrupting_signal() { return interrupt_seen; }
 
-host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet) {
+host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet, const host::UnitScale& scale) {
   const bool shown = !quiet && on_terminal();
-  return [&axis, shown, next = host::Time{}](const host::AxisStatus& status) mutable {
+  return [&axis, shown, scale, next = host::Time{}](const host::AxisStatus& status) mutable {
     const host::Time now = axis.objects().now();
     if (!shown || now < next) return;
     next = now + progress_period;
-    fmt::print("\r  position {:>12}  velocity {:>10}\x1B[K", status.position, status.velocity);
+    fmt::print("\r  position {:>12}  velocity {:>10}\x1B[K", scale.position(status.position),
+               scale.velocity(status.velocity));
     std::fflush(stdout);
   };
 }

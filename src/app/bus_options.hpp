@@ -7,6 +7,7 @@
 #include <string>
 
 #include "host/axis402.hpp"
+#include "host/axis_units.hpp"
 #include "host/canopen/bus.hpp"
 #include "host/canopen/scan.hpp"
 #include "host/canopen/sdo_client.hpp"
@@ -88,7 +89,7 @@ class InterruptGuard {
 };
 
 // For motions: shows position and velocity on a terminal.
-host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet);
+host::Axis402::Progress motion_progress(host::Axis402& axis, bool quiet, const host::UnitScale& scale = {});
 // Ends the line that motion_progress() rewrites.
 void end_progress(bool quiet);
 

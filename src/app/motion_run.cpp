@@ -25,32 +25,21 @@ void add_motion_options(CLI::App& command, MotionOptions& options, const std::st
   add_serial_options(command, options.bus);
   add_watch_option(command, options.bus);
   add_cycle_options(command, options.bus);
-  command.add_flag("--revolutions", options.revolutions,
-                   "Numbers are motor revolutions, /s and /s2, instead of the drive's units");
+  add_unit_options(command, options.units);
   command.add_flag("--reset-fault", options.reset_fault, "Reset a fault first");
   command.add_flag("--disable", options.disable,
                    "Disable the drive afterwards instead of holding the position (on EtherCAT always: a drive holds "
                    "while a master exchanges data with it)");
 }
 
-Units::Units(host::Axis402& axis, bool revolutions) {
-  if (!revolutions) return;
-  const auto units = axis.units();
-  if (!units) {
-    throw Failure::did_not_work(
-        fmt::format("{}: the drive does not say how many units a revolution has (6092h, 608Fh); give the numbers "
-                    "in the drive's units",
-                    axis.objects().where()));
-  }
-  units_ = *units;
-}
-
 void run_motion(const MotionOptions& options, const std::function<Motion(const Units&)>& plan) {
+  const host::UnitChoice choice = options.units.choice();
   DriveLink link(options.bus, true);
   link.operate(options.bus);
   const auto opened = link.open_axis({});
   host::Axis402& axis = *opened;
-  const Motion motion = plan(Units(axis, options.revolutions));
+  const host::UnitScale scale = scale_of(axis, choice);
+  const Motion motion = plan(Units(scale));
   const InterruptGuard guard;
   host::Time start{};
   MotionResult result;
@@ -58,7 +47,7 @@ void run_motion(const MotionOptions& options, const std::function<Motion(const U
     if (options.reset_fault) axis.reset_fault();
     axis.enable();
     start = link.objects().now();
-    result = motion(axis, motion_progress(axis, options.bus.json));
+    result = motion(axis, motion_progress(axis, options.bus.json, scale));
   } catch (...) {
     end_progress(options.bus.json);
     if (link.operates()) disable_if_possible(axis);
@@ -69,19 +58,30 @@ void run_motion(const MotionOptions& options, const std::function<Motion(const U
   const std::int32_t position = axis.position();
   if (options.disable || link.operates()) axis.disable();
   if (options.bus.json) {
-    nlohmann::ordered_json json{{"node", axis.address()},
-                                {"result", result.done},
-                                {"position", position},
-                                {"seconds", seconds},
-                                {"state", drive::name(axis.state())}};
+    const bool in_others = scale.system != host::UnitSystem::drive;
+    nlohmann::ordered_json json{{"node", axis.address()}, {"result", result.done}};
+    const auto add = [&](const std::string& name, const std::optional<std::int32_t>& value) {
+      json[name] = value ? nlohmann::ordered_json(*value) : nullptr;
+      if (in_others) json[name + "_in_units"] = value ? nlohmann::ordered_json(*value / scale.drive.position) : nullptr;
+    };
+    if (in_others) json["units"] = host::names_of(scale.system).word;
+    add("position", position);
+    json["seconds"] = seconds;
+    json["state"] = drive::name(axis.state());
+    for (const auto& [name, value] : result.positions) add(name, value);
     json.update(result.details);
     fmt::print("{}\n", json.dump(2));
     return;
   }
   std::string details;
-  for (const auto& [name, value] : result.details.items()) details += fmt::format(", {} {}", name, value.dump());
-  fmt::print("{} {}: {} in {:.2f} s, position {}{}\n", link.noun(), axis.address(), result.done, seconds, position,
-             details);
+  for (const auto& [name, value] : result.positions) {
+    details += fmt::format(", {} {}", name, value ? scale.position(*value) : "-");
+  }
+  for (const auto& [name, value] : result.details.items()) {
+    if (!value.is_null()) details += fmt::format(", {} {}", name, value.dump());
+  }
+  fmt::print("{} {}: {} in {:.2f} s, position {}{}\n", link.noun(), axis.address(), result.done, seconds,
+             scale.position(position), details);
 }
 
 }  // namespace servodrome::app

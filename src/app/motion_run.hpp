@@ -5,6 +5,7 @@
 
 #include "app/bus_options.hpp"
 #include "app/number_options.hpp"
+#include "app/unit_options.hpp"
 
 // What the commands that move one axis share.
 namespace servodrome::app {
@@ -13,17 +14,16 @@ struct MotionOptions {
   BusOptions bus{.timeout_s = 60.0, .timeout_is_for_motion = true};
   bool reset_fault = false;
   bool disable = false;
-  bool revolutions = false;
+  UnitOptions units{};
 };
 
 // All but the motion's own: bus, node, serial line, cycle, units, --reset-fault, --disable.
 void add_motion_options(CLI::App& command, MotionOptions& options, const std::string& timeout_help);
 
-// Turns numbers of people into the drive's units, rounded. Throws Failure where there is no such number, or if the
-// drive does not say how many units a revolution has.
+// Turns numbers of people into the drive's units, rounded. Throws Failure where there is no such number.
 class Units {
  public:
-  Units(host::Axis402& axis, bool revolutions);
+  explicit Units(const host::UnitScale& scale) : units_(scale.drive) {}
 
   // `name` stands in error messages.
   template <typename T>
@@ -49,12 +49,13 @@ class Units {
   }
 
  private:
-  host::AxisUnits units_{1.0, 1.0, 1.0};
+  host::AxisUnits units_;
 };
 
 // How a motion went: a word for the result ("moved"), and what else is to be printed of it.
 struct MotionResult {
   std::string done;
+  std::vector<std::pair<std::string, std::optional<std::int32_t>>> positions{};  // in the drive's units
   nlohmann::ordered_json details = nlohmann::ordered_json::object();
 };
 using Motion = std::function<MotionResult(host::Axis402&, const host::Axis402::Progress&)>;

@@ -52,7 +52,12 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
       {"axis a 0", "a.script:1:8: 0 is not a node-ID, station or position, 1 to 65535"},
       {"enable\naxis a 1", "a.script:2:1: axes are declared before the first command"},
       {"use b", "a.script:1:5: there is no axis \"b\"; declare it"},
-      {"units miles", "a.script:1:7: units \"miles\" are not known; write revolutions or drive"},
+      {"units miles",
+       "a.script:1:7: units \"miles\" are not known; write drive, counts, revolutions, rpm, degrees, mm"},
+      {"units mm", "a.script:1:9: here how many mm a motor revolution moves is missing"},
+      {"units mm 0", "a.script:1:10: a revolution moves 0.000001 to 1e6 mm"},
+      {"units mm 5 nan", "a.script:1:12: \"nan\" is no number"},
+      {"units counts 3", "a.script:1:14: \"3\" is one word too many"},
       {"units revolutions 0", "a.script:1:19: a revolution has 0.001 to 1e9 units"},
       {"units drive 3", "a.script:1:13: \"3\" is one word too many"},
       {"timeout -1", "a.script:1:9: -1 s is no time"},
@@ -98,7 +103,7 @@ TEST(ScriptText, IsReadAsItIsWritten) {
   EXPECT_EQ(move.axis, 1U);
   EXPECT_EQ(move.number("by"), -2.5);
   EXPECT_EQ(move.timeout_s, 5);
-  EXPECT_TRUE(move.revolutions && move.has("nowait"));
+  EXPECT_TRUE(move.units.system == UnitSystem::revolutions && move.has("nowait"));
   EXPECT_EQ(script.steps[1].axis, 0U);
   EXPECT_EQ(script.steps[1].timeout_s, 7);
   EXPECT_EQ(script.steps[2].body[0].body[0].number(""), 0.5);
@@ -201,6 +206,32 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
 };
 INSTANTIATE_TEST_SUITE_P(Every, ScriptRun, testing::ValuesIn(test::every_product),
                          [](const auto& row) { return row.param.name(); });
+
+// A revolution at two per second, in every unit there is.
+TEST_P(ScriptRun, TakesEveryUnit) {
+  struct Row {
+    std::string units;
+    double revolution;
+    double per_second;
+  };
+  const double counts = rig.drive().plant().parameters().encoder.counts_per_revolution;
+  const Row rows[] = {
+      {"revolutions", 1, 1}, {"rpm", 1, 60}, {"degrees", 360, 360}, {"mm 5", 5, 5}, {"counts", counts, counts}};
+  double turns = 0;
+  for (const Row& row : rows) {
+    const bool says = std::string_view(GetParam().product) != "ismc" || row.units == "counts";
+    Time took{};
+    options.done = [&](const Step& step, Time time, const std::string&) {
+      if (step.verb == Verb::move) took = time;
+    };
+    const std::string script =
+        fmt::format("units {}{}\nenable\nmove by {} velocity {} acceleration {}\nwait 0.2", row.units,
+                    says ? "" : " 131072", row.revolution, 2 * row.per_second, 50 * row.per_second);
+    run(parsed(script), pointers, options);
+    EXPECT_NEAR(shaft(), ++turns, 0.02) << script;
+    EXPECT_NEAR(std::chrono::duration<double>(took).count(), 0.6, 0.15) << script;
+  }
+}
 
 TEST_P(ScriptRun, MovesWaitsAndExpects) {
   EXPECT_EQ(problem_of(R"(

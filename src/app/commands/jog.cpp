@@ -96,11 +96,11 @@ void torque(const TorqueOptions& options) {
     return [&options, permille, profile](host::Axis402& axis, const host::Axis402::Progress& progress) {
       const auto seconds = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.seconds));
       const host::Time end = axis.objects().now() + seconds;
-      double most_percent = 0;
+      std::optional<double> most_percent;
       try {
         axis.run_torque(permille, profile, options.bus.timeout(), progress);
         axis.hold_for(std::max(end - axis.objects().now(), host::Time{}), [&](const host::AxisStatus& status) {
-          most_percent = std::max(most_percent, std::abs(status.torque) / 10.0);
+          if (status.has_torque) most_percent = std::max(most_percent.value_or(0), std::abs(status.torque) / 10.0);
           progress(status);
         });
       } catch (...) {
@@ -108,7 +108,9 @@ void torque(const TorqueOptions& options) {
         throw;
       }
       axis.stop();
-      return MotionResult{"gave torque and stopped", {{"most_percent", most_percent}}};
+      MotionResult result{"gave torque and stopped"};
+      result.details["most_percent"] = most_percent ? nlohmann::ordered_json(*most_percent) : nullptr;
+      return result;
     };
   });
 }

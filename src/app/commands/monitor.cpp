@@ -7,6 +7,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "app/unit_options.hpp"
 #include "host/sniff/can_decoder.hpp"
 
 namespace servodrome::app {
@@ -17,6 +18,7 @@ struct Options {
   bool axis = false;
   double seconds = 0.0;  // 0: until Ctrl-C
   double interval_s = 0.1;
+  UnitOptions units{};
 };
 
 double seconds_between(host::Time start, host::Time end) { return std::chrono::duration<double>(end - start).count(); }
@@ -68,37 +70,50 @@ bool is_news(const host::AxisStatus& before, const host::AxisStatus& now, double
   return now.statusword != before.statusword || now.mode != before.mode || static_cast<double>(moved) > moved_units;
 }
 
-void print_axis(const Options& options, double at, const host::AxisStatus& status, const std::string& emergency) {
+void print_axis(const Options& options, const host::UnitScale& scale, double at, const host::AxisStatus& status,
+                const std::string& emergency) {
   const auto mode = static_cast<host::OperationMode>(status.mode);
+  // Some drives have none of 606Ch and 6077h.
+  const std::string velocity = status.has_velocity ? scale.velocity(status.velocity) : "-";
+  const std::string torque = status.has_torque ? fmt::format("{:.1f} %", status.torque / 10.0) : "-";
   if (options.bus.json) {
-    fmt::print("{}\n", nlohmann::ordered_json{{"seconds", at},
-                                              {"state", drive::name(status.state())},
-                                              {"statusword", status.statusword},
-                                              {"mode", status.mode},
-                                              {"position", status.position},
-                                              {"velocity", status.velocity},
-                                              {"torque", status.torque},
-                                              {"emergency", emergency}}
-                           .dump());
+    nlohmann::ordered_json json{{"seconds", at},
+                                {"state", drive::name(status.state())},
+                                {"statusword", status.statusword},
+                                {"mode", status.mode},
+                                {"position", status.position},
+                                {"velocity", nullptr},
+                                {"torque", nullptr},
+                                {"emergency", emergency}};
+    if (status.has_velocity) json["velocity"] = status.velocity;
+    if (status.has_torque) json["torque"] = status.torque;
+    if (scale.system != host::UnitSystem::drive) {
+      json["units"] = host::names_of(scale.system).word;
+      json["position_in_units"] = status.position / scale.drive.position;
+      if (status.has_velocity) json["velocity_in_units"] = status.velocity / scale.drive.velocity;
+    }
+    fmt::print("{}\n", json.dump());
   } else if (on_terminal()) {
     fmt::print(
         "\x1B[H\x1B[Jstate       {}\nstatusword  {}\nmode        {} ({})\nposition    {}\nvelocity    {}\n"
-        "torque      {:.1f} %\nlatest EMCY {}\n",
+        "torque      {}\nlatest EMCY {}\n",
         drive::name(status.state()), host::text_of_statusword(status.statusword), status.mode, host::name(mode),
-        status.position, status.velocity, status.torque / 10.0, emergency.empty() ? "-" : emergency);
+        scale.position(status.position), velocity, torque, emergency.empty() ? "-" : emergency);
   } else {
-    fmt::print("{:10.3f}  {}, mode {}, position {}, velocity {}, torque {:.1f} %, statusword {}{}\n", at,
-               drive::name(status.state()), status.mode, status.position, status.velocity, status.torque / 10.0,
+    fmt::print("{:10.3f}  {}, mode {}, position {}, velocity {}, torque {}, statusword {}{}\n", at,
+               drive::name(status.state()), status.mode, scale.position(status.position), velocity, torque,
                host::text_of_statusword(status.statusword), emergency.empty() ? "" : ", " + emergency);
   }
   std::fflush(stdout);
 }
 
 void monitor_axis(const Options& options) {
+  const host::UnitChoice choice = options.units.choice();
   DriveLink link(options.bus, true);
   const auto opened = link.open_axis({});
   host::Axis402& axis = *opened;
   host::ObjectClient& objects = link.objects();
+  const host::UnitScale scale = scale_of(axis, choice);
   const host::Time start = objects.now();
   const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));
   const auto units = axis.units();
@@ -111,7 +126,7 @@ void monitor_axis(const Options& options) {
     const std::string emergency = latest ? host::text_of(*latest) : "";
     const bool live = on_terminal() && !options.bus.json;
     if (live || !last || is_news(*last, now, moved_units) || emergency != last_emergency) {
-      print_axis(options, seconds_between(start, objects.now()), now, emergency);
+      print_axis(options, scale, seconds_between(start, objects.now()), now, emergency);
       last = now;
       last_emergency = emergency;
     }
@@ -129,6 +144,7 @@ void add_monitor(CLI::App& app) {
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);
   command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
+  add_unit_options(*command, options->units);
   command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
   command->add_option("--interval", options->interval_s, "Seconds between two looks at the axis")
       ->check(number_within(0.001, 3600.0))

@@ -17,10 +17,6 @@ struct Options : MotionOptions {
 
 using Request = host::ProbeRequest;
 
-nlohmann::ordered_json json_of(const std::optional<std::int32_t>& position) {
-  return position ? nlohmann::ordered_json(*position) : nullptr;
-}
-
 void run(const Options& options) {
   if (options.velocity && !options.by) throw Failure::wrong_use("probe: --velocity goes with --by DISTANCE");
   const Request request{.probe = static_cast<std::uint8_t>(options.probe),
@@ -43,8 +39,8 @@ void run(const Options& options) {
       if (by) axis.stop();
       axis.disarm_probe(request.probe);
       MotionResult result{fmt::format("touch probe {} has seen its edge", request.probe)};
-      if (request.positive_edge) result.details["positive_edge"] = json_of(seen.positive);
-      if (request.negative_edge) result.details["negative_edge"] = json_of(seen.negative);
+      if (request.positive_edge) result.positions.emplace_back("positive_edge", seen.positive);
+      if (request.negative_edge) result.positions.emplace_back("negative_edge", seen.negative);
       return result;
     };
   });

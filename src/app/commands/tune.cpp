@@ -31,6 +31,7 @@ struct Options {
   double travel_revolutions = 4.0;
   double torque_percent = 60.0;
   double seconds = 10.0;
+  std::optional<double> units_per_revolution;
 };
 
 std::string figure(const std::optional<double>& value, const char* unit) {
@@ -143,10 +144,12 @@ void run(const Options& options) {
   const auto& dialect =
       tuning::tuning_dialect_of(link.product() != nullptr ? link.product()->name : std::string_view{});
   const auto axis = link.open_axis({});
-  const auto axis_units = axis->units();
+  const auto axis_units = axis->units(options.units_per_revolution);
   if (!axis_units) {
     throw Failure::did_not_work(
-        fmt::format("{}: the drive does not say how many units a revolution has (6092h, 608Fh)", objects.where()));
+        fmt::format("{}: the drive does not say how many units a revolution has (6092h, 608Fh); say it with "
+                    "--units-per-revolution NUMBER",
+                    objects.where()));
   }
   const tuning::TuningUnits units = tuning::tuning_units_of(objects, dialect, *axis_units);
   if (options.reset_fault) axis->reset_fault();
@@ -242,6 +245,10 @@ void add_tune(CLI::App& app) {
   command->add_option("--seconds", options->seconds, "Of each measurement; longer tells more of a noisy axis")
       ->check(number_within(4.0, 600.0))
       ->capture_default_str();
+  command
+      ->add_option("--units-per-revolution", options->units_per_revolution,
+                   "Position units of the drive in a motor revolution, if it does not say so itself (ISMC)")
+      ->check(number_within(1e-3, 1e9));
   command->add_flag("--reset-fault", options->reset_fault, "Reset a fault first");
   command->callback([options] { run(*options); });
 }

@@ -211,22 +211,33 @@ class Parser {
     script_.axes.push_back(std::move(axis));
   }
 
+  // `drive`, `counts`, `revolutions`, `rpm` or `degrees`, then how many units a revolution has where that can matter;
+  // `mm` has before it what a revolution moves.
   void read_units() {
-    const Word& word = take("`revolutions` or `drive`");
-    if (word.text != "revolutions" && word.text != "drive") {
+    const Word& word = take("what units");
+    const auto system = unit_system_named(word.text);
+    if (!system) {
       throw LineMistake{word.column,
-                        fmt::format("units \"{}\" are not known; write revolutions or drive", shown(word.text))};
+                        fmt::format("units \"{}\" are not known; write {}", shown(word.text), list_of_unit_systems())};
     }
-    revolutions_ = word.text == "revolutions";
-    units_per_revolution_.reset();
-    if (revolutions_ && !at_end()) {
-      const Word& number = take("");
-      units_per_revolution_ = number_in(number, "how many units of the drive a revolution has");
-      if (*units_per_revolution_ < 1e-3 || *units_per_revolution_ > 1e9) {
-        throw LineMistake{number.column, "a revolution has 0.001 to 1e9 units"};
-      }
+    UnitChoice units{.system = *system};
+    const auto positive = [this](const char* what, const char* refusal, double least, double most) {
+      const Word& number = take(what);
+      const double value = number_in(number, what);
+      if (value < least || value > most) throw LineMistake{number.column, refusal};
+      return value;
+    };
+    if (*system == UnitSystem::millimetres) {
+      units.feed_mm =
+          positive("how many mm a motor revolution moves", "a revolution moves 0.000001 to 1e6 mm", 1e-6, 1e6);
+    }
+    const bool of_revolution = *system != UnitSystem::drive && *system != UnitSystem::counts;
+    if (of_revolution && !at_end()) {
+      units.units_per_revolution =
+          positive("how many units of the drive a revolution has", "a revolution has 0.001 to 1e9 units", 1e-3, 1e9);
     }
     expect_end();
+    units_ = units;
   }
 
   void read_end(const Word& word) {
@@ -249,8 +260,7 @@ class Parser {
   }
 
   void read_step(const Word& first, std::string_view source) {
-    Step step{.place = {line_, first.column}, .source = std::string(source), .revolutions = revolutions_};
-    step.units_per_revolution = units_per_revolution_;
+    Step step{.place = {line_, first.column}, .source = std::string(source), .units = units_};
     step.axis = selected_;
     const Word* word = &first;
     bool axis_given = false;
@@ -434,8 +444,7 @@ class Parser {
   std::size_t next_ = 0;
   unsigned line_ = 0;
   std::size_t selected_ = 0;
-  bool revolutions_ = false;
-  std::optional<double> units_per_revolution_;
+  UnitChoice units_;
   double timeout_s_ = default_timeout_s;
 };
 

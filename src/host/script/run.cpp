@@ -97,7 +97,7 @@ class Runner {
     for (const Step& step : steps) {
       at(step, [&] {
         Member& member = members_.at(step.axis);
-        if (step.revolutions && needs_units(step)) units_of(step, member);
+        if (needs_units(step)) read_scale(step, member);
         for (const auto& [keyword, number] : step.numbers) check_number(step, keyword, number);
         const bool has_value = step.verb == Verb::set || step.verb == Verb::expect;
         if (has_value && step.subject.kind == Subject::Kind::object) parse_value(step.text, type_of(step, member));
@@ -106,27 +106,21 @@ class Runner {
     }
   }
 
-  void units_of(const Step& step, const Member& member) {
-    const std::pair key{step.axis, step.units_per_revolution};
-    if (units_.contains(key)) return;
-    const auto units = member.axis->units(step.units_per_revolution);
-    if (!units) {
-      throw HostError("the drive does not say how many units a revolution has (6092h, 608Fh)",
-                      member.axis->objects().where(),
-                      "say it with `units revolutions NUMBER`, or write the numbers in the drive's with `units drive`");
+  void read_scale(const Step& step, const Member& member) {
+    const std::pair key{step.axis, step.units};
+    if (!scales_.contains(key)) {
+      scales_.emplace(key, UnitScale::of(*member.axis, step.units,
+                                         "say it behind `units` (`units revolutions NUMBER`, `units mm FEED NUMBER`)"));
     }
-    units_.emplace(key, *units);
   }
 
   double scale(const Step& step, Quantity quantity) const {
-    const bool has_scale =
-        quantity == Quantity::position || quantity == Quantity::velocity || quantity == Quantity::acceleration;
-    if (!step.revolutions || !has_scale) return 1.0;
-    const AxisUnits& units = units_.at({step.axis, step.units_per_revolution});
+    const auto found = scales_.find({step.axis, step.units});
+    if (found == scales_.end()) return 1.0;  // nothing in the step has a unit
     switch (quantity) {
-      case Quantity::position: return units.position;
-      case Quantity::velocity: return units.velocity;
-      case Quantity::acceleration: return units.acceleration;
+      case Quantity::position: return found->second.drive.position;
+      case Quantity::velocity: return found->second.drive.velocity;
+      case Quantity::acceleration: return found->second.drive.acceleration;
       default: return 1.0;
     }
   }
@@ -417,7 +411,7 @@ class Runner {
   std::vector<Member> members_;
   std::size_t last_axis_ = 0;  // of the step that was begun last
   std::map<std::pair<std::size_t, ObjectAddress>, dictionary::Type> types_;
-  std::map<std::pair<std::size_t, std::optional<double>>, AxisUnits> units_;  // of `units revolutions`
+  std::map<std::pair<std::size_t, UnitChoice>, UnitScale> scales_;
 };
 
 }  // namespace

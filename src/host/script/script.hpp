@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "host/axis_units.hpp"
 #include "host/object_catalogue.hpp"
 
 // Motion scripts: a command on each line, for one axis or several on one bus. docs/script.md is their reference.
@@ -59,8 +60,7 @@ struct Step {
   std::string source{};  // the line without blanks around it and comment
   Verb verb{};
   std::size_t axis = 0;                                  // number of the axis; of verbs that are about one
-  bool revolutions = false;                              // what numbers are in
-  std::optional<double> units_per_revolution{};          // of position; nothing: the drive is asked
+  UnitChoice units{};                                    // what numbers are in
   double timeout_s = 0.0;                                // of a motion or a wait; 0: none was given, look once
   std::map<std::string, double, std::less<>> numbers{};  // by keyword; "" for the one without
   std::vector<std::string> flags{};                      // keywords without number

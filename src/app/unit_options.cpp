@@ -1,0 +1,49 @@
+#include "app/unit_options.hpp"
+
+#include "app/commands.hpp"
+#include "app/number_options.hpp"
+
+namespace servodrome::app {
+
+using host::UnitSystem;
+
+host::UnitChoice UnitOptions::choice() const {
+  const host::UnitChoice choice{.system = revolutions ? UnitSystem::revolutions : *host::unit_system_named(name),
+                                .units_per_revolution = units_per_revolution,
+                                .feed_mm = feed_mm};
+  const bool in_millimetres = choice.system == UnitSystem::millimetres;
+  if (in_millimetres && !feed_mm) {
+    throw Failure::wrong_use("--units mm: say with --feed how many mm a motor revolution moves");
+  }
+  if (!in_millimetres && feed_mm) throw Failure::wrong_use("--feed goes with --units mm");
+  const bool of_revolution = choice.system != UnitSystem::drive && choice.system != UnitSystem::counts;
+  if (units_per_revolution && !of_revolution) {
+    throw Failure::wrong_use(fmt::format("--units-per-revolution says nothing about --units {}", name));
+  }
+  return choice;
+}
+
+host::UnitScale scale_of(host::Axis402& axis, const host::UnitChoice& choice) {
+  return host::UnitScale::of(axis, choice, "say it with --units-per-revolution NUMBER");
+}
+
+void add_unit_options(CLI::App& command, UnitOptions& options) {
+  CLI::Option* const units =
+      command
+          .add_option("--units", options.name,
+                      "What numbers are in, and per s and s2: drive (its own user-defined units), counts (of the "
+                      "encoder), revolutions, rpm (revolutions, rpm, rpm/s), degrees, or mm with --feed")
+          ->check([](const std::string& word) {
+            return host::unit_system_named(word) ? std::string() : "units are " + host::list_of_unit_systems();
+          })
+          ->capture_default_str();
+  command.add_flag("--revolutions", options.revolutions, "Short for --units revolutions")->excludes(units);
+  command.add_option("--feed", options.feed_mm, "Millimetres that a motor revolution moves, for --units mm")
+      ->check(number_within(1e-6, 1e6));
+  command
+      .add_option("--units-per-revolution", options.units_per_revolution,
+                  "Position units of the drive in a motor revolution, if it does not say so itself (ISMC)")
+      ->check(number_within(1e-3, 1e9));
+}
+
+}  // namespace servodrome::app
