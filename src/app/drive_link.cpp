@@ -32,24 +32,27 @@ void check_link(const BusOptions& options, const std::string& link) {
   }
 }
 
-// Of a protocol that only one product has, its drives need not be named.
+bool is_tcp(const std::string& link) {
+  return std::holds_alternative<links::ModbusTcpName>(links::parse_serial_link(link));
+}
+
+}  // namespace
+
+// Variants of a product have one port.
 const line::Product* product_that_speaks(products::SerialProtocol protocol) {
   const line::Product* found = nullptr;
   for (const line::Product& product : line::all_products()) {
     if (product.serial == nullptr) continue;
     const auto& protocols = product.serial->protocols;
     if (std::find(protocols.begin(), protocols.end(), protocol) == protocols.end()) continue;
-    if (found != nullptr) return nullptr;
-    found = &product;
+    if (found == nullptr) {
+      found = &product;
+    } else if (found->serial->registers.data() != product.serial->registers.data()) {
+      return nullptr;
+    }
   }
   return found;
 }
-
-bool is_tcp(const std::string& link) {
-  return std::holds_alternative<links::ModbusTcpName>(links::parse_serial_link(link));
-}
-
-}  // namespace
 
 const line::Product* named_product(const BusOptions& options) {
   if (options.product.empty()) return nullptr;
@@ -256,6 +259,12 @@ void DriveLink::open_ethercat(const BusOptions& options, bool drives) {
   ethercat_ = open_ethercat_master(options);
   line_ = scan_segment(*ethercat_);
   const host::FoundSlave& found = choose_slave(*ethercat_, line_, options);
+  if (found.status.state() == host::AlState::operational) {
+    warn(fmt::format(
+        "{}, slave {}: it is in OP, so another master is at work: both take answers out of its one mailbox, "
+        "and either may miss its own; end the other first",
+        ethercat_->name(), found.position));
+  }
   slave_ = std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout());
   if (product_ == nullptr) product_ = product_of(found);
   if (drives && !is_drive(*slave_)) {

@@ -78,6 +78,8 @@ class DriveLink {
   std::optional<host::ObjectCatalogue> catalogue_;
 };
 
+// Of a protocol that only one product has, its drives need not be named. nullptr: several products have it.
+const line::Product* product_that_speaks(products::SerialProtocol protocol);
 // That of --product; nullptr: none is given. Throws Failure if there is none of that name.
 const line::Product* named_product(const BusOptions& options);
 // The product that a drive with this identity (1018h) is; nullptr: none of ours.

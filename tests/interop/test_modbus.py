@@ -370,6 +370,8 @@ def test_the_commands_work_over_modbus(serial_line, link):
     stations = json.loads(servodrome("scan", "--bus", bus, "--last", 5, "--timeout", 3, "--json"))["nodes"]
     assert [(station["node"], station["name"]) for station in stations] == [
         (1, ""), (2, "generic402"), (3, ""), (4, "generic402")]
+    assert [(station["recognised_as"], station["recognised_by"]) for station in stations] == [
+        ("ismk", "objects"), ("generic402", "identity")] * 2
     assert "Statusword" in servodrome("get", *reference, "6041")
     servodrome("set", *reference, "6081", 200000)
     assert json.loads(servodrome("get", *reference, "6081", "--json"))["value"] == 200000
@@ -395,6 +397,7 @@ def test_the_commands_work_with_the_ten_byte_protocol(start_serial_line):
     assert json.loads(servodrome("get", *bus, "6098", "--json"))["value"] == 33
     assert "moved" in servodrome("move", *bus, "--by", 30000, "--velocity", round(300 * RPM))
     wait_for(lambda: abs(line.bench.true_position("k1") - 30000) < 100, "position 30000")
+    assert "homed" in servodrome("home", *bus, "--method", 35), "by the status bits of the product that has this protocol"
     assert "refused" in servodrome("get", *bus, "5555", status=1)
     scope = json.loads(servodrome("scope", *bus, "position", "--rate", 20, "--duration", 0.5, "--json"))
     assert scope["way"] == "requests of the 10-byte protocol" and scope["rows"] > 3

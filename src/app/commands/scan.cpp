@@ -7,7 +7,10 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "app/recognition.hpp"
+#include "host/ethercat/scan.hpp"
 #include "host/modbus/scan.hpp"
+#include "links/local_buses.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -17,16 +20,65 @@ struct Options {
   double listen_s = 0.0;
   unsigned first = 1;
   unsigned last = 0;  // 0: the highest there can be
+  bool buses = false;
+  std::vector<std::string> eds;
+  std::vector<std::string> esi;
 };
 
 constexpr double can_timeout_s = 0.25;
 // What answers on a serial line does so at once, and most addresses are empty.
 constexpr double serial_timeout_s = 0.05;
 
-nlohmann::ordered_json json_of(const host::FoundNode& node) {
+// What a drive was recognised as, and by what: "identity", "description" (a file that was given) or "objects".
+struct Recognised {
+  std::string as;
+  const char* by = nullptr;
+  const line::Product* product = nullptr;
+
+  std::string text() const {
+    return as.empty() ? "-" : as + (product != nullptr && by == by_objects ? ", by its objects" : "");
+  }
+  void add_to(nlohmann::ordered_json& json) const {
+    json["product"] = product != nullptr ? nlohmann::ordered_json(product->name) : nullptr;
+    json["recognised_as"] = as.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(as);
+    json["recognised_by"] = by != nullptr ? nlohmann::ordered_json(by) : nlohmann::ordered_json(nullptr);
+  }
+
+  static constexpr const char* by_identity = "identity";
+  static constexpr const char* by_description = "description";
+  static constexpr const char* by_objects = "objects";
+};
+
+Recognised recognise(const line::Product* by_identity, std::uint32_t vendor_id, std::uint32_t product_code,
+                     const Descriptions& descriptions) {
+  if (std::string name = descriptions.name_of(vendor_id, product_code); !name.empty()) {
+    return {std::move(name), Recognised::by_description, by_identity};
+  }
+  if (by_identity != nullptr) return {std::string(by_identity->name), Recognised::by_identity, by_identity};
+  return {};
+}
+
+Recognised by_objects(const line::Product* product) {
+  if (product == nullptr) return {};
+  return {std::string(product->name), Recognised::by_objects, product};
+}
+
+// A drive whose identity nobody knows is asked for objects that only one product has.
+Recognised recognise(host::Bus& bus, const host::FoundNode& node, const Descriptions& descriptions) {
+  const auto identity = node.identity.value_or(host::LssAddress{});
+  Recognised recognised = recognise(product_of(node), identity.vendor_id, identity.product_code, descriptions);
+  if (recognised.by != nullptr || !node.is_drive()) return recognised;
+  try {
+    host::SdoClient objects(bus, node.node_id);
+    return by_objects(product_by_objects(objects, line::Fieldbus::can));
+  } catch (const host::ObjectError&) {
+    return {};  // it has gone meanwhile
+  }
+}
+
+nlohmann::ordered_json json_of(const host::FoundNode& node, const Recognised& recognised) {
   nlohmann::ordered_json json{{"node", node.node_id}, {"name", node.name}, {"kind", host::kind_of(node)}};
-  const line::Product* product = product_of(node);
-  json["product"] = product != nullptr ? nlohmann::ordered_json(product->name) : nullptr;
+  recognised.add_to(json);
   json["device_type"] = node.device_type ? nlohmann::ordered_json(*node.device_type) : nullptr;
   if (node.identity) {
     json["vendor_id"] = node.identity->vendor_id;
@@ -39,17 +91,19 @@ nlohmann::ordered_json json_of(const host::FoundNode& node) {
   return json;
 }
 
-void print(const host::FoundNode& node, int width) {
+void print(const host::FoundNode& node, int width, const Recognised& recognised) {
   const auto identity = node.identity.value_or(host::LssAddress{});
-  fmt::print("{:<6}{:<{}}{:<26}{:08X}h  {:08X}h  {:08X}h  {:<11}{}\n", node.node_id, name_of(node), width,
+  fmt::print("{:<6}{:<{}}{:<26}{:08X}h  {:08X}h  {:08X}h  {:<11}{:<17}{}\n", node.node_id, name_of(node), width,
              node.device_type ? host::kind_of(node) : "answers no SDO", identity.vendor_id, identity.product_code,
-             identity.revision_number, identity.serial_number, node.state ? host::name(*node.state) : "");
+             identity.revision_number, identity.serial_number, node.state ? host::name(*node.state) : "",
+             recognised.text());
 }
 
 struct Station {
   unsigned address;
   std::string name;
   std::string kind;
+  Recognised recognised{};
 };
 
 void check_range(const Options& options) {
@@ -67,9 +121,14 @@ std::vector<Station> scan_modbus(const Options& options, const std::string& link
     constexpr std::uint8_t vendor_name = 0;
     constexpr std::uint8_t product_code = 1;
     const std::string name = found.text(product_code);
-    stations.push_back({found.unit, name,
-                        name.empty() ? "Modbus station without identification"
-                                     : fmt::format("Modbus station of {}", found.text(vendor_name))});
+    if (name.empty()) {
+      stations.push_back({found.unit, name, "Modbus station without identification",
+                          by_objects(product_by_registers(client, found.unit))});
+      continue;
+    }
+    const line::Product* const product = line::find_product(line::all_products(), name);
+    stations.push_back({found.unit, name, fmt::format("Modbus station of {}", found.text(vendor_name)),
+                        product != nullptr ? Recognised{name, Recognised::by_identity, product} : Recognised{}});
   }
   return stations;
 }
@@ -85,7 +144,8 @@ std::vector<Station> scan_serial10(const Options& options, const std::string& li
     } catch (const host::Serial10Error& error) {
       if (!error.from_drive()) continue;
     }
-    stations.push_back({id, "", "drive with the 10-byte protocol"});
+    stations.push_back({id, "", "drive with the 10-byte protocol",
+                        by_objects(product_that_speaks(products::SerialProtocol::serial10))});
   }
   return stations;
 }
@@ -97,13 +157,16 @@ void scan_serial(Options options, BusKind kind, const std::string& link) {
   if (options.bus.json) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
     for (const Station& station : stations) {
-      list.push_back({{"node", station.address}, {"name", station.name}, {"kind", station.kind}});
+      nlohmann::ordered_json json{{"node", station.address}, {"name", station.name}, {"kind", station.kind}};
+      station.recognised.add_to(json);
+      list.push_back(std::move(json));
     }
     fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"nodes", std::move(list)}}.dump(2));
   } else {
-    if (!stations.empty()) fmt::print("{:<9}{:<18}{}\n", "station", "product", "kind");
+    if (!stations.empty()) fmt::print("{:<9}{:<18}{:<40}{}\n", "station", "product", "kind", "recognised as");
     for (const Station& station : stations) {
-      fmt::print("{:<9}{:<18}{}\n", station.address, station.name.empty() ? "-" : station.name, station.kind);
+      fmt::print("{:<9}{:<18}{:<40}{}\n", station.address, station.name.empty() ? "-" : station.name, station.kind,
+                 station.recognised.text());
     }
   }
   if (stations.empty()) {
@@ -113,10 +176,14 @@ void scan_serial(Options options, BusKind kind, const std::string& link) {
   }
 }
 
-nlohmann::ordered_json json_of(const host::FoundSlave& slave) {
-  const line::Product* product = product_of(slave);
+Recognised recognise(const host::FoundSlave& slave, const Descriptions& descriptions) {
+  const host::EthercatIdentity& identity = slave.sii.identity;
+  return recognise(product_of(slave), identity.vendor_id, identity.product_code, descriptions);
+}
+
+nlohmann::ordered_json json_of(const host::FoundSlave& slave, const Recognised& recognised) {
   nlohmann::ordered_json json{{"node", slave.position}, {"alias", slave.alias}, {"name", slave.sii.name}};
-  json["product"] = product != nullptr ? nlohmann::ordered_json(product->name) : nullptr;
+  recognised.add_to(json);
   json["vendor_id"] = slave.sii.identity.vendor_id;
   json["product_code"] = slave.sii.identity.product_code;
   json["revision_number"] = slave.sii.identity.revision_number;
@@ -137,33 +204,109 @@ nlohmann::ordered_json json_of(const host::FoundSlave& slave) {
 }
 
 void scan_ethercat(const Options& options) {
+  const Descriptions descriptions(options.eds, options.esi);
   const auto master = open_ethercat_master(options.bus);
   const std::vector<host::FoundSlave> slaves = scan_segment(*master);
   if (options.bus.json) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    for (const host::FoundSlave& slave : slaves) list.push_back(json_of(slave));
+    for (const host::FoundSlave& slave : slaves) list.push_back(json_of(slave, recognise(slave, descriptions)));
     fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"nodes", std::move(list)}}.dump(2));
     return;
   }
+  std::vector<Recognised> recognised;
   std::size_t width = std::string_view("name").size();
-  for (const host::FoundSlave& slave : slaves) width = std::max(width, slave.sii.name.size());
-  width += 2;
-  fmt::print("{:<10}{:<7}{:<{}}{:<15}{:<11}{:<11}{:<11}{:<11}{:<7}{}\n", "position", "alias", "name", width, "product",
-             "vendor", "code", "revision", "serial", "links", "state");
+  std::size_t product_width = std::string_view("recognised as").size();
   for (const host::FoundSlave& slave : slaves) {
-    const line::Product* product = product_of(slave);
+    recognised.push_back(recognise(slave, descriptions));
+    width = std::max(width, slave.sii.name.size());
+    product_width = std::max(product_width, recognised.back().text().size());
+  }
+  width += 2;
+  product_width += 2;
+  fmt::print("{:<10}{:<7}{:<{}}{:<{}}{:<11}{:<11}{:<11}{:<11}{:<7}{}\n", "position", "alias", "name", width,
+             "recognised as", product_width, "vendor", "code", "revision", "serial", "links", "state");
+  for (std::size_t i = 0; i < slaves.size(); ++i) {
+    const host::FoundSlave& slave = slaves[i];
     const host::EthercatIdentity& identity = slave.sii.identity;
-    fmt::print("{:<10}{:<7}{:<{}}{:<15}{:08X}h  {:08X}h  {:08X}h  {:08X}h  {:<7}{}{}\n", slave.position,
-               slave.alias != 0 ? std::to_string(slave.alias) : "-", slave.sii.name, width,
-               product != nullptr ? product->name : "-", identity.vendor_id, identity.product_code,
-               identity.revision_number, identity.serial_number, text_of_links(slave), text_of(slave.status),
+    fmt::print("{:<10}{:<7}{:<{}}{:<{}}{:08X}h  {:08X}h  {:08X}h  {:08X}h  {:<7}{}{}\n", slave.position,
+               slave.alias != 0 ? std::to_string(slave.alias) : "-", slave.sii.name, width, recognised[i].text(),
+               product_width, identity.vendor_id, identity.product_code, identity.revision_number,
+               identity.serial_number, text_of_links(slave), text_of(slave.status),
                slave.sii.checksum_right ? "" : ", SII checksum wrong");
+  }
+}
+
+// ---- Buses of this computer ----
+
+struct Bus {
+  std::string link;
+  std::string kind;
+  std::string state;
+  std::string note;
+};
+
+// Where `servodrome up` of this computer is to be found, if one runs.
+std::vector<Bus> buses_of_default_line() {
+  std::vector<Bus> buses;
+  try {
+    host::Bus::open(default_bus);
+    buses.push_back({default_bus, "CANopen", "answers", "socketcand"});
+  } catch (const host::HostError&) {
+  }
+  constexpr const char* ethercat = "udp:127.0.0.1:34980";
+  try {
+    const auto master = host::EthercatMaster::open(ethercat, {});
+    if (const unsigned count = host::count_slaves(*master); count != 0) {
+      buses.push_back({ethercat, "EtherCAT", "answers", fmt::format("{} {}", count, count == 1 ? "slave" : "slaves")});
+    }
+  } catch (const host::HostError&) {
+  }
+  constexpr const char* modbus = "tcp:127.0.0.1:1502";
+  try {
+    host::ModbusClient::open(modbus, {});
+    buses.push_back({fmt::format("modbus:{}", modbus), "Modbus TCP", "answers", ""});
+  } catch (const host::HostError&) {
+  }
+  return buses;
+}
+
+void list_buses(const Options& options) {
+  std::vector<Bus> buses = buses_of_default_line();
+  for (const links::LocalBus& local : links::local_buses()) {
+    switch (local.kind) {
+      case links::LocalBus::Kind::can: buses.push_back({local.link, "CANopen", local.state, local.hardware}); break;
+      case links::LocalBus::Kind::ethernet:
+        buses.push_back({local.link, "EtherCAT", local.state, "needs CAP_NET_RAW"});
+        break;
+      case links::LocalBus::Kind::serial:
+        buses.push_back({"modbus:" + local.link, "Modbus RTU", local.state, local.hardware});
+        buses.push_back({"serial10:" + local.link, "10-byte protocol", local.state, local.hardware});
+        break;
+    }
+  }
+  if (options.bus.json) {
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    for (const Bus& bus : buses) {
+      list.push_back({{"bus", bus.link}, {"kind", bus.kind}, {"state", bus.state}, {"note", bus.note}});
+    }
+    fmt::print("{}\n", nlohmann::ordered_json{{"buses", std::move(list)}}.dump(2));
+  } else {
+    std::size_t width = std::string_view("bus").size();
+    for (const Bus& bus : buses) width = std::max(width, bus.link.size());
+    if (!buses.empty()) fmt::print("{:<{}}  {:<18}{:<10}{}\n", "bus", width, "kind", "state", "note");
+    for (const Bus& bus : buses) fmt::print("{:<{}}  {:<18}{:<10}{}\n", bus.link, width, bus.kind, bus.state, bus.note);
+  }
+  if (buses.empty()) {
+    throw Failure::did_not_work(
+        "this computer has no CAN interface, network card or serial port, and no line runs; `servodrome up` starts "
+        "one");
   }
 }
 
 void run(const Options& given) {
   Options options = given;
   check_range(options);
+  if (options.buses) return list_buses(options);
   const auto [kind, link] = bus_kind(options.bus);
   if (kind == BusKind::ethercat) {
     scan_ethercat(options);
@@ -174,18 +317,19 @@ void run(const Options& given) {
     return;
   }
   if (options.bus.timeout_s <= 0) options.bus.timeout_s = can_timeout_s;
+  const Descriptions descriptions(options.eds, options.esi);
   const auto bus = open_bus(options.bus);
   const auto listen = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.listen_s));
   const auto nodes = host::scan(*bus, {.timeout = options.bus.timeout(), .listen = listen});
   if (options.bus.json) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    for (const host::FoundNode& node : nodes) list.push_back(json_of(node));
+    for (const host::FoundNode& node : nodes) list.push_back(json_of(node, recognise(*bus, node, descriptions)));
     fmt::print("{}\n", nlohmann::ordered_json{{"bus", options.bus.link}, {"nodes", std::move(list)}}.dump(2));
   } else if (!nodes.empty()) {
     const int width = name_width(nodes);
-    fmt::print("{:<6}{:<{}}{:<26}{:<11}{:<11}{:<11}{:<11}{}\n", "node", "name", width, "kind", "vendor", "product",
-               "revision", "serial", "NMT state");
-    for (const host::FoundNode& node : nodes) print(node, width);
+    fmt::print("{:<6}{:<{}}{:<26}{:<11}{:<11}{:<11}{:<11}{:<17}{}\n", "node", "name", width, "kind", "vendor",
+               "product", "revision", "serial", "NMT state", "recognised as");
+    for (const host::FoundNode& node : nodes) print(node, width, recognise(*bus, node, descriptions));
   }
   if (nodes.empty()) {
     throw Failure::did_not_work(
@@ -203,6 +347,15 @@ void add_scan(CLI::App& app) {
                   "Seconds to wait for an answer to each question; 0.25 on CAN, 0.05 on a serial line if not given");
   command->get_option("--timeout")->default_str("");
   add_serial_options(*command, options->bus);
+  command->remove_option(command->get_option("--product"));
+  command->add_flag("--buses", options->buses, "List the buses of this computer, and those of a line that runs on it");
+  command
+      ->add_option(
+          "--eds", options->eds,
+          "Electronic data sheet or DCF by whose vendor and product code nodes are recognised; several may be given")
+      ->allow_extra_args(false);
+  command->add_option("--esi", options->esi, "The same for EtherCAT slaves: slave information file")
+      ->allow_extra_args(false);
   command->add_option("--first", options->first, "Lowest station of a serial line to ask")
       ->check(CLI::Range(1, 247).description(""))
       ->capture_default_str();
