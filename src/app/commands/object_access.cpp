@@ -1,4 +1,5 @@
 // `get` and `set`: objects of a drive by SDO, Modbus or the 10-byte protocol.
+#include <algorithm>
 #include <fmt/format.h>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -67,6 +68,22 @@ host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::s
   }
 }
 
+bool knows(const host::ObjectCatalogue& catalogue, const std::string& text) {
+  try {
+    return catalogue.find(catalogue.resolve(text)) != nullptr;
+  } catch (const host::HostError&) {
+    return false;
+  }
+}
+
+// What the standard does not know may be the maker's own: then the drive is asked which product it is.
+const host::ObjectCatalogue& complete_catalogue(const host::ObjectCatalogue& given, const Options& options,
+                                                std::span<const std::string> objects, DriveLink& link) {
+  const bool enough = !options.eds.empty() ||
+                      std::all_of(objects.begin(), objects.end(), [&](const auto& text) { return knows(given, text); });
+  return enough || link.product() == nullptr ? given : link.catalogue();
+}
+
 nlohmann::ordered_json json_of(const host::ObjectCatalogue& catalogue, unsigned node_id, host::ObjectAddress object,
                                std::span<const std::byte> bytes, std::optional<Type> type) {
   const host::NamedObject* known = catalogue.find(object);
@@ -94,19 +111,39 @@ nlohmann::ordered_json json_of(const host::ObjectCatalogue& catalogue, unsigned 
 }
 
 void get(const Options& options) {
-  const host::ObjectCatalogue catalogue = catalogue_of(options);
-  std::vector<host::ObjectAddress> objects;
-  for (const std::string& text : options.objects) objects.push_back(resolve(catalogue, text));
+  const host::ObjectCatalogue given = catalogue_of(options);
   given_type(options);
   DriveLink link(options.bus, false);
+  const host::ObjectCatalogue& catalogue = complete_catalogue(given, options, options.objects, link);
+  std::vector<host::ObjectAddress> objects;
+  for (const std::string& text : options.objects) objects.push_back(resolve(catalogue, text));
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  std::vector<std::string> problems;
   for (const host::ObjectAddress object : objects) {
-    const std::vector<std::byte> bytes = upload(link, object, options);
-    const auto type = type_of(options, catalogue, object);
-    list.push_back(json_of(catalogue, link.objects().address(), object, bytes, type));
-    if (!options.bus.json) fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
+    try {
+      const std::vector<std::byte> bytes = upload(link, object, options);
+      const auto type = type_of(options, catalogue, object);
+      list.push_back(json_of(catalogue, link.objects().address(), object, bytes, type));
+      if (!options.bus.json) fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
+    } catch (const host::ObjectError& error) {
+      // What the drive refuses does not keep the others from being read; a drive that is silent does.
+      problems.emplace_back(error.what());
+      list.push_back({{"node", link.objects().address()},
+                      {"object", text_of(object)},
+                      {"index", object.index},
+                      {"sub", object.sub},
+                      {"error", error.what()}});
+      if (!error.answered()) break;
+    }
   }
-  if (options.bus.json) fmt::print("{}\n", (list.size() == 1 ? list[0] : list).dump(2));
+  if (options.bus.json) {
+    const auto& document = objects.size() == 1 ? list[0] : list;
+    fmt::print("{}\n", document.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+  }
+  std::fflush(stdout);
+  if (problems.empty()) return;
+  for (std::size_t i = 0; i + 1 < problems.size(); ++i) warn(problems[i]);
+  throw Failure::did_not_work(problems.back());
 }
 
 // An object of unknown type is taken for an integer of the size it has now.
@@ -125,17 +162,23 @@ Type type_to_write(const Options& options, const host::ObjectCatalogue& catalogu
 }
 
 void set(const Options& options) {
-  const host::ObjectCatalogue catalogue = catalogue_of(options);
-  const host::ObjectAddress object = resolve(catalogue, options.object);
-  const auto value_of = [&](Type type) {
+  const host::ObjectCatalogue given = catalogue_of(options);
+  const auto value_as = [&options](Type type, const std::string& title) {
     try {
       return host::parse_value(options.value, type);
     } catch (const host::HostError& error) {
-      throw Failure::wrong_use(fmt::format("{}: {}", catalogue.title(object), error.what()));
+      throw Failure::wrong_use(fmt::format("{}: {}", title, error.what()));
     }
   };
-  if (const auto type = type_of(options, catalogue, object)) value_of(*type);  // wrong use needs no bus to be found
+  if (knows(given, options.object)) {  // wrong use needs no bus to be found
+    const host::ObjectAddress object = given.resolve(options.object);
+    if (const auto type = type_of(options, given, object)) value_as(*type, given.title(object));
+  }
+  given_type(options);
   DriveLink link(options.bus, false);
+  const host::ObjectCatalogue& catalogue = complete_catalogue(given, options, std::span(&options.object, 1), link);
+  const host::ObjectAddress object = resolve(catalogue, options.object);
+  const auto value_of = [&](Type type) { return value_as(type, catalogue.title(object)); };
   const Type type = type_to_write(options, catalogue, object, link.objects());
   const std::vector<std::byte> bytes = value_of(type);
   if (options.block) {
