@@ -39,7 +39,10 @@ host::ObjectCatalogue read_sheet(const std::string& path) {
 
 host::ParameterFile read_file(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  if (!file) throw Failure::wrong_use(fmt::format("{}: cannot be read; check the path", path));
+  std::error_code ignored;
+  if (!file || std::filesystem::is_directory(path, ignored)) {
+    throw Failure::wrong_use(fmt::format("\"{}\": cannot be read as a file of parameters; check the path", path));
+  }
   return host::ParameterFile::read(file, path);
 }
 
@@ -138,23 +141,35 @@ void save(const Options& options) {
 }
 
 void load(const Options& options) {
-  const std::string& path = options.files.front();
-  const host::ParameterFile file = read_file(path);
+  if (options.factory != options.files.empty()) {
+    throw Failure::wrong_use("params load: give FILE, or --factory for what the product has from the factory");
+  }
+  const std::string path = options.factory ? "factory" : options.files.front();
+  host::ParameterFile file;
+  if (!options.factory) file = read_file(path);
   const InterruptGuard guard;
   Drive drive(options);
   host::ObjectClient& objects = drive.link.objects();
+  const host::DriveIdentity identity = host::DriveIdentity::read(objects, drive.product());
+  if (options.factory) {
+    file = {.identity = identity, .values = host::factory_parameters(drive.list)};
+    if (file.values.empty()) {
+      throw Failure::wrong_use(
+          fmt::format("--factory: {} does not say what it has from the factory; give a data sheet that does with --eds",
+                      objects.where()));
+    }
+  }
   std::optional<host::PreOperational> state;
   host::LoadOptions load_options{.node_id = drive.node_id,
                                  .force = options.force,
-                                 .skip_absent = options.skip_absent,
+                                 .skip_absent = options.skip_absent || options.factory,
                                  .progress = progress_of(options)};
   if (host::SdoClient* sdo = drive.link.sdo()) {
     load_options.before_communication = [&state, sdo] { state.emplace(sdo->bus(), sdo->node_id(), *sdo); };
   }
   host::LoadReport report;
   try {
-    report = host::load_parameters(objects, file, path, drive.list, host::DriveIdentity::read(objects, drive.product()),
-                                   load_options);
+    report = host::load_parameters(objects, file, path, drive.list, identity, load_options);
   } catch (const host::LoadError& error) {
     end_line(options);
     if (state && error.outcome() != host::LoadError::Outcome::bus_lost) state->leave();
@@ -314,7 +329,8 @@ void add_params(CLI::App& app) {
   const auto loaded = std::make_shared<Options>();
   command = params->add_subcommand(
       "load", "Write the parameters of a file into a drive, read them back, and undo everything if one is not taken");
-  command->add_option("FILE", loaded->files, "As `params save` writes it, or a part of that")->required()->expected(1);
+  command->add_option("FILE", loaded->files, "As `params save` writes it, or a part of that")->expected(0, 1);
+  command->add_flag("--factory", loaded->factory, "Instead of a file: what the product has from the factory");
   command->add_flag("--store", loaded->store, "Have the drive keep them over power-off");
   command->add_flag("--force", loaded->force, "Load the file of another product as well");
   command->add_flag("--skip-absent", loaded->skip_absent, "Leave out what the drive does not have on this bus");

@@ -49,8 +49,8 @@ constexpr auto jmc_commands = std::to_array<ObjectRange>({{0x200D}, {0x200E}});
 constexpr auto jmc_connection = std::to_array<ObjectRange>({{0x2000, 0x16, 0x1C}});
 constexpr auto jmc_restart = std::to_array<ObjectRange>({{0x2000}, {0x2003, 0x0A, 0x0C}, {0x2006}});
 
-// Rated current and torque of the motor.
-constexpr auto jmc_by_model = std::to_array<ObjectRange>({{0x6075}, {0x6076}});
+// Rated current and torque of the motor; P00, the motor's own data.
+constexpr auto jmc_by_model = std::to_array<ObjectRange>({{0x2000}, {0x6075}, {0x6076}});
 
 constexpr ParameterRules ismk(std::string_view product) {
   return {.product = product, .commands = ismk_commands, .connection = ismk_connection, .store = ismk_store};
