@@ -32,6 +32,7 @@ void add_get(CLI::App& app);
 void add_set(CLI::App& app);
 void add_home(CLI::App& app);
 void add_move(CLI::App& app);
+void add_disable(CLI::App& app);
 void add_monitor(CLI::App& app);
 void add_nmt(CLI::App& app);
 void add_prove(CLI::App& app);

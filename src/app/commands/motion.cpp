@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
+#include "app/drive_link.hpp"
 #include "app/motion_run.hpp"
 
 namespace servodrome::app {
@@ -61,7 +62,32 @@ void move(const MoveOptions& options) {
   });
 }
 
+// Whatever mode it is in, and whoever enabled it. It needs no process data: an EtherCAT slave that is not in OP has its
+// motor off, or is switched off all the same.
+void disable(const BusOptions& options) {
+  DriveLink link(options, true);
+  const InterruptGuard guard;
+  const auto axis = link.open_axis({});
+  axis->stop();
+  axis->disable();
+  const char* const state = drive::name(axis->state());
+  if (options.json) {
+    fmt::print("{}\n", nlohmann::ordered_json{{"node", axis->address()}, {"state", state}}.dump(2));
+  } else {
+    fmt::print("{} {}: {}\n", link.noun(), axis->address(), state);
+  }
+}
+
 }  // namespace
+
+void add_disable(CLI::App& app) {
+  const auto options = std::make_shared<BusOptions>();
+  CLI::App* command = app.add_subcommand("disable", "Stop a drive, whatever it does, and switch its motor off");
+  add_bus_options(*command, *options, "Seconds to wait for each answer");
+  add_node_option(*command, *options);
+  add_serial_options(*command, *options);
+  command->callback([options] { disable(*options); });
+}
 
 void add_home(CLI::App& app) {
   const auto options = std::make_shared<HomeOptions>();
