@@ -43,7 +43,8 @@ const char* text(ethercat::MailboxError error) {
 void MailboxClient::timed_out(const std::string& happened) const {
   throw EthercatError(
       EthercatError::Kind::no_answer, happened, where(),
-      "see whether it is in PREOP or above (`servodrome scan`), and give a longer --timeout if it is busy");
+      "see whether it is in PREOP or above (`servodrome scan`), end any other master of the segment (two take each "
+      "other's answers), and give a longer --timeout if it is busy");
 }
 
 bool MailboxClient::full(std::uint16_t number) {
