@@ -1,6 +1,7 @@
 """The program's own client commands against its own line, its log, and what it says to wrong use."""
 
 import json
+import pathlib
 import re
 import signal
 import socket
@@ -22,6 +23,38 @@ def test_scan(client):
     found = json.loads(client("scan", "--timeout", "5", "--json"))
     assert [node["node"] for node in found["nodes"]] == [1, 2]
     assert "Sapphire" in client("scan", "--timeout", "5")
+    assert [(node["recognised_as"], node["recognised_by"]) for node in found["nodes"]] == [
+        ("ismc", "identity"), ("generic402", "identity")]
+
+
+def test_scan_lists_the_buses_of_this_computer():
+    found = json.loads(servodrome("scan", "--buses", "--json", status=None))["buses"]
+    interfaces = [folder for folder in pathlib.Path("/sys/class/net").iterdir() if (folder / "type").exists()]
+    kinds = {folder.name: (folder / "type").read_text().strip() for folder in interfaces}
+    cards = {name for name, kind in kinds.items() if kind == "1" and not (pathlib.Path("/sys/class/net") / name / "wireless").exists()
+             and not (pathlib.Path("/sys/class/net") / name / "bridge").exists()}
+    assert {bus["bus"] for bus in found if bus["bus"].startswith("raw:")} == {f"raw:{name}" for name in cards}
+    assert {bus["bus"] for bus in found if bus["bus"].startswith("socketcan:")} == {
+        f"socketcan:{name}" for name, kind in kinds.items() if kind == "280"}
+
+
+@pytest.mark.once
+def test_a_drive_is_recognised_by_a_makers_file_or_by_its_objects(start_line, tmp_path):
+    sheet = tmp_path / "ax402.eds"
+    text = servodrome("export", "eds", "ismc")
+    sheet.write_text(re.sub(r"(?m)^VendorNumber=.*$", "VendorNumber=0x12345678", text))
+    values = sheet.read_text()
+    # 1018h sub 1, which is what the node says.
+    values = re.sub(r"(?ms)(^\[1018sub1\].*?^DefaultValue=)\S*", r"\g<1>0x12345678", values)
+    sheet.write_text(values)
+    line = start_line(f'[[bus]]\nname = "can0"\n[[axis]]\nname = "ax"\ndescription = "{sheet}"\nbus = "can0"\nnode = 3\n')
+    scan = ["scan", "--bus", line.links["can0"][0], "--timeout", "5", "--json"]
+    (node,) = json.loads(servodrome(*scan))["nodes"]
+    assert node["vendor_id"] == 0x12345678
+    assert (node["recognised_as"], node["recognised_by"], node["product"]) == ("ismc", "objects", "ismc"), node
+    (node,) = json.loads(servodrome(*scan, "--eds", sheet))["nodes"]
+    assert node["recognised_by"] == "description" and node["recognised_as"].endswith("(ax402.eds)"), node
+    assert str(tmp_path) in servodrome(*scan, "--eds", tmp_path / "none.eds", status=2)
 
 
 def test_get_and_set(client, bench):
@@ -31,12 +64,49 @@ def test_get_and_set(client, bench):
     assert "0602" in client("get", "--timeout", "30", "--node", "1", "5FFF", status=1)
 
 
+def test_what_a_drive_refuses_does_not_keep_the_others_from_being_read(line):
+    command = [PROGRAM, "get", "--bus", line.links["can0"][0], "--timeout", "30", "--node", "1", "6041", "5FFF", "6064"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1 and "5FFF:00" in done.stderr and "0602" in done.stderr
+    assert "6041:00" in done.stdout and "6064:00" in done.stdout
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, timeout=120, check=False)
+    read = json.loads(done.stdout)
+    assert done.returncode == 1 and [("error" in one) for one in read] == [False, True, False]
+    assert "0602" in read[1]["error"] and isinstance(read[2]["value"], int)
+
+
 @pytest.mark.once
 def test_home_and_move(client, bench):
     client("home", "--node", "2", "--method", "24", "--speed", "500000", "--zero-speed", "50000")
     before = bench.true_position("reference")
     client("move", "--node", "2", "--by", "131072")
     wait_for(lambda: abs(bench.true_position("reference") - before - COUNTS) <= 3, "the move")
+    moved = json.loads(client("move", "--node", "2", "--by", "10", "--units", "mm", "--feed", "5", "--velocity", "20", "--json"))
+    wait_for(lambda: abs(bench.true_position("reference") - before - 3 * COUNTS) <= 3, "two revolutions more")
+    assert moved["units"] == "mm" and abs(moved["position_in_units"] - 5 * moved["position"] / COUNTS) < 1e-9
+    assert " mm" in client("move", "--node", "2", "--by", "-10", "--units", "mm", "--feed", "5")
+    assert " deg" in client("monitor", "--axis", "--node", "2", "--units", "degrees", "--for", "0.2")
+    for wrong in (["--units", "mm"], ["--feed", "5"], ["--units", "miles"], ["--units", "rpm", "--revolutions"],
+                  ["--units-per-revolution", "5"], ["--units", "mm", "--feed", "0"], ["--units", "mm", "--feed", "nan"]):
+        client("move", "--node", "2", "--by", "1", *wrong, status=2)
+    assert "--units-per-revolution" in client("move", "--node", "1", "--by", "0", "--units", "rpm", status=1)
+
+
+@pytest.mark.once
+def test_parameters_go_back_to_the_factorys(line, client):
+    def params(*words, **options):
+        return servodrome("params", *words, "--node", "2", "--bus", line.links["can0"][0], **options)
+
+    client("move", "--node", "2", "--by", "1000")
+    assert "disable it" in params("load", "--factory", status=1)
+    assert json.loads(client("disable", "--node", "2", "--json")) == {"node": 2, "state": "switch on disabled"}
+    client("set", "--node", "2", "6083", "123456")
+    client("set", "--node", "2", "6099:01", "4321")
+    assert "2 of" in params("diff", "--factory", status=1)
+    assert json.loads(params("load", "--factory", "--json"))["written"] == ["6083:00", "6099:01"]
+    params("diff", "--factory")
+    params("load", status=2)
+    params("load", "any.par", "--factory", status=2)
 
 
 @pytest.mark.once
