@@ -8,6 +8,21 @@ namespace {
 
 constexpr Dialect cia402{};
 
+// Microseconds (ProNet manual L2033).
+constexpr std::array pronet_cycle_objects{CycleObject{
+    {0x2105, 0}, 4, [](links::Time period) { return std::int64_t{period / std::chrono::microseconds(1)}; }}};
+
+// 0 to 3: 1, 2, 4, 8 ms; and the clock of the master is followed (iSMK manual L3242-3243).
+constexpr std::array ismk_cycle_objects{
+    CycleObject{{0x3011, 1},
+                1,
+                [](links::Time period) {
+                  std::int64_t exponent = 0;
+                  while (exponent < 3 && std::chrono::milliseconds(1) * (1 << exponent) < period) ++exponent;
+                  return exponent;
+                }},
+    CycleObject{{0x3011, 2}, 1, [](links::Time) { return std::int64_t{1}; }}};
+
 // Error_State, Error_State2 and their extension (iSMK manual L3268-3325).
 constexpr std::array ismk_alarm_words{AlarmWord{{0x2601, 0}, 0}, AlarmWord{{0x2602, 0}, 16},
                                       AlarmWord{{0x2605, 7}, 32}};
@@ -20,6 +35,7 @@ constexpr Dialect ismk(std::string_view product) {
           .units = AxisUnits{65536.0, 60.0 * 512.0 * 65536.0 / 1875.0, 65536.0 * 65536.0 / 4'000'000.0},
           .cautious_homing_method = 33,
           .software_limits = {.lowest = 2, .highest = 1},
+          .cycle_objects = ismk_cycle_objects,
           .alarm_words = ismk_alarm_words};
 }
 
@@ -34,6 +50,7 @@ constexpr std::array dialects{
             .units = AxisUnits{131072.0, 600.0, 600.0},
             .has_old_factors = true,
             .cautious_homing_method = 35,
+            .cycle_objects = pronet_cycle_objects,
             .alarm_log = 0x3200,  // Fn000-0 .. 9
             .alarm_log_length = 10},
     ismk("ismk"),

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "host/object_address.hpp"
+#include "links/time.hpp"
 
 // How a product's drives differ from CiA 402 in what a master must know to move them.
 namespace servodrome::host {
@@ -36,6 +37,13 @@ struct AlarmWord {
   std::uint16_t first_alarm;
 };
 
+// An object beside 60C2h that a master writes before it gives targets in a fixed period.
+struct CycleObject {
+  ObjectAddress object;
+  std::uint8_t bytes = 0;
+  std::int64_t (*value_of)(links::Time period) = nullptr;
+};
+
 struct Dialect {
   std::string_view product{};  // as `servodrome products` lists it
   HomingSignals homing_signals{};
@@ -48,6 +56,7 @@ struct Dialect {
   SoftwareLimitSubs software_limits{};
   // A halt drops the target: to go on, it is given again.
   bool halt_drops_target = false;
+  std::span<const CycleObject> cycle_objects{};
   std::span<const AlarmWord> alarm_words{};
   // Objects, one after another from this index, with what an alarm log keeps: alarm number or code, the newest first.
   std::uint16_t alarm_log = 0;

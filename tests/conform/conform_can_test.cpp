@@ -1,5 +1,6 @@
 // The checks against drives on CAN, in virtual time: the reference drive is clean, the makers' drives depart where
 // their manuals say so, and drives with planted defects are found.
+#include <deque>
 #include <gmock/gmock.h>
 
 #include "conform/conform_rig.hpp"
@@ -139,6 +140,67 @@ std::function<bool(CanRig&, Frame&)> written(std::uint16_t index, std::uint8_t s
   };
 }
 
+// In the cyclic modes RPDO 1 has the controlword and the target, TPDO 1 the statusword and the position, TPDO 2 what
+// follows the target.
+bool is_targets(const Frame& frame) { return frame.id == 0x205; }
+std::int32_t target_in(const Frame& frame) {
+  std::int32_t value = 0;
+  std::memcpy(&value, &frame.data[2], frame.length == 4 ? 2 : 4);
+  return frame.length == 4 ? static_cast<std::int16_t>(value) : value;
+}
+void put_target(Frame& frame, std::int32_t value) { std::memcpy(&frame.data[2], &value, frame.length == 4 ? 2 : 4); }
+std::function<bool(CanRig&, Frame&)> cyclic_controlword(std::function<unsigned(unsigned)> change) {
+  return [change = std::move(change)](CanRig&, Frame& frame) {
+    if (!is_targets(frame)) return true;
+    const unsigned word = change(static_cast<unsigned>(frame.data[0] | frame.data[1] << 8));
+    frame.data[0] = static_cast<std::uint8_t>(word);
+    frame.data[1] = static_cast<std::uint8_t>(word >> 8);
+    return true;
+  };
+}
+std::function<bool(CanRig&, Frame&)> cyclic_statusword(std::function<unsigned(unsigned)> change) {
+  return [change = std::move(change)](CanRig&, Frame& frame) {
+    if (frame.id != 0x185) return true;
+    const unsigned word = change(static_cast<unsigned>(frame.data[0] | frame.data[1] << 8));
+    frame.data[0] = static_cast<std::uint8_t>(word);
+    frame.data[1] = static_cast<std::uint8_t>(word >> 8);
+    return true;
+  };
+}
+std::function<bool(CanRig&, Frame&)> targets(std::function<std::int32_t(std::int32_t)> change) {
+  return [change = std::move(change)](CanRig&, Frame& frame) {
+    if (is_targets(frame) && (frame.data[0] & 0x0F) == 0x0F) put_target(frame, change(target_in(frame)));
+    return true;
+  };
+}
+// 400 ms late.
+std::function<std::int32_t(std::int32_t)> late() {
+  return [before = std::deque<std::int32_t>()](std::int32_t target) mutable {
+    before.push_back(target);
+    if (before.size() > 100) before.pop_front();
+    return before.front();
+  };
+}
+// Goes off by so much in each cycle.
+std::function<std::int32_t(std::int32_t)> drifting(std::int32_t step) {
+  return [step, sum = 0](std::int32_t target) mutable { return target + (sum += step); };
+}
+// The mode of operation is shown as changed, and stays.
+Defect mode_stays(const char* name, const char* check, std::uint8_t mode) {
+  return {name, check,
+          [mode](CanRig&, Frame& frame) {
+            if (is_write(frame, 0x6060) && frame.data[4] == 1) frame.data[4] = mode;
+            return true;
+          },
+          [](CanRig& rig, Frame& frame) {
+            if (is_answer(frame, 0x6061)) frame.data[4] = static_cast<std::uint8_t>(rig.mode);
+            return true;
+          }};
+}
+unsigned always_followed(unsigned word) { return word | 0x1000U; }
+unsigned never_followed(unsigned word) { return word & ~0x1000U; }
+unsigned never_halted(unsigned word) { return word & ~0x0100U; }
+
 const std::vector<Defect> defects{
     {"set-points are never acknowledged", "pp.acknowledge", {}, statusword([](CanRig& rig, unsigned word) {
        return rig.mode == 1 ? word & ~0x1000U : word;
@@ -239,6 +301,57 @@ const std::vector<Defect> defects{
      },
      {}},
     {"a synchronous RPDO acts at once", "pdo.rpdo-synchronous", written(0x1400, 2, 1, 255), {}},
+    {"targets are said to be followed without power", "csp.follows", {}, cyclic_statusword(always_followed)},
+    {"the axis drifts from a target that stays", "csp.at-rest", targets(drifting(100)), {}},
+    {"the position is late", "csp.tracks", targets(late()), {}},
+    {"halt is ignored in cyclic position", "csp.halt", cyclic_controlword(never_halted), {}},
+    {"targets are said to be followed in a halt", "csp.halt", {}, cyclic_statusword([](unsigned word) {
+       return (word & 0x6F) == 0x27 ? word | 0x1000U : word;
+     })},
+    mode_stays("cyclic position is not left", "csp.leave", 8),
+    {"targets are never said to be followed", "csv.follows", {}, cyclic_statusword(never_followed)},
+    {"the axis turns with a target of 0",
+     "csv.at-rest",
+     targets([](std::int32_t target) { return target + 30000; }),
+     {}},
+    {"half the velocity", "csv.tracks", targets([](std::int32_t target) { return target / 2; }), {}},
+    {"halt is ignored in cyclic velocity", "csv.halt", cyclic_controlword(never_halted), {}},
+    mode_stays("cyclic velocity is not left", "csv.leave", 9),
+    {"torque is said to be followed without power", "cst.follows", {}, cyclic_statusword(always_followed)},
+    {"there is torque with a target of 0",
+     "cst.at-rest",
+     targets([](std::int32_t target) { return target + 100; }),
+     {}},
+    {"no torque is shown",
+     "cst.tracks",
+     {},
+     [](CanRig&, Frame& frame) {
+       if (frame.id == 0x285 && frame.length == 2) frame.data[0] = frame.data[1] = 0;
+       return true;
+     }},
+    mode_stays("cyclic torque is not left", "cst.leave", 10),
+    {"there is no data record",
+     "ip.data-record",
+     {},
+     [](CanRig&, Frame& frame) {
+       if (is_answer(frame, 0x60C1)) {
+         frame.data[0] = 0x80;
+         put_abort(frame, 0x06020000);
+       }
+       return true;
+     }},
+    {"interpolation is active without bit 4",
+     "ip.active",
+     cyclic_controlword([](unsigned word) { return (word & 0x1F) == 0x0F ? word | 0x10U : word; }),
+     {}},
+    {"the axis drifts from a position that stays", "ip.at-rest", targets(drifting(100)), {}},
+    {"the interpolated position is late", "ip.tracks", targets(late()), {}},
+    {"halt is ignored in interpolated position", "ip.halt", cyclic_controlword(never_halted), {}},
+    {"interpolated position is not left", "ip.leave",
+     [stays = mode_stays("", "", 7),
+      active = cyclic_controlword([](unsigned word) { return (word & 0x1F) == 0x0F ? word | 0x10U : word; })](
+         CanRig& rig, Frame& frame) { return stays.to_drive(rig, frame) && active(rig, frame); },
+     mode_stays("", "", 7).from_drive},
 };
 
 class Defects : public testing::TestWithParam<std::size_t> {};

@@ -1,4 +1,5 @@
 // The checks against drives on EtherCAT, in virtual time.
+#include <deque>
 #include <gmock/gmock.h>
 
 #include "conform/conform_rig.hpp"
@@ -122,6 +123,20 @@ Change controlword(std::function<unsigned(unsigned)> change) {
   };
 }
 
+// Outputs and inputs of 1600h and 1A00h.
+Change targets(std::size_t at, std::function<std::int32_t(std::int32_t)> change) {
+  return [at, change = std::move(change)](const Seen& seen) {
+    if (seen.command != lrw || (seen.data[0] & 0x0F) != 0x0F) return;
+    const auto target = static_cast<std::int32_t>(ethercat::load_u32(&seen.data[at]));
+    ethercat::store_u32(&seen.data[at], static_cast<std::uint32_t>(change(target)));
+  };
+}
+constexpr std::size_t target_position_at = 2;
+constexpr std::size_t target_velocity_at = 6;
+constexpr std::size_t target_torque_at = 10;
+constexpr std::size_t mode_at = 12;
+constexpr std::size_t mode_display_at = 26;
+
 struct Defect {
   const char* name;
   const char* check;
@@ -171,6 +186,37 @@ const std::vector<Defect> defects{
      })},
     {"halt is ignored", "pp.halt", controlword([](unsigned word) { return word & ~0x100U; }), {}},
     {"a fault cannot be reset", "fault.reset", controlword([](unsigned word) { return word & ~0x80U; }), {}},
+    {"targets are said to be followed without power", "csp.follows", {}, statusword([](unsigned word) {
+       return word | 0x1000U;
+     })},
+    {"the position is late",
+     "csp.tracks",
+     targets(target_position_at,
+             [before = std::deque<std::int32_t>()](std::int32_t target) mutable {
+               before.push_back(target);
+               if (before.size() > 200) before.pop_front();
+               return before.front();
+             }),
+     {}},
+    {"halt is ignored in cyclic position", "csp.halt", controlword([](unsigned word) { return word & ~0x100U; }), {}},
+    {"half the velocity",
+     "csv.tracks",
+     targets(target_velocity_at, [](std::int32_t target) { return target / 2; }),
+     {}},
+    {"cyclic velocity is not left", "csv.leave",
+     [](const Seen& seen) {
+       if (seen.command == lrw && seen.data[mode_at] == 1) seen.data[mode_at] = 9;
+     },
+     [](const Seen& seen) {
+       if (seen.command == lrw && seen.data[mode_display_at] == 9 && seen.data[mode_at] != 9)
+         seen.data[mode_display_at] = 1;
+     }},
+    {"there is torque with a target of 0",
+     "cst.at-rest",
+     [](const Seen& seen) {
+       if (seen.command == lrw) ethercat::store_u16(&seen.data[target_torque_at], 100);
+     },
+     {}},
 };
 
 class Defects : public testing::TestWithParam<std::size_t> {};
@@ -189,6 +235,23 @@ TEST_P(Defects, IsFound) {
   const Report report = rig.run(options);
   EXPECT_THAT(failed(report), testing::ElementsAre(defect.check)) << defect.name << "\n"
                                                                   << text_of(report, {Verdict::pass, Verdict::skipped});
+}
+
+// Interpolated position is mapped for its checks, since no PDO has it from the factory.
+TEST(ConformEthercat, TheProcessDataAreAsBefore) {
+  EthercatRig rig("generic402-ec");
+  const auto mapped = [&] {
+    const std::vector<FoundSlave> found = scan_slaves(rig.master);
+    EthercatSlave slave(rig.master, found.at(0));
+    const ProcessData data = read_process_data(slave);
+    EXPECT_EQ(data.outputs.size(), 1U);
+    EXPECT_EQ(data.inputs.size(), 1U);
+    return std::pair(data.outputs.at(0).entries, data.inputs.at(0).entries);
+  };
+  const auto before = mapped();
+  const Report report = rig.run({.only = {"ip"}});
+  EXPECT_EQ(report.count(Verdict::pass), 6U) << text_of(report, {Verdict::fail, Verdict::skipped});
+  EXPECT_EQ(mapped(), before);
 }
 
 TEST(ConformEthercat, SafeNeverMoves) {

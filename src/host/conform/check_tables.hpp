@@ -15,6 +15,7 @@ std::span<const Check> power_checks();
 std::span<const Check> mode_checks();
 std::span<const Check> profile_position_checks();
 std::span<const Check> velocity_checks();
+std::span<const Check> cyclic_checks();
 std::span<const Check> homing_checks();
 std::span<const Check> fault_checks();
 std::span<const Check> pdo_checks();
@@ -26,8 +27,8 @@ std::span<const Check> modbus_checks();
 
 // In the order in which they run.
 inline constexpr std::array check_tables{
-    identity_checks, abort_checks,  sdo_checks,   power_checks, mode_checks, profile_position_checks,
-    velocity_checks, homing_checks, fault_checks, pdo_checks,   nmt_checks,  al_state_checks,
-    mailbox_checks,  coe_checks,    modbus_checks};
+    identity_checks, abort_checks,   sdo_checks,    power_checks, mode_checks, profile_position_checks,
+    velocity_checks, cyclic_checks,  homing_checks, fault_checks, pdo_checks,  nmt_checks,
+    al_state_checks, mailbox_checks, coe_checks,    modbus_checks};
 
 }  // namespace servodrome::host::conform

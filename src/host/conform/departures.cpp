@@ -29,6 +29,7 @@ constexpr std::array rows{
     Departure{"ismk", "homing.offset",
               "the axis travels by 607Ch and shows 0 there, unless 6099h sub 5 is 1 (L1406, L2083)", "6064h",
               "ismk-ea"},
+    Departure{"ismk", "ip.data-record", "the targets of mode 7 are in 607Ah (L3239)", "60C1h", "ismk-ea"},
     Departure{"ismk", "nmt.heartbeat-consumer",
               "with 6007h = 0, its factory value, the loss of the master is ignored (L3215)", "8130h"},
     Departure{"ismk", "modbus.no-address", "a refused read is answered with function 81h (L2317)", "81 02"},
