@@ -3,6 +3,7 @@
 #include <deque>
 #include <gmock/gmock.h>
 
+#include "canopen/crc16.hpp"
 #include "conform/conform_rig.hpp"
 #include "host/object_catalogue.hpp"
 
@@ -197,6 +198,37 @@ Defect mode_stays(const char* name, const char* check, std::uint8_t mode) {
             return true;
           }};
 }
+// Answers of LSS, or requests.
+std::function<bool(CanRig&, Frame&)> lss(std::uint32_t can_id, std::uint8_t command,
+                                         std::function<bool(Frame&)> change) {
+  return [=, change = std::move(change)](CanRig&, Frame& frame) {
+    return frame.id != can_id || frame.data[0] != command || change(frame);
+  };
+}
+std::function<bool(CanRig&, Frame&)> lss_error_hidden(std::uint8_t command) {
+  return lss(0x7E4, command, [](Frame& frame) {
+    frame.data[1] = 0;
+    return true;
+  });
+}
+std::function<bool(CanRig&, Frame&)> probe_status(std::function<unsigned(unsigned)> change) {
+  return [change = std::move(change)](CanRig&, Frame& frame) {
+    if (is_answer(frame, 0x60B9)) put_word(frame, change(word_in(frame)));
+    return true;
+  };
+}
+// An abort by the client becomes the end of its block.
+std::function<bool(CanRig&, Frame&)> block_kept() {
+  return [value = std::array<std::byte, 4>{}](CanRig&, Frame& frame) mutable {
+    if (frame.id != 0x605) return true;
+    if (frame.data[0] == 0x81) std::memcpy(value.data(), &frame.data[1], value.size());
+    if (frame.data[0] == 0x80) {
+      const std::uint16_t crc = canopen::crc16(value);
+      frame.data = {0xCD, static_cast<std::uint8_t>(crc), static_cast<std::uint8_t>(crc >> 8)};
+    }
+    return true;
+  };
+}
 unsigned always_followed(unsigned word) { return word | 0x1000U; }
 unsigned never_followed(unsigned word) { return word & ~0x1000U; }
 unsigned never_halted(unsigned word) { return word & ~0x0100U; }
@@ -301,6 +333,89 @@ const std::vector<Defect> defects{
      },
      {}},
     {"a synchronous RPDO acts at once", "pdo.rpdo-synchronous", written(0x1400, 2, 1, 255), {}},
+    {"a block is changed on its way",
+     "sdo.block-download",
+     [](CanRig&, Frame& frame) {
+       if (frame.id == 0x605 && frame.data[0] == 0x81) frame.data[1] ^= 1;
+       return true;
+     },
+     {}},
+    {"a block with a wrong CRC is taken",
+     "sdo.block-crc",
+     {},
+     [](CanRig&, Frame& frame) {
+       if (frame.id == 0x585 && frame.data[0] == 0x80 && frame.data[4] == 0x04 && frame.data[6] == 0x04)
+         frame.data = {0xA1};
+       return true;
+     }},
+    {"a block that is aborted is taken", "sdo.block-abort", block_kept(), {}},
+    {"the sequence numbers of a block are not looked at",
+     "sdo.block-repeat",
+     [](CanRig&, Frame& frame) {
+       if (frame.id == 0x605 && frame.data[0] == 0x82) frame.data[0] = 0x81;
+       return true;
+     },
+     {}},
+    {"the abort code of a sequence number is another", "sdo.block-sequence", {}, abort_code(0x05040003, 0x08000000)},
+    {"a touch probe is always on", "probe.first", {}, probe_status([](unsigned word) { return word | 0x0001U; })},
+    {"the touch probes are mixed up", "probe.second", {}, probe_status([](unsigned word) {
+       return word >> 8 | (word & 0xFF) << 8;
+     })},
+    {"a touch probe never latches", "probe.latch", {}, probe_status([](unsigned word) { return word & ~0x0202U; })},
+    {"a touch probe latches another position",
+     "probe.latch",
+     {},
+     [](CanRig&, Frame& frame) {
+       if (is_answer(frame, 0x60BA)) frame.data[6] ^= 0x04;
+       return true;
+     }},
+    {"a touch probe latches again and again",
+     "probe.latch",
+     {},
+     [count = 0](CanRig&, Frame& frame) mutable {
+       if (is_answer(frame, 0x60BA)) frame.data[4] = static_cast<std::uint8_t>(++count);
+       return true;
+     }},
+    {"a touch probe latches when it is off", "probe.off", {}, probe_status([](unsigned word) {
+       return word | 0x0002U;
+     })},
+    {"bit 31 of 1012h is lost",
+     "time.consumer",
+     [](CanRig&, Frame& frame) {
+       if (is_write(frame, 0x1012)) frame.data[7] &= 0x7F;
+       return true;
+     },
+     {}},
+    {"a restricted identifier is taken", "time.identifier", {}, confirmed(0x1012)},
+    {"any product code selects",
+     "lss.selective",
+     lss(0x7E5, 0x41,
+         [](Frame& frame) {
+           const std::uint32_t own = 0x34303252;
+           std::memcpy(&frame.data[1], &own, sizeof own);
+           return true;
+         }),
+     {}},
+    {"a global switch is ignored", "lss.global", lss(0x7E5, 0x04, [](Frame& frame) { return frame.data[1] != 1; }), {}},
+    {"LSS tells another node-ID",
+     "lss.inquire",
+     {},
+     lss(0x7E4, 0x5E,
+         [](Frame& frame) {
+           ++frame.data[1];
+           return true;
+         })},
+    {"any serial number is identified",
+     "lss.identify",
+     lss(0x7E5, 0x4A,
+         [](Frame& frame) {
+           frame.data[1] = frame.data[2] = frame.data[3] = frame.data[4] = 0;
+           return true;
+         }),
+     {}},
+    {"any node-ID is taken", "lss.node-id", {}, lss_error_hidden(0x11)},
+    {"any bit rate is taken", "lss.bit-timing", {}, lss_error_hidden(0x13)},
+    {"a node without node-ID keeps silent", "lss.fastscan", {}, lss(0x7E4, 0x50, [](Frame&) { return false; })},
     {"targets are said to be followed without power", "csp.follows", {}, cyclic_statusword(always_followed)},
     {"the axis drifts from a target that stays", "csp.at-rest", targets(drifting(100)), {}},
     {"the position is late", "csp.tracks", targets(late()), {}},
