@@ -144,6 +144,20 @@ const std::vector<Defect> defects{
        seal(frame);
      },
      {}},
+    {"function 17h reads before it writes",
+     "modbus.read-write",
+     {},
+     [](Bytes& frame) {
+       if (frame.size() == 9 && frame[1] == 0x17) frame[6] ^= 1;
+       seal(frame);
+     }},
+    {"any count of function 17h is taken",
+     "modbus.read-write-count",
+     [](Bytes& frame) {
+       if (frame.size() > 8 && frame[1] == 0x17 && frame[5] != 1) frame[4] = 0, frame[5] = 1;
+       seal(frame);
+     },
+     {}},
     {"a write is answered with something else",
      "modbus.write",
      {},

@@ -120,7 +120,7 @@ void unknown_function(Trial& trial, int) {
   expect_exception(trial, {0x41, 0}, "a function that there is not", {0x01});
 }
 
-// 04, 17h and 2Bh are optional: answered, or exception 01.
+// 04 and 2Bh are optional, as 17h is: answered, or exception 01.
 void optional_functions(Trial& trial, int) {
   const std::uint16_t address = known_register(trial, 0x6041);
   const auto look = [&](const Bytes& sent, const char* what) {
@@ -150,6 +150,54 @@ void wrong_count(Trial& trial, int) {
   Bytes wrong = pdu_of(0x10, known_register(trial, 0x6081), 2);
   wrong.insert(wrong.end(), {3, 0, 0, 0});
   expect_exception(trial, wrong, "a byte count of 3 for 2 registers", {0x03});
+}
+
+// Read and write multiple registers, of 6081h both: it is written before it is read.
+Bytes read_write_pdu(std::uint16_t address, std::uint16_t read, const std::vector<std::uint16_t>& values,
+                     std::uint8_t bytes) {
+  Bytes sent = pdu_of(0x17, address, read);
+  const Bytes written = pdu_of(0, address, static_cast<std::uint16_t>(values.size()));
+  sent.insert(sent.end(), written.begin() + 1, written.end());
+  sent.push_back(bytes);
+  for (const std::uint16_t value : values) {
+    sent.push_back(static_cast<std::uint8_t>(value >> 8));
+    sent.push_back(static_cast<std::uint8_t>(value));
+  }
+  return sent;
+}
+
+void skip_without_read_write(const Bytes& answer) {
+  if (answer == Bytes{0x97, 0x01}) Trial::skip("it has no function 17h, which is optional");
+}
+
+void reads_and_writes(Trial& trial, int) {
+  auto& [client, unit, list] = trial.subject().modbus();
+  const std::uint16_t address = known_register(trial, 0x6081);
+  trial.objects().keep({0x6081, 0});
+  auto values = client.read_holding_registers(unit, address, 2);
+  values[list.word_order == modbus::WordOrder::high_word_first ? 1 : 0] ^= 1U;
+  const Bytes sent = read_write_pdu(address, 2, values, 4);
+  const Bytes answer = ask(trial, sent);
+  skip_without_read_write(answer);
+  Bytes wanted{0x17, 4};
+  wanted.insert(wanted.end(), sent.end() - 4, sent.end());
+  trial.expect(answer == wanted, text_of_bytes(sent), text_of_bytes(wanted) + ", what was written",
+               text_of_bytes(answer));
+  trial.expect(client.read_holding_registers(unit, address, 2) == values, "function 03 after that", "the same",
+               "something else");
+}
+
+void read_write_counts(Trial& trial, int) {
+  auto& [client, unit, list] = trial.subject().modbus();
+  const std::uint16_t address = known_register(trial, 0x6081);
+  trial.objects().keep({0x6081, 0});
+  const auto values = client.read_holding_registers(unit, address, 2);
+  const Bytes none_read = read_write_pdu(address, 0, values, 4);
+  skip_without_read_write(ask(trial, none_read));
+  expect_exception(trial, none_read, "no registers to read", {0x03});
+  expect_exception(trial, read_write_pdu(address, 126, values, 4), "126 registers to read", {0x03});
+  expect_exception(trial, read_write_pdu(address, 2, {}, 0), "no registers to write", {0x03});
+  expect_exception(trial, read_write_pdu(address, 2, values, 3), "a byte count of 3 for 2 registers", {0x03});
 }
 
 void refused_value(Trial& trial, int) {
@@ -219,6 +267,10 @@ constexpr std::array rows{
           Demand::nothing, mb, no_address},
     Check{"modbus.wrong-count", "Modbus V1.1b3 6.3, 6.12, exception 03", "Counts out of range are exception 03",
           Demand::nothing, mb, wrong_count},
+    Check{"modbus.read-write", "Modbus V1.1b3 6.17", "Function 17h writes before it reads", Demand::nothing, mb,
+          reads_and_writes},
+    Check{"modbus.read-write-count", "Modbus V1.1b3 6.17, exception 03",
+          "Counts of function 17h out of range are exception 03", Demand::nothing, mb, read_write_counts},
     Check{"modbus.refused-value", "Modbus V1.1b3 7, exceptions 03 and 04", "A value out of range is an exception",
           Demand::nothing, mb, refused_value},
     Check{"modbus.identification", "Modbus V1.1b3 6.21", "It says what it is", Demand::nothing, mb, identification},
