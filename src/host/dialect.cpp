@@ -41,7 +41,7 @@ constexpr Dialect ismk(std::string_view product) {
 
 constexpr std::array dialects{
     Dialect{.product = "generic402"},
-    Dialect{.product = "generic402-ec"},
+    Dialect{.product = "generic402-ec", .foe_file = "parameters.txt"},
     // Halt empties the buffer of set-points (ISMC manual L1523-1530).
     Dialect{.product = "ismc", .halt_drops_target = true},
     // 0.1 rpm and 0.1 rpm/s (ProNet manual L750-762). The encoder cannot be asked for: increments of the 17-bit one.

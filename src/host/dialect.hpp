@@ -57,6 +57,7 @@ struct Dialect {
   // A halt drops the target: to go on, it is given again.
   bool halt_drops_target = false;
   std::span<const CycleObject> cycle_objects{};
+  std::string_view foe_file{};  // that can be read by FoE
   std::span<const AlarmWord> alarm_words{};
   // Objects, one after another from this index, with what an alarm log keeps: alarm number or code, the newest first.
   std::uint16_t alarm_log = 0;

@@ -137,6 +137,19 @@ constexpr std::size_t target_torque_at = 10;
 constexpr std::size_t mode_at = 12;
 constexpr std::size_t mode_display_at = 26;
 
+// A mail of FoE with this operation, behind the mailbox header.
+Change foe_mail(std::uint8_t operation, std::function<void(std::span<std::uint8_t>)> change) {
+  return [operation, change = std::move(change)](const Seen& seen) {
+    if (seen.command != fprd || seen.offset < 0x1000 || seen.data.size() < 12) return;
+    const bool is_foe = (seen.data[5] & 0x0F) == 4 && seen.data[6] == operation;
+    if (is_foe) change(seen.data.subspan(6));
+  };
+}
+// An error becomes an acknowledgement.
+Change foe_error_hidden() {
+  return foe_mail(5, [](std::span<std::uint8_t> mail) { mail[0] = 4; });
+}
+
 struct Defect {
   const char* name;
   const char* check;
@@ -211,6 +224,11 @@ const std::vector<Defect> defects{
        if (seen.command == lrw && seen.data[mode_display_at] == 9 && seen.data[mode_at] != 9)
          seen.data[mode_display_at] = 1;
      }},
+    {"an unknown file has another error", "foe.unknown-file", {}, in_mail(0x8001, 0x8000)},
+    {"a wrong packet number has another error", "foe.packet-number", {}, in_mail(0x8005, 0x8004)},
+    {"packets are numbered from 2", "foe.read", {}, foe_mail(3, [](std::span<std::uint8_t> mail) { ++mail[2]; })},
+    {"packets without a transfer are taken", "foe.stray-packet", {}, foe_error_hidden()},
+    {"any operation is taken", "foe.unknown-operation", {}, foe_error_hidden()},
     {"there is torque with a target of 0",
      "cst.at-rest",
      [](const Seen& seen) {

@@ -24,6 +24,7 @@ struct Options {
   BusOptions bus;
   std::vector<std::string> only;
   std::string junit;
+  std::string foe_file;
   bool safe = false;
   bool list = false;
   bool verbose = false;
@@ -140,7 +141,8 @@ void run(const Options& options) {
   const InterruptGuard guard;
   DriveLink link(options.bus, true);
   const line::Product* product = link.product();
-  conform::SubjectSettings settings{.revolutions = options.revolutions, .cancelled = InterruptGuard::interrupted};
+  conform::SubjectSettings settings{
+      .revolutions = options.revolutions, .foe_file = options.foe_file, .cancelled = InterruptGuard::interrupted};
   if (product != nullptr) settings.dialect = host::dialect_of(product->name);
   if (options.units_per_revolution > 0) settings.units_per_revolution = options.units_per_revolution;
   const auto subject = link.open_subject(settings, options.bus);
@@ -202,6 +204,7 @@ void add_conform(CLI::App& app) {
   command->add_flag("--list", options->list, "Show which checks there are, and run none");
   command->add_flag("--verbose", options->verbose, "Show what was sent and seen of what passed, too");
   command->add_option("--junit", options->junit, "Write the outcomes to this file, as JUnit XML");
+  command->add_option("--foe-file", options->foe_file, "File that an EtherCAT slave offers by FoE; it is read");
   command->add_option("--revolutions", options->revolutions, "How far the axis may be moved either way, in revolutions")
       ->check(number_within(0.01, 1000.0))
       ->capture_default_str();

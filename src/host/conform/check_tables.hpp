@@ -27,6 +27,7 @@ std::span<const Check> lss_checks();
 std::span<const Check> al_state_checks();
 std::span<const Check> mailbox_checks();
 std::span<const Check> coe_checks();
+std::span<const Check> foe_checks();
 std::span<const Check> modbus_checks();
 
 // In the order in which they run.
@@ -49,7 +50,7 @@ inline constexpr std::array check_tables{identity_checks,
                                          al_state_checks,
                                          mailbox_checks,
                                          coe_checks,
-
+                                         foe_checks,
                                          modbus_checks};
 
 }  // namespace servodrome::host::conform

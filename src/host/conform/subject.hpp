@@ -37,6 +37,7 @@ struct SubjectSettings {
   Dialect dialect{};                             // of its product
   std::optional<double> units_per_revolution{};  // if neither the dialect nor its factors say
   double revolutions = 0.5;                      // how far a motion goes, either way
+  std::string foe_file{};                        // that the slave offers; empty: what the dialect says
   Time patience = std::chrono::seconds(3);       // for a transition, a mode change, a handshake
   Time poll_interval = std::chrono::milliseconds(2);
   std::function<bool()> cancelled{};  // asked whenever time passes; true ends everything with Cancelled
