@@ -186,6 +186,17 @@ std::function<std::int32_t(std::int32_t)> late() {
 std::function<std::int32_t(std::int32_t)> drifting(std::int32_t step) {
   return [step, sum = 0](std::int32_t target) mutable { return target + (sum += step); };
 }
+// Shown, while the axis is enabled and no PDO gives it a target.
+std::function<bool(CanRig&, Frame&)> creeping() {
+  return [sum = 0](CanRig& rig, Frame& frame) mutable {
+    if (!is_answer(frame, 0x6064) || (rig.control & 0x0F) != 0x0F) return true;
+    std::int32_t position = 0;
+    std::memcpy(&position, &frame.data[4], sizeof position);
+    position += sum += 100;
+    std::memcpy(&frame.data[4], &position, sizeof position);
+    return true;
+  };
+}
 // The mode of operation is shown as changed, and stays.
 Defect mode_stays(const char* name, const char* check, std::uint8_t mode) {
   return {name, check,
@@ -418,6 +429,7 @@ const std::vector<Defect> defects{
     {"a node without node-ID keeps silent", "lss.fastscan", {}, lss(0x7E4, 0x50, [](Frame&) { return false; })},
     {"targets are said to be followed without power", "csp.follows", {}, cyclic_statusword(always_followed)},
     {"the axis drifts from a target that stays", "csp.at-rest", targets(drifting(100)), {}},
+    {"the axis creeps in cyclic position", "csp.no-targets", {}, creeping()},
     {"the position is late", "csp.tracks", targets(late()), {}},
     {"halt is ignored in cyclic position", "csp.halt", cyclic_controlword(never_halted), {}},
     {"targets are said to be followed in a halt", "csp.halt", {}, cyclic_statusword([](unsigned word) {
@@ -429,6 +441,7 @@ const std::vector<Defect> defects{
      "csv.at-rest",
      targets([](std::int32_t target) { return target + 30000; }),
      {}},
+    {"the axis creeps in cyclic velocity", "csv.no-targets", {}, creeping()},
     {"half the velocity", "csv.tracks", targets([](std::int32_t target) { return target / 2; }), {}},
     {"halt is ignored in cyclic velocity", "csv.halt", cyclic_controlword(never_halted), {}},
     mode_stays("cyclic velocity is not left", "csv.leave", 9),
@@ -437,6 +450,7 @@ const std::vector<Defect> defects{
      "cst.at-rest",
      targets([](std::int32_t target) { return target + 100; }),
      {}},
+    {"the axis creeps in cyclic torque", "cst.no-targets", {}, creeping()},
     {"no torque is shown",
      "cst.tracks",
      {},
@@ -460,6 +474,7 @@ const std::vector<Defect> defects{
      cyclic_controlword([](unsigned word) { return (word & 0x1F) == 0x0F ? word | 0x10U : word; }),
      {}},
     {"the axis drifts from a position that stays", "ip.at-rest", targets(drifting(100)), {}},
+    {"the axis creeps in interpolated position", "ip.no-targets", {}, creeping()},
     {"the interpolated position is late", "ip.tracks", targets(late()), {}},
     {"halt is ignored in interpolated position", "ip.halt", cyclic_controlword(never_halted), {}},
     {"interpolated position is not left", "ip.leave",
@@ -555,13 +570,57 @@ TEST(ConformCan, SafeNeverEnables) {
 }
 
 TEST(ConformCan, AnInterruptedRunLeavesTheAxisAtRest) {
-  CanRig rig("generic402");
-  int left = 400;
-  Subject subject(CanAccess{rig.bus, rig.sdo}, {.cancelled = [&] { return --left < 0; }});
-  const Report report = run_checks(subject, {.only = {"pp"}});
-  EXPECT_TRUE(report.cancelled);
-  EXPECT_EQ(rig.sdo.read<std::uint16_t>(0x6041) & 0x6F, 0x40);
-  EXPECT_NEAR(rig.sdo.read<std::int32_t>(0x606C), 0, 1000);
+  for (const char* check : {"pp", "csp.tracks", "csv.tracks", "probe.latch"}) {
+    CanRig rig("generic402");
+    int left = 400;
+    Subject subject(CanAccess{rig.bus, rig.sdo}, {.cancelled = [&] { return --left < 0; }});
+    const Report report = run_checks(subject, {.only = {check}});
+    EXPECT_TRUE(report.cancelled) << check;
+    EXPECT_EQ(rig.sdo.read<std::uint16_t>(0x6041) & 0x6F, 0x40) << check;
+    EXPECT_NEAR(rig.sdo.read<std::int32_t>(0x606C), 0, 1000) << check;
+  }
+}
+
+// --revolutions bounds every motion, one revolution per second every speed.
+TEST(ConformCan, MotionsWithTargetsInEachCycleStayWithinBounds) {
+  constexpr double revolution = 131072.0;
+  for (const double revolutions : {0.1, 0.5}) {
+    CanRig rig("generic402");
+    double start = 0.0;
+    double furthest = 0.0;
+    double last = 0.0;
+    Time last_time{};
+    double fastest = 0.0;
+    const auto position = [&] { return static_cast<double>(rig.line.axes()[0]->plant().position_counts()); };
+    rig.from_drive = [&](Frame&) {
+      const double now = position();
+      furthest = std::max(furthest, std::abs(now - start));
+      if (rig.bus.now() - last_time >= 20ms) {
+        fastest =
+            std::max(fastest, std::abs(now - last) / std::chrono::duration<double>(rig.bus.now() - last_time).count());
+        last = now;
+        last_time = rig.bus.now();
+      }
+      return true;
+    };
+    Subject subject(CanAccess{rig.bus, rig.sdo}, {.revolutions = revolutions});
+    run_checks(subject, {.only = {"csp", "csv", "cst", "ip"},
+                         .before =
+                             [&](const Check&) {
+                               start = last = position();
+                               last_time = rig.bus.now();
+                               furthest = fastest = 0.0;
+                             },
+                         .after =
+                             [&](const Outcome& outcome) {
+                               EXPECT_NE(outcome.verdict, Verdict::fail) << text_of(outcome);
+                               EXPECT_LE(furthest, revolution * (revolutions + 0.01)) << outcome.check->id;
+                               EXPECT_LE(fastest, revolution * 1.1) << outcome.check->id;
+                               if (outcome.check->demand == Demand::motion) {
+                                 EXPECT_GT(furthest, revolution * revolutions / 50.0) << outcome.check->id;
+                               }
+                             }});
+  }
 }
 
 TEST(ConformCan, AnEnabledAxisIsNotTouched) {

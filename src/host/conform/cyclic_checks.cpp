@@ -92,6 +92,32 @@ void stands(Trial& trial, int row) {
                text_of_state(axis.statusword()));
 }
 
+// No SYNC, no PDO: the target is written once, before the axis is enabled.
+void waits(Trial& trial, int row) {
+  const CyclicMode& mode = mode_of(row);
+  trial.units();
+  trial.bring_to(PowerState::switch_on_disabled);
+  trial.set_mode(mode.mode);
+  const std::int32_t start = trial.position();
+  if (mode.target.bits == 16) {
+    trial.objects().write<std::int16_t>(mode.target.object.index, mode.target.object.sub, 0);
+  } else {
+    const std::int32_t value = mode.is_position ? start : 0;
+    trial.write_if_present<std::int32_t>(mode.target.object.index, mode.target.object.sub, value);
+    if (mode.other_target) trial.write_if_present<std::int32_t>(mode.other_target->object.index, 0, value);
+  }
+  trial.bring_to(PowerState::operation_enabled);
+  if (mode.enable_bits != 0) trial.control(static_cast<std::uint16_t>(0x000F | mode.enable_bits));
+  double furthest = 0.0;
+  const double allowed = trial.units().position * trial.settings().revolutions;
+  for (const Time end = trial.now() + 500ms; trial.now() < end && furthest <= allowed;) {
+    trial.wait(trial.settings().poll_interval);
+    furthest = std::max(furthest, std::abs(static_cast<double>(trial.position()) - start));
+  }
+  trial.expect(furthest <= window(trial), "enabled, and 500 ms without a new target",
+               fmt::format("6064h = {}, within {:.0f}", start, window(trial)), fmt::format("{:.0f} away", furthest));
+}
+
 // ---- Following ----
 
 void tracks_position(Trial& trial, int row) {
@@ -398,12 +424,14 @@ constexpr auto changing = "CiA 402-2, object 6060h";
 
 constexpr auto bit_12 = "Bit 12 says that the target is followed, and only then";
 constexpr auto rest = "A target that does not change leaves the axis at rest";
+constexpr auto nothing_new = "Without new targets nothing moves";
 constexpr auto stops = "Halt stops the axis, whatever the targets";
 constexpr auto out = "Another mode of operation stops the axis, whatever the targets";
 
 constexpr std::array rows{
     Check{"csp.follows", position_bits, bit_12, Demand::enable, with_cycles, follows_when_enabled, csp},
     Check{"csp.at-rest", position_mode, rest, Demand::enable, with_cycles, stands, csp},
+    Check{"csp.no-targets", position_mode, nothing_new, Demand::enable, buses::all, waits, csp},
     Check{"csp.tracks", position_mode, "The position follows the targets, and ends with the last", Demand::motion,
           with_cycles, tracks_position, csp},
     Check{"csp.halt", halting, stops, Demand::motion, with_cycles, halts, csp},
@@ -411,6 +439,7 @@ constexpr std::array rows{
     Check{"csv.follows", velocity_bits, bit_12, Demand::enable, with_cycles, follows_when_enabled, csv},
     Check{"csv.at-rest", velocity_mode, "A target of 0 leaves the axis at rest", Demand::enable, with_cycles, stands,
           csv},
+    Check{"csv.no-targets", velocity_mode, nothing_new, Demand::enable, buses::all, waits, csv},
     Check{"csv.tracks", velocity_mode, "The velocity follows the targets", Demand::motion, with_cycles, tracks_velocity,
           csv},
     Check{"csv.halt", halting, stops, Demand::motion, with_cycles, halts, csv},
@@ -418,6 +447,7 @@ constexpr std::array rows{
     Check{"cst.follows", torque_bits, bit_12, Demand::enable, with_cycles, follows_when_enabled, cst},
     Check{"cst.at-rest", torque_mode, "A target of 0 leaves the axis at rest", Demand::enable, with_cycles, stands,
           cst},
+    Check{"cst.no-targets", torque_mode, nothing_new, Demand::enable, buses::all, waits, cst},
     Check{"cst.tracks", torque_mode, "The torque follows the targets", Demand::motion, with_cycles, tracks_torque, cst},
     Check{"cst.leave", changing, out, Demand::motion, with_cycles, leaves, cst},
     Check{"ip.data-record", "CiA 402-2, object 60C1h", "The mode has its data record", Demand::nothing, with_cycles,
@@ -425,6 +455,7 @@ constexpr std::array rows{
     Check{"ip.active", interpolation_bits, "Bit 12 says that interpolation is active, by bit 4 and only then",
           Demand::enable, with_cycles, follows_when_enabled, ip},
     Check{"ip.at-rest", interpolation, rest, Demand::enable, with_cycles, stands, ip},
+    Check{"ip.no-targets", interpolation, nothing_new, Demand::enable, buses::all, waits, ip},
     Check{"ip.tracks", interpolation, "The position follows the targets, and ends with the last", Demand::motion,
           with_cycles, tracks_position, ip},
     Check{"ip.halt", halting, stops, Demand::motion, with_cycles, halts, ip},
