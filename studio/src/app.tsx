@@ -1,6 +1,7 @@
 import { useEffect } from 'react';
 import { Choice, Link } from './parts/controls';
 import { ClockPanel } from './parts/clock';
+import { Mishap } from './parts/mishap';
 import { Notices } from './parts/notices';
 import { StopButton } from './parts/stop';
 import { AxisPage } from './pages/axis';
@@ -68,7 +69,9 @@ export function App() {
         {order.length === 0 ? (
           <p className="empty">{link === 'up' ? 'This line has no axes.' : 'Waiting for the server.'}</p>
         ) : (
-          <Page key={`${epoch}/${axis}`} />
+          <Mishap key={`${epoch}/${page}/${axis}`}>
+            <Page />
+          </Mishap>
         )}
       </main>
       <Notices />

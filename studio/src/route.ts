@@ -26,10 +26,19 @@ export interface Route {
   query: URLSearchParams;
 }
 
+// An address that somebody has cut off in the middle of an escape is an address of nothing.
+function plain(segment: string): string {
+  try {
+    return decodeURIComponent(segment);
+  } catch {
+    return segment;
+  }
+}
+
 export function useRoute(): Route {
   const address = useSyncExternalStore(listen, () => location.pathname + location.search);
   const url = new URL(address, location.origin);
-  const [page = '', name = ''] = url.pathname.split('/').filter(Boolean).map(decodeURIComponent);
+  const [page = '', name = ''] = url.pathname.split('/').filter(Boolean).map(plain);
   return { page, name, query: url.searchParams };
 }
 

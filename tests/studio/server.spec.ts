@@ -33,6 +33,30 @@ test('the loss of the server and its new start are said, and the page comes back
   for (const message of watched.splice(0)) expect(message).toMatch(/ERR_CONNECTION_REFUSED|ERR_CONNECTION_RESET|ERR_EMPTY_RESPONSE|WebSocket connection/);
 });
 
+test('an error in a page leaves the others, and the big stop', async ({ page, open, line, watched }) => {
+  await page.route('**/api/v1/buses', (route) => route.fulfill({ json: { buses: [{ name: 'can0', type: 'can' }] } }));
+  await page.goto(line.address);
+  await expect(page.getByRole('alert')).toContainText('This page has failed');
+  await page.getByRole('button', { name: 'STOP', exact: true }).click();
+  await expect(page.getByText('all axes stopped')).toBeVisible();
+  await page.getByRole('link', { name: 'Axis', exact: true }).click();
+  await expect(page.getByRole('heading', { name: 'State machine' })).toBeVisible();
+  await expect(page.getByRole('alert')).toHaveCount(0);
+  await page.unroute('**/api/v1/buses');
+  await open('/');
+  await expect(card(page, 'ismc')).toBeVisible();
+  expect(watched.splice(0).join()).toContain('Cannot read properties');
+});
+
+test('an address that was cut off in an escape is no error', async ({ page, open }) => {
+  await open('/');
+  await page.evaluate(() => {
+    history.pushState(null, '', '/axis/%E0%A4%A');
+    dispatchEvent(new PopStateEvent('popstate'));
+  });
+  await expect(page.getByRole('button', { name: 'Move +' })).toBeVisible();
+});
+
 test.describe('in virtual time', () => {
   test.use({ lineText: lineFile('virtual') });
 

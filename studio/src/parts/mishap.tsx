@@ -1,0 +1,24 @@
+import { Component, type ReactNode } from 'react';
+
+// An error in one page takes that page away and nothing else: the big stop, the clock and the other pages stay.
+export class Mishap extends Component<{ children: ReactNode }, { error: Error | null }> {
+  override state: { error: Error | null } = { error: null };
+
+  static getDerivedStateFromError(error: unknown) {
+    return { error: error instanceof Error ? error : new Error(String(error)) };
+  }
+
+  override render() {
+    const { error } = this.state;
+    if (!error) return this.props.children;
+    return (
+      <section className="panel" aria-label="This page has failed">
+        <p className="trouble" role="alert">
+          <strong>This page has failed</strong> · {error.message}
+          <span className="hint">The drives know nothing of it. STOP and the other pages work.</span>
+        </p>
+        <button type="button" className="button" onClick={() => this.setState({ error: null })}>Try again</button>
+      </section>
+    );
+  }
+}
