@@ -78,3 +78,31 @@ test('a channel is added by its object and taken away', async ({ page, open }) =
   await channels.getByRole('button', { name: /Remove .*6077/ }).click();
   await expect(channels).toContainText('2 of 16');
 });
+
+test('what waits for a trigger that does not come is stopped, and read', async ({ page, open }) => {
+  await open('/scope?ch=reference/position_counts&rate=1000&ms=400&trigger=fault&taxis=*');
+  await page.getByText('with a move').click();
+  await page.getByRole('button', { name: 'Record', exact: true }).click();
+  await expect(panel(page, /Recording 1/).getByRole('status')).toContainText('armed');
+  await panel(page, /Recording 1/).getByRole('button', { name: 'Stop', exact: true }).click();
+  await expect(panel(page, /Recording 1/).getByRole('status')).toContainText('stopped');
+  await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
+});
+
+test('zooms from the keyboard', async ({ page, open }) => {
+  await open('/scope?ch=reference/position_counts&rate=1000&ms=1000&pre=0');
+  await page.getByText('with a move').click();
+  await page.getByRole('button', { name: 'Record', exact: true }).click();
+  const zoom = page.getByRole('group', { name: 'Zoom' });
+  await zoom.getByRole('button', { name: 'Zoom in' }).press('Enter');
+  const shown = () => ['from', 'to'].map((key) => 10 * Math.round(Number(new URL(page.url()).searchParams.get(key)) / 10));
+  await expect.poll(shown).toEqual([250, 750]);
+  await zoom.getByRole('button', { name: 'Later' }).press('Enter');
+  await expect.poll(shown).toEqual([500, 1000]);
+  await type(page, 'Cursor A', 600);
+  await type(page, 'Cursor B', 300);
+  await zoom.getByRole('button', { name: 'A to B' }).press('Enter');
+  await expect.poll(shown).toEqual([300, 600]);
+  await zoom.getByRole('button', { name: 'All' }).press('Enter');
+  await expect.poll(shown).toEqual([0, 0]);
+});

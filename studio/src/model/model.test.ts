@@ -4,9 +4,9 @@ import { controlBits, edges, modeText, statusBits, toneOf } from './cia402';
 import { Jog } from './jog';
 import { LiveBuffer } from './live_buffer';
 import { differs, hexValue, inGroup, matches, namedOf, parseValue } from './objects';
-import { alongside, channelOf, queryOf, samplesOf, setupOf, span, textOfChannel } from './scope';
+import { alongside, channelOf, queryOf, samplesOf, setupOf, span, textOfChannel, without, zoomed } from './scope';
 import { indexes, travelScale } from './travel';
-import { duration, fixed, fromDrivePosition, significant, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
+import { duration, fixed, fromDrivePosition, significant, ticksText, toDriveAcceleration, toDrivePosition, toDriveVelocity } from './units';
 
 describe('units', () => {
   const units: Units = { position_per_revolution: 131072, velocity_per_rps: 131072, acceleration_per_rps2: 10 };
@@ -25,6 +25,10 @@ describe('units', () => {
     expect(fixed(-0.0001, 2)).toBe('0.00');
     expect(fixed(undefined, 1)).toBe('–');
     expect([0.00123456, 12.3456, 123456.7, 42].map(significant)).toEqual(['0.001235', '12.346', '123\u2009457', '42']);
+    expect(ticksText([25, 25.0005, 25.001, null])).toEqual(['25.0000', '25.0005', '25.0010', '']);
+    expect(ticksText([-100000, 0, 100000])).toEqual(['\u2212100\u2009000', '0', '100\u2009000']);
+    expect(ticksText([0, 0.25, 0.5])).toEqual(['0.00', '0.25', '0.50']);
+    expect(ticksText([1, null, 10, 100])).toEqual(['1', '', '10', '100']);
     expect(duration(3_725_500_000_000)).toBe('1:02:05.5');
   });
 });
@@ -166,6 +170,28 @@ describe('scope', () => {
     expect(setup.trigger).toEqual({ kind: 'edge', channel: 1, level: -2.5, slope: 'falling' });
     const query = new URLSearchParams(Object.entries(queryOf(setup)).filter((pair): pair is [string, string] => pair[1] !== null));
     expect(setupOf(query, 'a')).toEqual(setup);
+  });
+  test('any state and any axis trigger, and come back from the address', () => {
+    for (const trigger of ['trigger=state&taxis=b&tstate=*', 'trigger=fault&taxis=*']) {
+      const setup = setupOf(new URLSearchParams(trigger), 'a');
+      expect(setup.trigger).toEqual(trigger.includes('state') ? { kind: 'state', axis: 'b' } : { kind: 'fault' });
+      const query = new URLSearchParams(Object.entries(queryOf(setup)).filter((pair): pair is [string, string] => pair[1] !== null));
+      expect(setupOf(query, 'a')).toEqual(setup);
+    }
+  });
+  test('the trigger stays with its channel when another goes', () => {
+    const setup = setupOf(new URLSearchParams('ch=a/torque_nm,a/current_a,a/supply_v&trigger=edge&tch=2&level=1'), 'a');
+    expect(without(setup, 0)).toMatchObject({ channels: [{ signal: 'current_a' }, { signal: 'supply_v' }], trigger: { channel: 1 } });
+    expect(without(setup, 2)).toMatchObject({ channels: [{ signal: 'torque_nm' }, { signal: 'current_a' }], trigger: { channel: 0 } });
+  });
+  test('zooms about the middle, within what there is', () => {
+    const x = Float64Array.from({ length: 101 }, (_, i) => i);
+    expect(zoomed(x, null, 0.5)).toEqual([25, 75]);
+    expect(zoomed(x, [25, 75], 2)).toBeNull();
+    expect(zoomed(x, [0, 50], 1, 0.5)).toEqual([25, 75]);
+    expect(zoomed(x, [60, 100], 1, 0.5)).toEqual([60, 100]);
+    expect(zoomed(x, null, 1, 0.5)).toBeNull();
+    expect(zoomed(new Float64Array(1), null, 0.5)).toBeNull();
   });
   test('what makes no sense in the address is the default', () => {
     const setup = setupOf(new URLSearchParams('ch=,nonsense&rate=x&trigger=never'), 'a');

@@ -13,6 +13,8 @@ export interface Setup {
   trigger: Trigger;
 }
 
+// Of a trigger, in the address: every axis, every state.
+export const any = '*';
 export const mostChannels = 16;
 export const rates = [100, 500, 1000, 2000, 4000, 8000, 16000];
 
@@ -39,8 +41,10 @@ export function setupOf(query: URLSearchParams, firstAxis: string, second = 'vel
     trigger.level = number(query.get('level'), 0);
     trigger.slope = query.get('slope') === 'falling' ? 'falling' : 'rising';
   }
-  if (kind === 'state' || kind === 'fault') trigger.axis = query.get('taxis') ?? firstAxis;
-  if (kind === 'state') trigger.state = query.get('tstate') ?? 'operation enabled';
+  const axis = query.get('taxis') ?? firstAxis;
+  const state = query.get('tstate') ?? 'operation enabled';
+  if (kind === 'state' || (kind === 'fault' && axis !== any)) trigger.axis = axis;
+  if (kind === 'state' && state !== any) trigger.state = state;
   return {
     channels: channels.length > 0 ? channels : [{ axis: firstAxis, signal: 'position_counts' }, { axis: firstAxis, signal: second }],
     rate_hz: number(query.get('rate'), 1000),
@@ -60,9 +64,29 @@ export function queryOf({ channels, rate_hz, duration_ms, pre_ms, trigger }: Set
     tch: trigger.channel ? String(trigger.channel) : null,
     level: trigger.level === undefined ? null : String(trigger.level),
     slope: trigger.slope === 'falling' ? 'falling' : null,
-    taxis: trigger.axis ?? null,
-    tstate: trigger.state ?? null,
+    taxis: trigger.axis ?? (trigger.kind === 'fault' ? any : null),
+    tstate: trigger.state ?? (trigger.kind === 'state' ? any : null),
   };
+}
+
+// A trigger goes on looking at the channel it looked at, as long as that is there.
+export function without(setup: Setup, gone: number): Setup {
+  const { channels, trigger } = setup;
+  const { channel } = trigger;
+  const moved = channel === undefined ? {} : { channel: channel === gone ? 0 : channel > gone ? channel - 1 : channel };
+  return { ...setup, channels: channels.filter((_, i) => i !== gone), trigger: { ...trigger, ...moved } };
+}
+
+// What is shown when `range` of `x` (null: all of it) is made `factor` as long about its middle, or moved on by `share` of
+// its length. Never more than there is; null again, when that is all.
+export function zoomed(x: ArrayLike<number>, range: [number, number] | null, factor: number, share = 0): [number, number] | null {
+  if (x.length < 2) return null;
+  const [first, last] = [x[0], x[x.length - 1]];
+  const [from, to] = range ?? [first, last];
+  const length = Math.min((to - from) * factor, last - first);
+  if (length >= last - first) return null;
+  const begin = Math.max(first, Math.min(last - length, (from + to - length) / 2 + share * length));
+  return [begin, begin + length];
 }
 
 // A recording's samples with their times, in ms after the trigger (after its begin if it had none).

@@ -40,3 +40,15 @@ export function duration(ns: number): string {
   const seconds = (total % 60).toFixed(1).padStart(4, '0');
   return hours > 0 ? `${hours}:${String(minutes).padStart(2, '0')}:${seconds}` : `${minutes}:${seconds}`;
 }
+
+// The ticks of an axis, with as many places as tell them apart; null is one that has no text.
+export function ticksText(ticks: readonly (number | null)[]): string[] {
+  const there = ticks.filter((tick): tick is number => tick !== null);
+  const steps = there.slice(1).map((tick, i) => Math.abs(tick - there[i])).filter((step) => step > 0);
+  const steady = steps.length > 0 && Math.max(...steps) < 1.5 * Math.min(...steps);
+  if (!steady) return ticks.map((tick) => (tick === null ? '' : significant(tick)));
+  const step = Math.min(...steps);
+  let places = 0;
+  while (places < 9 && Math.abs(Math.round(step * 10 ** places) / 10 ** places - step) > step * 1e-3) ++places;
+  return ticks.map((tick) => (tick === null ? '' : fixed(tick, places)));
+}

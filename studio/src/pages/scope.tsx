@@ -10,7 +10,7 @@ import { Lanes, type Curve } from '../parts/lanes';
 import { LiveLanes } from '../parts/live';
 import { MeasureTable } from '../parts/measure_table';
 import { ScopeSetup } from '../parts/scope_setup';
-import { alongside, labelOf, queryOf, same, samplesOf, setupOf, type Samples, type Setup } from '../model/scope';
+import { alongside, labelOf, queryOf, same, samplesOf, setupOf, zoomed, type Samples, type Setup } from '../model/scope';
 import { fixed, significant } from '../model/units';
 import { attempt, complain } from '../notices';
 import { useResource } from '../resource';
@@ -162,6 +162,8 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
 
   const seconds = recording.samples / recording.rate_hz;
   const bode = query.get('plot') === 'bode';
+  const show = (zoom: [number, number] | null) => keep({ from: zoom ? zoom[0].toFixed(4) : null, to: zoom ? zoom[1].toFixed(4) : null });
+  const x = samples?.x ?? [];
   return (
     <Panel
       title={title}
@@ -171,6 +173,7 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
             {recording.state}
             {isOver(recording) && `, ${fixed(recording.samples, 0)} samples of ${recording.channels.length} channels, ${fixed(seconds * 1000, 0)} ms at ${fixed(recording.rate_hz, 0)} Hz`}
           </span>
+          {!isOver(recording) && <Button onPress={() => attempt(() => post(`/recordings/${recording.id}/stop`))}>Stop</Button>}
           <div className="segments" role="group" aria-label="Plot">
             <button type="button" aria-pressed={!bode} onClick={() => keep({ plot: null })}>Time</button>
             <button type="button" aria-pressed={bode} onClick={() => keep({ plot: 'bode' })}>Bode</button>
@@ -191,7 +194,7 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
               x={samples.x}
               curves={curves}
               range={range}
-              onRange={(zoom) => keep({ from: zoom ? String(zoom[0]) : null, to: zoom ? String(zoom[1]) : null })}
+              onRange={show}
               cursors={[a, b]}
               onCursor={(which, at) => keep({ [which === 0 ? 'a' : 'b']: at.toFixed(4) })}
             />
@@ -201,7 +204,14 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
             <NumberInput label="Cursor B" unit="ms" value={b ?? NaN} onChange={(at) => keep({ b: Number.isFinite(at) ? String(at) : null })} />
             <span className="quiet">Δ {a !== null && b !== null ? `${significant(b - a)} ms, ${significant(1000 / Math.abs(b - a))} Hz` : '–'}</span>
             <span className="grow" />
-            <Button isDisabled={!range} onPress={() => keep({ from: null, to: null })}>All</Button>
+            <div className="buttons" role="group" aria-label="Zoom">
+              <Button aria-label="Earlier" isDisabled={!range} onPress={() => show(zoomed(x, range, 1, -0.5))}>◀</Button>
+              <Button aria-label="Later" isDisabled={!range} onPress={() => show(zoomed(x, range, 1, 0.5))}>▶</Button>
+              <Button aria-label="Zoom in" onPress={() => show(zoomed(x, range, 0.5))}>+</Button>
+              <Button aria-label="Zoom out" isDisabled={!range} onPress={() => show(zoomed(x, range, 2))}>−</Button>
+              <Button isDisabled={a === null || b === null || a === b} onPress={() => a !== null && b !== null && show([Math.min(a, b), Math.max(a, b)])}>A to B</Button>
+              <Button isDisabled={!range} onPress={() => show(null)}>All</Button>
+            </div>
             <a className="button" href={`/api/v1/recordings/${recording.id}/data.csv`} download={`recording-${recording.id}.csv`}>CSV</a>
             <a className="button" href={`/api/v1/recordings/${recording.id}/data.mcap`} download={`recording-${recording.id}.mcap`}>MCAP</a>
             <Button onPress={() => box.current && savePicture(box.current, `recording-${recording.id}.png`)}>PNG</Button>

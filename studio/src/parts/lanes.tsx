@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
-import { significant } from '../model/units';
+import { ticksText } from '../model/units';
 import { color } from '../theme';
 
 // Curves over one time axis, a lane for each unit, so that each is read on a scale of its own.
@@ -27,7 +27,8 @@ export interface LanesProps {
   label: string;
 }
 
-export const tones = 8;
+const tones = 8;
+export const swatchOf = (tone: number) => `swatch tone-${tone % tones}${tone >= tones ? ' dashed' : ''}`;
 const toneNames = Array.from({ length: tones }, (_, i) => `curve-${i}`);
 
 interface Looks {
@@ -121,11 +122,12 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
       u.ctx.font = `${11 * ratio}px system-ui, sans-serif`;
       u.ctx.textAlign = 'right';
       let right = u.bbox.left + u.bbox.width - 4 * ratio;
-      for (const { label, stroke, alpha } of [...series].reverse()) {
+      for (const { label, stroke, alpha, dash } of [...series].reverse()) {
         if (alpha < 1) continue;
+        const text = dash.length > 0 ? `- - ${label}` : label;
         u.ctx.fillStyle = stroke;
-        u.ctx.fillText(label, right, u.bbox.top + 11 * ratio);
-        right -= u.ctx.measureText(label).width + 12 * ratio;
+        u.ctx.fillText(text, right, u.bbox.top + 11 * ratio);
+        right -= u.ctx.measureText(text).width + 12 * ratio;
         if (right < u.bbox.left + u.bbox.width / 3) break;
       }
       u.ctx.restore();
@@ -142,8 +144,12 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
         legend: { show: false },
         scales: { x: { time: false, range: extent, distr: logarithmic ? 3 : 1 } },
         axes: [
-          { ...axis, size: last ? 30 : 0, ...(last ? { values: (_, ticks: (number | null)[]) => ticks.map((tick, i) => (tick === null ? '' : i === ticks.length - 1 ? `${significant(tick)} ${unit}` : significant(tick))) } : { values: () => [] }) },
-          { ...axis, size: 62, values: (_, ticks) => ticks.map(significant), label: title, labelSize: 14, labelFont: font, labelGap: 0 },
+          { ...axis, size: last ? 30 : 0, ...(last ? { values: (_, ticks: (number | null)[]) => {
+            const texts = ticksText(ticks);
+            const end = texts.map((text) => text !== '').lastIndexOf(true);
+            return texts.map((text, i) => (i === end ? `${text} ${unit}` : text));
+          } } : { values: () => [] }) },
+          { ...axis, size: 62, values: (_, ticks) => ticksText(ticks), label: title, labelSize: 14, labelFont: font, labelGap: 0 },
         ],
         series: [{}, ...series],
         cursor: { sync: { key: 'lanes' }, drag: { x: true, y: false, setScale: false }, y: false, points: { show: false }, bind: { dblclick: () => () => { now.current.onRange?.(null); return null; } } },

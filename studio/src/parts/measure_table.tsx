@@ -2,7 +2,7 @@ import { stepResponse, statistics, valueAt } from '../model/measure';
 import { labelOf, span, type Samples } from '../model/scope';
 import { significant } from '../model/units';
 import { Scroll } from './controls';
-import { tones } from './lanes';
+import { swatchOf } from './lanes';
 
 // What is read off each channel: between the cursors if both are set, else over what is shown.
 export function MeasureTable({ samples, a, b, range }: { samples: Samples; a: number | null; b: number | null; range: [number, number] | null }) {
@@ -31,7 +31,7 @@ export function MeasureTable({ samples, a, b, range }: { samples: Samples; a: nu
             const ms = (seconds: number | null | undefined) => significant(seconds === null || seconds === undefined ? null : seconds * 1000);
             return (
               <tr key={labelOf(channel)}>
-                <th scope="row"><span className={`swatch tone-${i % tones}`} aria-hidden="true" /> {labelOf(channel)}</th>
+                <th scope="row"><span className={swatchOf(i)} aria-hidden="true" /> {labelOf(channel)}</th>
                 <td className="text">{channel.unit}</td>
                 <td>{significant(atA)}</td>
                 <td>{significant(atB)}</td>

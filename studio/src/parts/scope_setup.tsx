@@ -3,11 +3,11 @@ import type { ObjectEntry, Trigger } from '../api/types';
 import { axisPath } from '../commands';
 import { states } from '../model/cia402';
 import { addressOf, isReadable } from '../model/objects';
-import { mostChannels, rates, textOfChannel, type Setup } from '../model/scope';
+import { any, mostChannels, rates, textOfChannel, without, type Setup } from '../model/scope';
 import { useResource } from '../resource';
 import { useLine, useMissing } from '../store';
 import { Button, Choice, NumberInput, Panel } from './controls';
-import { tones } from './lanes';
+import { swatchOf } from './lanes';
 
 const noSignals: string[] = [];
 const numeric = /^(U?INT|INTEGER|UNSIGNED|REAL|BOOLEAN)/;
@@ -19,16 +19,16 @@ export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: S
       <ul className="channels">
         {channels.map((channel, i) => (
           <li key={textOfChannel(channel)}>
-            <span className={`swatch tone-${i % tones}`} aria-hidden="true" />
+            <span className={swatchOf(i)} aria-hidden="true" />
             <span className="name">{channel.axis} {channel.signal ?? channel.object}</span>
-            <Button kind="bare" aria-label={`Remove ${textOfChannel(channel)}`} isDisabled={channels.length === 1} onPress={() => onChange({ ...setup, channels: channels.filter((each) => each !== channel) })}>×</Button>
+            <Button kind="bare" aria-label={`Remove ${textOfChannel(channel)}`} isDisabled={channels.length === 1} onPress={() => onChange(without(setup, i))}>×</Button>
           </li>
         ))}
       </ul>
       {channels.length < mostChannels && <AddChannel setup={setup} onChange={onChange} />}
       <div className="form">
         <Choice label="Rate" value={setup.rate_hz} options={rates.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz })} />
-        <NumberInput label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms })} />
+        <NumberInput label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms, pre_ms: Math.min(setup.pre_ms, duration_ms) })} />
         <NumberInput label="Before trigger" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
         <TriggerFields setup={setup} onChange={onChange} />
       </div>
@@ -98,10 +98,23 @@ function TriggerFields({ setup, onChange }: { setup: Setup; onChange: (to: Setup
         </>
       )}
       {(trigger.kind === 'state' || trigger.kind === 'fault') && (
-        <Choice label="of axis" value={trigger.axis ?? order[0]} options={order.map((each) => [each, each] as const)} onChange={(axis) => set({ axis })} />
+        <Choice
+          label="of axis"
+          value={trigger.axis ?? any}
+          options={[...(trigger.kind === 'fault' ? [[any, 'any'] as const] : []), ...order.map((each) => [each, each] as const)]}
+          onChange={(axis) => onChange({ ...setup, trigger: axis === any ? { kind: trigger.kind } : { ...trigger, axis } })}
+        />
       )}
       {trigger.kind === 'state' && (
-        <Choice label="State" value={trigger.state ?? ''} options={states.map((each) => [each, each] as const)} onChange={(state) => set({ state })} />
+        <Choice
+          label="State"
+          value={trigger.state ?? any}
+          options={[[any, 'any change'], ...states.map((each) => [each, each] as const)]}
+          onChange={(state) => {
+            const { kind, axis = order[0] } = trigger;
+            onChange({ ...setup, trigger: state === any ? { kind, axis } : { kind, axis, state } });
+          }}
+        />
       )}
     </>
   );
