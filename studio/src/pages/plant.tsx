@@ -34,11 +34,11 @@ export function PlantPage() {
       <AxisTabs page="plant" name={name} />
       <div className="panels">
         <InputsPanel name={name} />
-        <Terminals key={name} axis={name} />
         <PlantPanel name={name} />
         <FaultPanel name={name} />
         <PowerPanel axis={axis} />
         {axis.bus && <DisturbancePanel bus={axis.bus} axis={name} />}
+        <Terminals key={name} axis={name} />
       </div>
     </>
   );

@@ -8,6 +8,7 @@ import { followLeg, homingPath } from '../model/homing';
 const width = 640;
 const legHeight = 22;
 const margin = 16;
+const names = 80; // on the left, what the levels are
 
 export function HomingFigure({ method, geometry, axis, start }: {
   method: HomingMethod;
@@ -28,7 +29,7 @@ export function HomingFigure({ method, geometry, axis, start }: {
   const span = Math.max(3 * turn, (Math.max(...points) - Math.min(...points)) * 1.3);
   const middle = (Math.max(...points) + Math.min(...points)) / 2;
   const from = middle - span / 2;
-  const at = (counts: number) => margin + (Math.max(0, Math.min(1, (counts - from) / span))) * (width - 2 * margin);
+  const at = (counts: number) => names + Math.max(0, Math.min(1, (counts - from) / span)) * (width - names - margin);
 
   const pathTop = 18;
   const signalsTop = pathTop + Math.max(1, path.length) * legHeight + 10;
@@ -38,17 +39,19 @@ export function HomingFigure({ method, geometry, axis, start }: {
 
   const level = (row: number, name: string, spans: [number, number][]) => {
     const low = signalsTop + row * 20 + 14;
-    let line = `M${margin} ${low}`;
+    let line = `M${names} ${low}`;
     for (const [a, b] of spans.filter(([left, right]) => right > from && left < from + span && right > left)) line += ` H${at(a)} V${low - 9} H${at(b)} V${low}`;
     return (
       <g className="signal" key={name}>
         <path d={`${line} H${width - margin}`} />
-        <text x={margin} y={low - 4}>{name}</text>
+        <text x={names - 6} y={low - 1}>{name}</text>
       </g>
     );
   };
-  const end = path[path.length - 1];
-  const reached = end !== undefined && (end.leg.then === undefined || end.leg.then === 'latch');
+  // Without legs home is where the axis stands.
+  const end = path[path.length - 1] as (typeof path)[number] | undefined;
+  const found = method.legs.length === 0 ? start : end && (end.leg.then === undefined || end.leg.then === 'latch') ? end.to : null;
+  const foundAt = pathTop + (Math.max(1, path.length) - 0.5) * legHeight;
   const here = pathTop + (Math.min(leg.current, Math.max(0, path.length - 1)) + 0.5) * legHeight;
 
   return (
@@ -69,10 +72,10 @@ export function HomingFigure({ method, geometry, axis, start }: {
         );
       })}
       <circle className="begin" cx={at(start)} cy={pathTop + 0.5 * legHeight} r="4" />
-      {reached && (
+      {found !== null && (
         <g className="found">
-          <circle cx={at(end.to)} cy={pathTop + (path.length - 0.5) * legHeight} r="10" />
-          <text x={at(end.to)} y={pathTop + (path.length - 0.5) * legHeight + 4}>{method.method}</text>
+          <circle cx={at(found)} cy={foundAt} r="10" />
+          <text x={at(found)} y={foundAt + 4}>{method.method}</text>
         </g>
       )}
       <path className="here" d={`M${at(axis.position_counts)} ${here - 8} V${height}`} />

@@ -1,5 +1,6 @@
 import { useEffect, useMemo, useState } from 'react';
 import type { Channel, ChannelRequest, Problem } from '../api/types';
+import { labelOf } from '../model/scope';
 import { LiveBuffer } from '../model/live_buffer';
 import { stream } from '../store';
 import { Trouble } from './controls';
@@ -59,7 +60,8 @@ export function LiveLanes({ channels, rate_hz, seconds, running = true, ...props
 } & Omit<LanesProps, 'x' | 'curves' | 'range' | 'onRange' | 'unit'>) {
   const live = useLive(channels, rate_hz, seconds, running);
   const range = useMemo<[number, number]>(() => [-seconds, 0], [seconds]);
-  const curves = live.channels.map((channel, i) => ({ name: channel.name, unit: channel.unit, tone: i, values: live.values[i] }));
+  const several = new Set(live.channels.map(({ axis }) => axis)).size > 1;
+  const curves = live.channels.map((channel, i) => ({ name: several ? labelOf(channel) : channel.name, unit: channel.unit, tone: i, values: live.values[i] }));
   return (
     <>
       <Trouble problem={live.problem} />
