@@ -1,4 +1,5 @@
 import { readFileSync } from 'node:fs';
+import type { Page } from '@playwright/test';
 import { expect, panel, test, type } from './fixtures';
 
 const setup = '?ch=reference/velocity_rpm,reference/following_error,reference/torque_nm&rate=4000&ms=1200&pre=20';
@@ -54,18 +55,38 @@ test('a reload in the middle of a recording loses nothing', async ({ page, open 
   await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
 });
 
+// Pixels of the first curve's colour in a lane, below the names.
+const inked = (page: Page) =>
+  page.evaluate(() => {
+    const canvas = document.querySelector<HTMLCanvasElement>('.lane canvas');
+    if (!canvas) return 0;
+    const probe = document.body.appendChild(document.createElement('span'));
+    probe.style.color = 'var(--curve-0)';
+    const curve = (getComputedStyle(probe).color.match(/\d+/g) ?? []).map(Number);
+    probe.remove();
+    const top = Math.round(22 * devicePixelRatio);
+    const { data } = canvas.getContext('2d')!.getImageData(80, top, canvas.width - 90, canvas.height - top);
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      if (data[i + 3] > 200 && curve.every((value, k) => Math.abs(data[i + k] - value) < 32)) ++count;
+    }
+    return count;
+  });
+
 test('live curves are drawn from the stream', async ({ page, open }) => {
   await open('/scope');
-  const inked = () =>
-    page.evaluate(() => {
-      const canvas = document.querySelector<HTMLCanvasElement>('.lane canvas');
-      if (!canvas) return 0;
-      const { data } = canvas.getContext('2d')!.getImageData(80, 0, canvas.width - 90, canvas.height);
-      const colours = new Set<number>();
-      for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) colours.add((data[i] << 16) | (data[i + 1] << 8) | data[i + 2]);
-      return colours.size;
-    });
-  await expect.poll(inked).toBeGreaterThan(1);
+  await expect.poll(() => inked(page)).toBeGreaterThan(100);
+});
+
+test('a curve without values at its beginning is drawn', async ({ page, open, line }) => {
+  await line.call('POST', '/axes/reference/power', { action: 'off' });
+  const { id } = await line.call<{ id: number }>('POST', '/recordings', { channels: [{ axis: 'reference', object: '6064:00' }], rate_hz: 1000, duration_ms: 2000 });
+  const recorded = async () => (await line.call<{ samples: number }>('GET', `/recordings/${id}`)).samples;
+  await expect.poll(recorded).toBeGreaterThan(100);
+  await line.call('POST', '/axes/reference/power', { action: 'on' });
+  await open(`/scope?rec=${id}`);
+  await expect(page.getByRole('table', { name: 'Measurements' })).toBeVisible();
+  await expect.poll(() => inked(page)).toBeGreaterThan(100);
 });
 
 test('a channel is added by its object and taken away', async ({ page, open }) => {

@@ -1,6 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
+import { gaps } from '../model/gaps';
 import { ticksText } from '../model/units';
 import { color } from '../theme';
 
@@ -71,10 +72,6 @@ export function Lanes(props: LanesProps) {
 
 // A following error has the position's unit, and not its size.
 const laneOf = ({ unit, name }: Curve) => (/error|deviation/.test(name) ? `${unit}, error` : unit);
-
-// uPlot leaves out what is null; what is not a number would take its scale from it.
-const gaps = (values: ArrayLike<number>): ArrayLike<number | null> =>
-  Array.isArray(values) && values.some(Number.isNaN) ? (values as number[]).map((value) => (Number.isNaN(value) ? null : value)) : values;
 
 const font = '11px system-ui, sans-serif';
 
