@@ -292,6 +292,28 @@ TEST_P(AxisDetails, AFaultIsExplained) {
   EXPECT_EQ(get(axis + "/states")["transitions"][0]["controlword"], 0x80);
 }
 
+TEST_F(AxisDetails, TheErrorHistoryIsExplained) {
+  EXPECT_EQ(get("generic402/faults")["history"], json::array());
+  for (const char* code : {"0x7305", "0x4310"}) {
+    ASSERT_EQ(ask(Method::post, "generic402/faults", json{{"inject", code}}.dump()).status, 200U);
+    pass(50ms);
+    ASSERT_EQ(ask(Method::delete_, "generic402/faults").status, 200U);
+    pass(50ms);
+  }
+  const json past = get("generic402/faults")["history"];
+  ASSERT_EQ(past.size(), 2U) << past;
+  EXPECT_EQ(past[0]["code"], "0x4310") << "the newest first";
+  EXPECT_EQ(past[1]["code"], "0x7305");
+  for (const json& fault : past) {
+    for (const char* key : {"name", "text", "cause", "remedy"}) {
+      EXPECT_FALSE(fault.value(key, "").empty()) << key << " of " << fault.dump();
+    }
+  }
+  // As long as the drive has it: 1003h does not outlive its power.
+  ASSERT_EQ(ask(Method::post, "generic402/power", R"({"action": "off"})").status, 200U);
+  EXPECT_EQ(get("generic402/faults")["history"], json::array());
+}
+
 TEST_F(AxisDetails, WhatADriveRemembersIsExplained) {
   // Keeps alarms of a motor that is not enabled as well.
   ASSERT_EQ(ask(Method::put, "ismk/objects/2605/3", R"({"value": 65535})").status, 204U);

@@ -1,5 +1,7 @@
+#include <algorithm>
 #include <array>
 #include <charconv>
+#include <cstring>
 #include <fmt/format.h>
 #include <optional>
 
@@ -70,6 +72,31 @@ Json explained_faults(Axis& axis) {
   return faults;
 }
 
+std::optional<std::uint32_t> number_in_history(Axis& axis, std::uint8_t sub) {
+  constexpr std::uint16_t error_history = 0x1003;  // CiA 301 7.5.2.4
+  dictionary::Dictionary& objects = axis.device().dictionary();
+  const dictionary::Entry* entry = objects.find(error_history, sub);
+  dictionary::ReadValue read;
+  if (entry == nullptr || objects.read(*entry, read) != dictionary::AbortCode::none) return std::nullopt;
+  std::uint32_t number = 0;
+  std::memcpy(&number, read.bytes.data(), std::min(read.bytes.size(), sizeof number));
+  return number;
+}
+
+// Of a drive that keeps the codes for its master.
+void add_error_history(Axis& axis, Json& history) {
+  const std::uint32_t count = number_in_history(axis, 0).value_or(0);
+  const auto rows = rows_of(axis);
+  for (std::uint32_t sub = 1; sub <= count && sub <= UINT8_MAX; ++sub) {
+    const auto field = number_in_history(axis, static_cast<std::uint8_t>(sub));
+    if (!field) break;
+    const unsigned code = *field & 0xFFFFU;  // what is above is the maker's
+    const auto row = std::find_if(rows.begin(), rows.end(), [code](const auto* each) { return each->code == code; });
+    history.push_back({{"code", fmt::format("0x{:04X}", code)}, {"name", row != rows.end() ? (*row)->name : ""}});
+    if (row != rows.end()) explain(history.back(), axis, **row);
+  }
+}
+
 // What the drive itself remembers, the newest first.
 Json past_faults(Axis& axis) {
   Json history = Json::array();
@@ -84,6 +111,7 @@ Json past_faults(Axis& axis) {
                        {"power_stage_on", past->power_stage_on}});
     explain(history.back(), axis, *past->fault);
   }
+  if (history.empty() && axis.powered()) add_error_history(axis, history);
   return history;
 }
 
