@@ -12,6 +12,7 @@ import { ObjectsPage } from './pages/objects';
 import { PlantPage } from './pages/plant';
 import { ScopePage } from './pages/scope';
 import { TuningPage } from './pages/tuning';
+import { TokenForm } from './parts/token_form';
 import { useRoute } from './route';
 import { update, useLine } from './store';
 import { type Theme, useTheme } from './theme';
@@ -66,7 +67,9 @@ export function App() {
       <Banner />
       <main id="content" tabIndex={-1}>
         <h1 className="unseen">{axis ? `${title}: ${axis}` : title}</h1>
-        {order.length === 0 ? (
+        {link === 'locked' ? (
+          <TokenForm />
+        ) : order.length === 0 ? (
           <p className="empty">{link === 'up' ? 'This line has no axes.' : 'Waiting for the server.'}</p>
         ) : (
           <Mishap key={`${epoch}/${page}/${axis}`}>
@@ -94,6 +97,13 @@ function Banner() {
     return (
       <div className="banner bad" role="alert">
         The server does not answer. What is shown is its last word; the page comes back by itself.
+      </div>
+    );
+  }
+  if (link === 'full') {
+    return (
+      <div className="banner bad" role="alert">
+        The server answers, but has no stream for this page: close pages that are not needed. What is shown is its last word.
       </div>
     );
   }

@@ -1,12 +1,15 @@
 import { useSyncExternalStore } from 'react';
-import { get } from './api/client';
+import { ApiError, get, post } from './api/client';
 import { Stream, type ServerEvent } from './api/stream';
+import { setToken, subprotocols, token } from './api/token';
 import type { AxisView, Clock, Job, LineView, Missing } from './api/types';
 
 // What the page knows of the line, in one place: filled from the stream, read by every part.
 
 export interface State {
-  link: 'connecting' | 'up' | 'lost';
+  // 'locked': it takes this page only with its token; 'full': it answers, but has no stream for this page
+  link: 'connecting' | 'up' | 'lost' | 'locked' | 'full';
+  wrongToken: boolean; // somebody has given one that it does not take
   version: string;
   start: string; // of the server's run
   epoch: number; // counts the server's runs that this page has seen: what was fetched before is old
@@ -20,7 +23,7 @@ export interface State {
 }
 
 let state: State = {
-  link: 'connecting', version: '', start: '', epoch: 0, restarted: false, order: [], axes: {}, clock: null, line: null, jobs: {}, lastEvent: null,
+  link: 'connecting', wrongToken: false, version: '', start: '', epoch: 0, restarted: false, order: [], axes: {}, clock: null, line: null, jobs: {}, lastEvent: null,
 };
 const listeners = new Set<() => void>();
 
@@ -110,17 +113,51 @@ function begin({ start, version = '' }: { start: string; version?: string }) {
   takeJobs().catch(() => undefined); // the banner says it
 }
 
+// Why a stream did not even begin, which a browser does not tell: asked by a request that the same people may make.
+async function probe(): Promise<State['link']> {
+  try {
+    await post('/jobs/0/alive');
+    return 'full';
+  } catch (error) {
+    const status = error instanceof ApiError ? error.status : 0;
+    return status === 0 ? 'lost' : status === 401 || status === 403 ? 'locked' : 'full';
+  }
+}
+
+async function explain() {
+  let link = await probe();
+  if (link === 'locked' && token() !== '') {
+    // One of an earlier run of the server, or mistyped. Perhaps none is needed.
+    setToken('');
+    update({ wrongToken: true });
+    link = await probe();
+    if (link !== 'locked') update({ wrongToken: false });
+  }
+  if (state.link === 'up') return;
+  update({ link });
+  if (link === 'locked') stream.rest();
+}
+
+export function unlock(given: string) {
+  setToken(given.trim());
+  update({ wrongToken: false });
+  stream.retry();
+}
+
 export let stream: Stream;
 
 export function connect() {
   const address = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/api/v1/stream`;
   stream = new Stream(address, 20, {
     connected: begin,
-    lost: () => update({ link: 'lost' }),
+    lost: (wasOpen) => {
+      if (wasOpen) update({ link: 'lost' });
+      else void explain();
+    },
     axes: takeAxes,
     event: (event) => {
       if (event.kind === 'job' && event.job) noteJob(event.job);
       else update({ lastEvent: { ...event, serial: ++serial } });
     },
-  });
+  }, subprotocols);
 }

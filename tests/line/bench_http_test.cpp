@@ -7,6 +7,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <filesystem>
+#include <fmt/format.h>
 #include <fstream>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -512,6 +513,30 @@ TEST(BenchSocket, OnlyThoseMayOpenItWhoMayWrite) {
   EXPECT_EQ(status({}, "/"), 404U);
   EXPECT_EQ(status({{"Sec-WebSocket-Version", "12"}}), 426U);
   EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/stream").result_int(), 404U) << "no WebSocket";
+}
+
+TEST(BenchSocket, APageTellsTheTokenAsASubprotocol) {
+  Running running;
+  const std::string token = running.server().token();
+  const auto handshake = [&](const std::string& protocols) {
+    return Client(running.port())
+        .ask("GET", "/api/v1/stream",
+             {{"Host", running.host()},
+              {"Upgrade", "websocket"},
+              {"Connection", "Upgrade"},
+              {"Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="},
+              {"Sec-WebSocket-Version", "13"},
+              {"Origin", "http://x.org"},
+              {"Sec-WebSocket-Protocol", protocols}});
+  };
+  const auto taken = handshake("servodrome, token." + token);
+  EXPECT_EQ(taken.result_int(), 101U);
+  EXPECT_EQ(field(taken, "Sec-WebSocket-Protocol"), "servodrome");
+  EXPECT_EQ(handshake("servodrome, token.%" + fmt::format("{:02x}", token.front()) + token.substr(1)).result_int(),
+            101U);
+  EXPECT_EQ(handshake("servodrome, token.no").result_int(), 401U);
+  EXPECT_EQ(handshake("servodrome, token.").result_int(), 403U) << "none: it counts where the page is from";
+  EXPECT_EQ(handshake("servodrome").result_int(), 403U);
 }
 
 TEST(BenchSocket, WhatIsNoFrameEndsTheConnectionAlone) {

@@ -48,6 +48,8 @@ abstract class Program {
   private process: ChildProcess | null = null;
   protected readonly folder = mkdtempSync(join(tmpdir(), 'studio-'));
   address = ''; // http://127.0.0.1:PORT
+  listens = '127.0.0.1';
+  environment: Record<string, string> = {}; // more of it
   ready: Ready = { api: '', buses: [] };
 
   protected abstract words(): string[];
@@ -55,21 +57,31 @@ abstract class Program {
   // On the port it had before, if it ran before.
   async start(): Promise<this> {
     const port = this.address === '' ? '0' : new URL(this.address).port;
-    const process = spawn(servodrome, [...this.words(), '--api', `127.0.0.1:${port}`, '--json'], { cwd: this.folder });
-    this.process = process;
+    const env = { ...process.env, ...this.environment };
+    const child = spawn(servodrome, [...this.words(), '--api', `${this.listens}:${port}`, '--json'], { cwd: this.folder, env });
+    this.process = child;
     let output = '';
     let errors = '';
-    process.stderr.on('data', (data: Buffer) => (errors += data.toString()));
+    child.stderr.on('data', (data: Buffer) => (errors += data.toString()));
     this.ready = await new Promise<Ready>((resolve, reject) => {
-      process.stdout.on('data', (data: Buffer) => {
+      child.stdout.on('data', (data: Buffer) => {
         output += data.toString();
         if (output.includes('\n')) resolve(JSON.parse(output.slice(0, output.indexOf('\n'))) as Ready);
       });
-      process.on('error', reject);
-      process.on('exit', (code) => reject(new Error(`servodrome ended with ${code}: ${errors}`)));
+      child.on('error', reject);
+      child.on('exit', (code) => reject(new Error(`servodrome ended with ${code}: ${errors}`)));
     });
-    this.address = this.ready.api.replace('/api/v1', '');
+    this.address = this.ready.api.replace('/api/v1', '').replace('0.0.0.0', '127.0.0.1');
     return this;
+  }
+
+  // It does nothing until it goes on, and closes nothing.
+  hang() {
+    this.process?.kill('SIGSTOP');
+  }
+
+  goOn() {
+    this.process?.kill('SIGCONT');
   }
 
   async stop(): Promise<void> {

@@ -1,5 +1,6 @@
+import { networkInterfaces } from 'node:os';
 import { card, expect, test, watch } from './fixtures';
-import { lineFile } from './line';
+import { Line, lineFile } from './line';
 
 test('two browsers agree', async ({ page, open, line, browser, picture }) => {
   await open('/');
@@ -33,6 +34,20 @@ test('the loss of the server and its new start are said, and the page comes back
   for (const message of watched.splice(0)) expect(message).toMatch(/ERR_CONNECTION_REFUSED|ERR_CONNECTION_RESET|ERR_EMPTY_RESPONSE|WebSocket connection/);
 });
 
+test('a server that hangs is said as well, and the page comes back', async ({ page, open, line, watched }) => {
+  await open('/');
+  line.hang();
+  try {
+    await expect(page.getByRole('alert')).toContainText('The server does not answer');
+  } finally {
+    line.goOn();
+  }
+  await expect(page.getByRole('alert')).toHaveCount(0);
+  await card(page, 'ismc').getByRole('button', { name: 'Enable' }).click();
+  await expect(card(page, 'ismc').locator('header .chip')).toHaveText('operation enabled');
+  for (const message of watched.splice(0)) expect(message).toMatch(/WebSocket connection/);
+});
+
 test('an error in a page leaves the others, and the big stop', async ({ page, open, line, watched }) => {
   await page.route('**/api/v1/buses', (route) => route.fulfill({ json: { buses: [{ name: 'can0', type: 'can' }] } }));
   await page.goto(line.address);
@@ -55,6 +70,39 @@ test('an address that was cut off in an escape is no error', async ({ page, open
     dispatchEvent(new PopStateEvent('popstate'));
   });
   await expect(page.getByRole('button', { name: 'Move +' })).toBeVisible();
+});
+
+test('from another machine the page asks for the token, and then works', async ({ page, watched }) => {
+  // As another machine would: not by the loopback interface.
+  const own = Object.values(networkInterfaces()).flat().find((each) => each?.family === 'IPv4' && !each.internal)?.address;
+  test.skip(own === undefined, 'this machine has no network interface');
+  const secret = 'one (of two), 100 %';
+  const line = new Line(lineFile());
+  line.listens = '0.0.0.0';
+  line.environment = { SERVODROME_TOKEN: secret };
+  await line.start();
+  try {
+    const address = line.address.replace('127.0.0.1', own!);
+    await page.goto(address);
+    await page.getByRole('textbox', { name: 'Token' }).fill('no');
+    await page.getByRole('button', { name: 'Use it' }).click();
+    await expect(page.getByRole('alert')).toContainText("not, or no longer, the server's token");
+    await page.getByRole('textbox', { name: 'Token' }).fill(secret);
+    await page.getByRole('button', { name: 'Use it' }).click();
+    await card(page, 'ismc').getByRole('button', { name: 'Enable' }).click();
+    await expect(card(page, 'ismc').locator('header .chip')).toHaveText('operation enabled');
+    await page.reload();
+    await expect(card(page, 'ismc').locator('header .chip')).toHaveText('operation enabled');
+    // Behind the address, from where it goes away.
+    await page.evaluate(() => localStorage.clear());
+    await page.goto('about:blank');
+    await page.goto(`${address}/axis/ismc#token=${encodeURIComponent(secret)}`);
+    await expect(page.getByRole('button', { name: 'Move +' })).toBeVisible();
+    expect(new URL(page.url()).hash).toBe('');
+  } finally {
+    await line.end();
+  }
+  for (const message of watched.splice(0)) expect(message).toMatch(/401|WebSocket connection|request outside: (http|ws):\/\/[\d.]+:\d+\//);
 });
 
 test.describe('in virtual time', () => {

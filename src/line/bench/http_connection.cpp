@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "line/bench/error.hpp"
+#include "line/bench/routes.hpp"
 #include "line/bench/upgrade.hpp"
 
 namespace servodrome::line::bench {
@@ -32,6 +33,17 @@ Method method_of(http::verb verb) {
 }
 
 std::string text_of(beast::string_view text) { return {text.data(), text.size()}; }
+
+// Browsers add no field to the handshake of a WebSocket, but they name subprotocols: of a page from another machine
+// "servodrome" and "token." with the token behind it, percent-escaped.
+std::string token_of_subprotocols(beast::string_view list) {
+  constexpr std::string_view mark = "token.";
+  for (const auto& each : http::token_list(list)) {
+    const std::string protocol = text_of(each);
+    if (protocol.starts_with(mark)) return unescaped(std::string_view(protocol).substr(mark.size()));
+  }
+  return {};
+}
 
 Request request_of(http::request<http::string_body>&& message, bool from_loopback) {
   Request request;
@@ -199,6 +211,10 @@ void HttpConnection::upgrade(Message&& message) {
   const HttpHandlers& handlers = server_->handlers_;
   Request request = request_of(Message(message), from_loopback_);
   request.method = Method::post;
+  if (request.authorization.empty()) {
+    const auto token = token_of_subprotocols(message[http::field::sec_websocket_protocol]);
+    if (!token.empty()) request.authorization = "Bearer " + token;
+  }
   auto refusal = refuse(server_->access_, request);
   if (!refusal && (!handlers.upgrade || target.substr(0, target.find('?')) != handlers.upgrade_address)) {
     refusal = error_response({404, "there is no WebSocket at this address", target.substr(0, 200),

@@ -63,12 +63,13 @@ bool is_plain(std::string_view path) {
          path.find("/.") == std::string_view::npos && path.find("//") == std::string_view::npos;
 }
 
-Response page_response(std::string body, const char* type) {
+Response page_response(const Request& request, std::string body, const char* type) {
   Response response{200, std::move(body), {}, type};
   response.fields = {{"Content-Security-Policy", content_security_policy},
                      {"Referrer-Policy", "no-referrer"},
-                     {"Cross-Origin-Opener-Policy", "same-origin"},
                      {"Cross-Origin-Resource-Policy", "same-origin"}};
+  // Browsers ignore it, and complain, where they do not trust the way: without TLS from another machine.
+  if (request.from_loopback) response.fields.emplace_back("Cross-Origin-Opener-Policy", "same-origin");
   return response;
 }
 
@@ -105,14 +106,15 @@ Response StaticFiles::answer(const Request& request) const {
   }
   if (!is_plain(path)) return nothing_there(path);
   const bool is_place = path.find('.') == std::string_view::npos;
-  if (folder_.empty()) return is_place ? page_response(page_note, "text/html; charset=utf-8") : nothing_there(path);
+  if (folder_.empty())
+    return is_place ? page_response(request, page_note, "text/html; charset=utf-8") : nothing_there(path);
   const auto file = file_within(folder_, is_place ? "/index.html" : path);
   if (!file) return nothing_there(path);
   std::ifstream stream(*file, std::ios::binary);
   std::string bytes{std::istreambuf_iterator<char>(stream), {}};
   if (!stream && !stream.eof()) return nothing_there(path);
   const auto tag = fmt::format("\"{:016x}-{:x}\"", std::hash<std::string>()(bytes), bytes.size());
-  Response response = page_response(std::move(bytes), type_of(*file));
+  Response response = page_response(request, std::move(bytes), type_of(*file));
   // Builds name the files in /assets by what is in them.
   const bool is_asset = path.starts_with("/assets/");
   response.fields.emplace_back("Cache-Control", is_asset ? "public, max-age=31536000, immutable" : "no-cache");

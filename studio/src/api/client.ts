@@ -1,3 +1,4 @@
+import { fields } from './token';
 import type { Problem } from './types';
 
 // A refusal of the server, or its silence, as an error that can be shown: what, where, what to do.
@@ -41,7 +42,8 @@ async function send(method: string, path: string, body?: unknown, type = 'applic
     response = await fetch(root + path, {
       method,
       signal: AbortSignal.timeout(patience_ms),
-      ...(body === undefined ? {} : { body: typeof body === 'string' ? body : JSON.stringify(body), headers: { 'Content-Type': type } }),
+      headers: { ...fields(), ...(body === undefined ? {} : { 'Content-Type': type }) },
+      ...(body === undefined ? {} : { body: typeof body === 'string' ? body : JSON.stringify(body) }),
     });
   } catch {
     throw new ApiError(0, { what: 'the server does not answer', where: path, hint: 'see whether `servodrome up` still runs' });

@@ -9,11 +9,15 @@ class FakeSocket {
   onopen?: () => void;
   onmessage?: (event: { data: unknown }) => void;
   onclose?: () => void;
+  closed = false;
   constructor(readonly address: string) {
     FakeSocket.all.push(this);
   }
   send(text: string) {
     this.sent.push(JSON.parse(text) as Record<string, unknown>);
+  }
+  close() {
+    this.closed = true;
   }
   say(message: unknown) {
     this.onmessage?.({ data: JSON.stringify(message) });
@@ -71,4 +75,43 @@ test('a refused subscription is told to who asked', () => {
   stream.subscribe({ channels: [], rate_hz: 1, refused, frame: vi.fn() });
   FakeSocket.all[0].say({ error: { what: 'no such axis' }, id: 1 });
   expect(refused).toHaveBeenCalledWith({ what: 'no such axis' });
+});
+
+test('a server that is silent is asked, and given up when it does not answer', () => {
+  const heard = listener();
+  new Stream('ws://here', 20, heard);
+  const [socket] = FakeSocket.all;
+  socket.onopen?.();
+  for (let i = 0; i < 3; ++i) {
+    vi.advanceTimersByTime(4000);
+    expect(socket.sent.at(-1)).toEqual({ unsubscribe: { id: 0 } });
+    socket.say({ unsubscribed: { id: 0 } });
+  }
+  expect(heard.lost).not.toHaveBeenCalled();
+  vi.advanceTimersByTime(9000);
+  expect(heard.lost).toHaveBeenCalledOnce();
+  expect(socket.closed).toBe(true);
+  vi.advanceTimersByTime(1000);
+  expect(FakeSocket.all).toHaveLength(2);
+});
+
+test('one that sends is not asked', () => {
+  const heard = listener();
+  new Stream('ws://here', 20, heard);
+  const [socket] = FakeSocket.all;
+  socket.onopen?.();
+  for (let i = 0; i < 20; ++i) {
+    vi.advanceTimersByTime(1000);
+    socket.say({ axes: [] });
+  }
+  expect(socket.sent).toHaveLength(1);
+  expect(heard.lost).not.toHaveBeenCalled();
+});
+
+test('a connection that does not open is tried again', () => {
+  const heard = listener();
+  new Stream('ws://here', 20, heard);
+  vi.advanceTimersByTime(6000);
+  expect(heard.lost).toHaveBeenCalled();
+  expect(FakeSocket.all.length).toBeGreaterThan(1);
 });

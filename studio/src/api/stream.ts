@@ -13,7 +13,7 @@ export interface ServerEvent {
 
 export interface StreamListener {
   connected(hello: { version?: string; start: string; tick?: number }): void;
-  lost(): void;
+  lost(wasOpen: boolean): void; // and is tried again, unless it is told to rest
   axes(views: AxisView[], clock?: Clock): void;
   event(event: ServerEvent): void;
 }
@@ -37,6 +37,10 @@ interface Message {
 }
 
 const retry_ms = [250, 500, 1000, 2000];
+const look_ms = 1000;
+const silence_ms = 3000; // then the server is asked whether it is there
+const patience_ms = 4000; // for its answer, and for a connection to open
+const nobody = 0; // no subscription has this id: to end it is answered, and ends nothing
 
 export class Stream {
   private socket: WebSocket | null = null;
@@ -44,13 +48,18 @@ export class Stream {
   private nextId = 1;
   private attempts = 0;
   private open = false;
+  private heard = 0; // ms, when something last came
+  private again: ReturnType<typeof setTimeout> | undefined;
+  private asked: number | null = null; // since when it has not answered
 
   constructor(
     private readonly address: string,
     private readonly watch_hz: number,
     private readonly listener: StreamListener,
+    private readonly subprotocols: () => string[] = () => [],
   ) {
     this.connect();
+    setInterval(() => this.look(), look_ms);
   }
 
   // Answers how to end it.
@@ -73,27 +82,69 @@ export class Stream {
   }
 
   private connect() {
-    const socket = new WebSocket(this.address);
+    const socket = new WebSocket(this.address, this.subprotocols());
     socket.binaryType = 'arraybuffer';
     this.socket = socket;
+    this.asked = performance.now();
     socket.onopen = () => {
       this.open = true;
       this.attempts = 0;
+      this.hear();
       this.send({ watch: { axes: this.watch_hz } });
       for (const [id, subscription] of this.subscriptions) this.request(id, subscription);
     };
     socket.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
+      this.hear();
       if (typeof data === 'string') this.text(JSON.parse(data) as Message);
       else {
         const frame = decodeFrame(data);
         this.subscriptions.get(frame.id)?.frame(frame);
       }
     };
-    socket.onclose = () => {
-      this.open = false;
-      this.listener.lost();
-      setTimeout(() => this.connect(), retry_ms[Math.min(this.attempts++, retry_ms.length - 1)]);
-    };
+    socket.onclose = () => this.lose();
+  }
+
+  private hear() {
+    this.heard = performance.now();
+    this.asked = null;
+  }
+
+  // A cable that was pulled, or a server that hangs, closes nothing: who is silent is asked, and given up if he does not
+  // answer. After the computer has slept as well: what came meanwhile is not to be mistaken for silence.
+  private look() {
+    const now = performance.now();
+    if (this.asked === null) {
+      if (this.open && now - this.heard >= silence_ms) {
+        this.asked = now;
+        this.send({ unsubscribe: { id: nobody } });
+      }
+    } else if (now - this.asked >= patience_ms) {
+      const socket = this.socket;
+      this.lose();
+      socket?.close();
+    }
+  }
+
+  private lose() {
+    const { socket, open } = this;
+    if (!socket) return;
+    socket.onopen = socket.onmessage = socket.onclose = null;
+    this.socket = null;
+    this.open = false;
+    this.asked = null;
+    this.again = setTimeout(() => this.connect(), retry_ms[Math.min(this.attempts++, retry_ms.length - 1)]);
+    this.listener.lost(open);
+  }
+
+  // Does not try again until retry().
+  rest() {
+    clearTimeout(this.again);
+  }
+
+  retry() {
+    clearTimeout(this.again);
+    this.attempts = 0;
+    if (!this.socket) this.connect();
   }
 
   private text(message: Message) {

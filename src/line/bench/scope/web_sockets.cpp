@@ -4,6 +4,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/http/rfc7230.hpp>
 #include <boost/beast/websocket.hpp>
 #include <deque>
 #include <fmt/format.h>
@@ -19,6 +20,7 @@ namespace beast = boost::beast;
 namespace websocket = boost::beast::websocket;
 using boost::system::error_code;
 
+constexpr const char* subprotocol = "servodrome";
 constexpr auto handshake_time = std::chrono::seconds(10);
 constexpr auto closing_time = std::chrono::seconds(5);   // for a client to take its close frame
 constexpr auto silence_time = std::chrono::seconds(30);  // a ping goes out after half of it
@@ -38,8 +40,13 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
     timeout.keep_alive_pings = true;
     beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has its own
     socket_.set_option(timeout);
+    // A client that names subprotocols goes away if none of them is chosen (RFC 6455 4.1).
+    beast::http::token_list offered(request_[beast::http::field::sec_websocket_protocol]);
     socket_.set_option(websocket::stream_base::decorator(
-        [](websocket::response_type& response) { response.set(beast::http::field::server, "servodrome"); }));
+        [speaks_ours = offered.exists(subprotocol)](websocket::response_type& response) {
+          response.set(beast::http::field::server, "servodrome");
+          if (speaks_ours) response.set(beast::http::field::sec_websocket_protocol, subprotocol);
+        }));
     socket_.read_message_max(StreamSession::largest_message);
     socket_.auto_fragment(false);
   }
