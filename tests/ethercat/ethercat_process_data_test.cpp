@@ -510,6 +510,18 @@ TEST_F(Synchronous, TheLimitIs10F1h) {
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::synchronization_error}));
 }
 
+// A master starts SYNC0 and gives the pulses to the application (0980h): the next one cannot stop them.
+TEST_F(Synchronous, PulsesThatWereGivenAwayEndWithInit) {
+  line.put<std::uint64_t>(0, reg::sync_start_time, line.escs[0]->clock().system_time(line.now) + 3'600'000'000'000);
+  line.put<std::uint32_t>(0, reg::sync0_cycle, 1'000'000);
+  line.put<std::uint8_t>(0, reg::sync_activation, 3);
+  line.put<std::uint8_t>(0, reg::cyclic_unit_control, 1);
+  EXPECT_EQ(line.write(0, reg::sync_activation, {0}).counter, 0U);
+  EXPECT_EQ(request(0x11), good(1));
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation), 0);
+  to_operational();
+}
+
 TEST_F(Synchronous, PulsesThatEnd) {
   to_synchronous_operation();
   write(reg::sync_activation, {0});

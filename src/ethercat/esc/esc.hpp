@@ -94,6 +94,8 @@ class Esc {
     pdi_watchdog_.check(now);
     pdi_watchdog_.trigger(now);
   }
+  // Ends pulses that 0980h puts into the application's hands, where no master can.
+  void stop_own_pulses();
   // A latch input changed (ETG.1000.4 clause 6.7.4).
   void latch_edge(unsigned unit, bool rising, Time now);
 

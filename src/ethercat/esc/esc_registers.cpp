@@ -394,6 +394,12 @@ void Esc::start_time_written(bool low_half, bool high_half) {
   configure_sync();
 }
 
+void Esc::stop_own_pulses() {
+  if ((memory_[reg::cyclic_unit_control] & 0x01) == 0) return;
+  memory_[reg::sync_activation] = 0;
+  configure_sync();
+}
+
 void Esc::configure_sync() {
   std::uint8_t& activation = memory_[reg::sync_activation];
   const bool sync0 = (activation & 0x02) != 0;

@@ -66,6 +66,8 @@ void Slave::al_control_written(Time now) {
   if (!is_state(wanted)) return refuse(AlStatusCode::unknown_requested_state);
   const auto to = static_cast<AlState>(wanted);
   if (!exists(state_, to)) return refuse(AlStatusCode::invalid_requested_state_change);
+  // Pulses that a master started and then gave to the application would be there for the next one.
+  if (to == AlState::init) esc_.stop_own_pulses();
   if (const AlStatusCode code = change_state(to, now); code != AlStatusCode::none) refuse(code);
   // Asking again for what is being waited for does not make the wait longer.
   if (operational_until_ != never) operational_until_ = std::min(operational_until_, awaited_until);

@@ -108,6 +108,8 @@ class FrameMaster:
     def read_sii(self, position, word):
         """Four bytes of a slave's information memory (ETG.1000.4 6.4)."""
         adp = -position & 0xFFFF
+        for owner in (2, 0):  # by force, from the slave if another master gave it to that
+            assert self.exchange((APWR, (adp, 0x0500), bytes((owner,))))[0][1] == 1
         assert self.exchange((APWR, (adp, 0x0502), struct.pack("<HI", 0x0100, word)))[0][1] == 1
         while True:
             control, counter = self.read(APRD, (adp, 0x0502), 2)
