@@ -204,8 +204,11 @@ AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
     const dictionary::Area areas = dictionary::area_of_storage_sub(entry.sub);
     return storing ? events_.store(areas) : events_.restore_defaults(areas);
   }
-  // 0: an error of the synchronisation is told; 1: it ends Operational.
-  if (index == 0x10F1 && entry.sub == 1) return value <= 1 ? AbortCode::none : AbortCode::value_invalid;
+  // 0: an error of the synchronisation is told; 1, or what a described device has of its own: it ends Operational.
+  if (index == 0x10F1 && entry.sub == 1) {
+    return value <= 1 || value == static_cast<std::uint32_t>(entry.default_value) ? AbortCode::none
+                                                                                  : AbortCode::value_invalid;
+  }
   if (index == 0x1C32 || index == 0x1C33) {
     if (!entry.writable()) return AbortCode::none;
     const bool shifts = entry.sub == sync_parameter::shift_time;
