@@ -48,14 +48,14 @@ const Parameters& valid(const Parameters& parameters) {
   feedback.phase_current_a[0] = static_cast<float>(alpha);
   feedback.phase_current_a[1] = static_cast<float>(across - 0.5 * alpha);
   feedback.phase_current_a[2] = static_cast<float>(-0.5 * alpha - across);
-  if ((unusual_ & seen_otherwise) != 0) [[unlikely]]
-    fill_unusual({alpha, beta}, feedback);
   feedback.dc_link_v = static_cast<float>(dc_link_.volts());
   feedback.inputs = travel_.inputs();
   feedback.index_level = travel_.index();
   feedback.encoder_faults = encoder_faults_;
   feedback.hardware_faults = hardware_faults_;
   feedback.supply_present = !injected(Injection::supply_loss);
+  if ((unusual_ & seen_otherwise) != 0) [[unlikely]]
+    fill_unusual({alpha, beta}, feedback);
   if (alpha * alpha + beta * beta > overcurrent_squared_) [[unlikely]] {
     feedback.hardware_faults |= overcurrent_bits(feedback);
   }
@@ -152,6 +152,7 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   WindingTick windings = windings_.driven(direct_v, quadrature_v, response, guess);
   if (!usual || !windings_.settled(windings, response, guess)) [[unlikely]] {
     windings = solve_windings(excitation(), response);
+    bridges_run_ = actuation.pwm_enabled && !actuation.short_circuit;
   }
   ShaftTick shaft;
   if (shaft_.elastic()) {
@@ -212,6 +213,10 @@ void Plant::fill_unusual(Stationary current, drive::Feedback& feedback) const {
   }
   if ((unusual_ & two_phases) != 0) {
     feedback.phase_current_a = {static_cast<float>(current.alpha), static_cast<float>(current.beta), 0.0F};
+    // In every period of the PWM the upper switch of a shorted output closes on the negative rail. The current loop
+    // alone would not show it: the other end can hold the winding without voltage.
+    const unsigned shorted = bridges_run_ ? unusual_ >> short_shift & 3u : 0u;
+    feedback.hardware_faults |= shorted * bit(drive::HardwareFault::overcurrent_u);
   }
   for (unsigned phase = 0; phase < 3; ++phase) {
     if ((unusual_ >> (open_shift + phase) & 1u) != 0) feedback.phase_current_a[phase] = 0.0F;

@@ -154,6 +154,7 @@ class Plant {
   bool brake_command_released_ = false;
   std::int32_t brake_countdown_ = 0;  // ticks until the command takes effect; 0: settled
   std::uint8_t unusual_ = 0;
+  bool bridges_run_ = false;  // in the last tick, of two phases
   std::uint32_t encoder_faults_ = 0;
   std::uint32_t hardware_faults_ = 0;
   std::int32_t counts_per_revolution_;

@@ -67,5 +67,31 @@ TEST(JmcStepper, CutWindingIsPhaseLoss) {
   }
 }
 
+// An output on the negative rail: the comparator of that winding, E101, which a power cycle resets.
+TEST(JmcStepper, ShortedWindingIsOverCurrent) {
+  for (const auto shorted : {plant::Injection::short_phase_u, plant::Injection::short_phase_v}) {
+    JmcRig rig("2dm542-ec");
+    ASSERT_TRUE(rig.enable());
+    rig.plant.inject(shorted, true);
+    ASSERT_GE(rig.run_until([&] { return rig.get(0x603F) != 0; }, 100.0), 0);
+    EXPECT_EQ(rig.get(0x603F), 0x5001);
+    EXPECT_FALSE(rig.actuation.pwm_enabled);
+    const double current_a = std::hypot(rig.plant.current_a(), rig.plant.direct_current_a());
+    EXPECT_LT(current_a, 2.0 * static_cast<double>(rig.device.rating().model.motor.peak_current_a));
+  }
+}
+
+// Held against its torque limit, it is jammed (AL.410), as the servos are.
+TEST(JmcStepper, JammedIsOverload) {
+  JmcRig rig("2hss458-ec");
+  rig.open_limits();
+  rig.set(0x6060, 0, 3);
+  ASSERT_TRUE(rig.enable());
+  rig.plant.lock_rotor(true);
+  rig.set(0x60FF, 0, 4000);
+  ASSERT_GE(rig.run_until([&] { return rig.get(0x603F) != 0; }, 3000.0), 0);
+  EXPECT_EQ(std::string_view(rig.device.alarm().data()).substr(0, 6), "AL.410");
+}
+
 }  // namespace
 }  // namespace servodrome::test
