@@ -41,8 +41,8 @@ World random_world(int number, Random& random, bool to_the_end) {
   return world;
 }
 
-plant::Parameters plant_of(const World& world, Counts start) {
-  plant::Parameters parameters = test::jmc_plant();
+plant::Parameters plant_of(const World& world, Counts start, std::string_view rating) {
+  plant::Parameters parameters = test::jmc_plant(rating);
   parameters.encoder.index_position_counts = static_cast<std::int32_t>(world.index);
   parameters.encoder.index_width_counts = static_cast<std::int32_t>(world.index_width);
   parameters.encoder.start_position_counts = start;
@@ -61,7 +61,8 @@ plant::Parameters plant_of(const World& world, Counts start) {
 }
 
 struct Homing : JmcRig {
-  Homing(const World& world, Counts start) : JmcRig(plant_of(world, start), test::jmc_settings()) {
+  Homing(const World& world, Counts start, std::string_view rating = products::jmc_ec::default_rating)
+      : JmcRig(plant_of(world, start, rating), test::jmc_settings(rating)) {
     run_ms(5);
     set(0x6060, 0, 6);
     set(0x6099, 1, 8000);
@@ -82,13 +83,19 @@ struct Homing : JmcRig {
   Counts home(std::int64_t offset) { return -device.drive().position_offset() - offset; }
 };
 
-TEST(JmcHoming, EveryMethodFromEveryStart) {
+// What the shaft may be off home at the end, and by how much it may have crept since the drive's last cycle, in counts.
+struct Tolerance {
+  double off = rest;
+  double creeps = 0.0;
+};
+
+int every_method(std::string_view rating, int rounds, Tolerance tolerance) {
   int runs = 0;
   for (const drive::Method& method : products::JmcEc::policy.homing_methods) {
     if (method.idle) continue;
     const Figure& figure = *drive::test::figure_of(method.number);
     Random random{static_cast<std::uint32_t>(9000 + method.number)};
-    for (int round = 0; round < 2; ++round) {
+    for (int round = 0; round < rounds; ++round) {
       for (const Start start : drive::test::starts) {
         const World world = random_world(method.number, random, round == 1);
         const std::optional<Counts> from = start_position(figure, world, start, random);
@@ -98,29 +105,41 @@ TEST(JmcHoming, EveryMethodFromEveryStart) {
                                         << world.positive_limit << ", index " << world.index);
         ++runs;
         const std::int64_t offset = random.between(-3000, 3000);
-        Homing rig(world, *from);
+        Homing rig(world, *from, rating);
         rig.set(0x607C, 0, offset);
         rig.set(0x6099, 1, random.between(16000, 48000));
         rig.set(0x6099, 2, random.between(2000, 8000));
         rig.set(0x609A, 0, random.between(400000, 1600000));
+        const Counts begins = rig.plant.position_counts();  // a detent may have pulled it off `from` without power
         rig.start(method.number);
         if (figure.number != 35) {
           EXPECT_EQ(rig.status() & flags, 0) << "in progress";
         }
-        ASSERT_TRUE(rig.finish());
-        ASSERT_EQ(rig.status() & flags, reached | attained) << std::hex << rig.status();
+        if (!rig.finish()) return ADD_FAILURE() << "does not finish", 0;
+        EXPECT_EQ(rig.status() & flags, reached | attained) << std::hex << rig.status();
         // 35 takes the present point, so nothing is travelled (L4572-4576).
         const std::int64_t travelled = figure.number == 35 ? 0 : offset;
-        ASSERT_EQ(rig.home(travelled), expected_home(figure, world, *from, 0));
+        const Counts expected = expected_home(figure, world, figure.number == 35 ? begins : *from, 0);
+        EXPECT_NEAR(static_cast<double>(rig.home(travelled)), static_cast<double>(expected),
+                    figure.number == 35 ? tolerance.creeps : 0.0);
         rig.run_ms(100);
         const Counts true_position = rig.plant.position_counts() - rig.home(travelled) - travelled;
-        ASSERT_EQ(rig.get(0x6064), true_position) << "counted from the zero point, 607Ch from home";
-        ASSERT_NEAR(static_cast<double>(rig.get(0x6064)), 0.0, rest) << "D-25";
+        EXPECT_NEAR(static_cast<double>(rig.get(0x6064)), static_cast<double>(true_position), tolerance.creeps)
+            << "counted from the zero point, 607Ch from home";
+        EXPECT_NEAR(static_cast<double>(rig.get(0x6064)), 0.0, tolerance.off) << "D-25";
+        if (testing::Test::HasFailure()) return 0;
       }
     }
   }
-  std::printf("%d homings\n", runs);
-  EXPECT_GT(runs, 280);
+  return runs;
+}
+
+TEST(JmcHoming, EveryMethodFromEveryStart) { EXPECT_GT(every_method(products::jmc_ec::default_rating, 2, {}), 280); }
+
+// Two phases, 50 pole pairs. The detent torque pulls where friction alone would hold, by no more than a full step.
+TEST(JmcHoming, EveryMethodOfTheSteppers) {
+  for (const std::string_view rating : {"2hss458-ec", "2dm542-ec"})
+    EXPECT_GT(every_method(rating, 1, {.off = 20.0, .creeps = 1.0}), 130) << rating;
 }
 
 World simple_world() {
