@@ -48,6 +48,9 @@ export function useLine<T>(select: (state: State) => T): T {
 
 export const useAxis = (name: string) => useLine((line) => line.axes[name] as AxisView | undefined);
 
+// Of an axis only that: who needs no more is not drawn anew each time that something moves.
+export const usePowered = (name: string) => useLine((line) => line.axes[name]?.powered ?? false);
+
 // Why there is no such thing here; undefined: there is; null: not known yet.
 export const useMissing = (what: Missing) => useLine(({ line }) => (line === null ? null : line.missing[what]));
 

@@ -8,7 +8,7 @@ import { Views } from '../parts/views';
 import { attempt, tell } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
-import { useAxis } from '../store';
+import { usePowered } from '../store';
 import { ParametersView } from './parameters';
 import { PdoView } from './pdos';
 
@@ -18,7 +18,7 @@ export function ObjectsPage() {
   const { name: asked, query } = useRoute();
   const name = usePageAxis(asked);
   const view = query.get('view');
-  const powered = useAxis(name)?.powered ?? false;
+  const powered = usePowered(name);
   return (
     <>
       <AxisTabs page="objects" name={name} />
@@ -31,7 +31,7 @@ export function ObjectsPage() {
 
 function DictionaryView({ name }: { name: string }) {
   const { query } = useRoute();
-  const powered = useAxis(name)?.powered ?? false;
+  const powered = usePowered(name);
   const { value, problem } = useResource<{ objects: ObjectEntry[] }>(powered ? `${axisPath(name)}/objects` : null);
   const all = useMemo(() => (value?.objects ?? []).filter(({ index }) => Number(index) >= 0x1000), [value]);
   const search = query.get('q') ?? '';

@@ -1,6 +1,6 @@
 import { useState } from 'react';
 import { put, post, remove } from '../api/client';
-import type { AxisView, BusView, FaultList, Inputs, Plant } from '../api/types';
+import type { BusView, FaultList, Inputs, Plant } from '../api/types';
 import { axisPath, power } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, NumberInput, Panel, Toggle, Trouble } from '../parts/controls';
@@ -9,13 +9,13 @@ import { useGeometry } from '../parts/travel';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
-import { useAxis, useMissing } from '../store';
+import { useLine, useMissing, usePowered } from '../store';
 
 export function PlantPage() {
   const name = usePageAxis(useRoute().name);
-  const axis = useAxis(name);
+  const bus = useLine((line) => line.axes[name]?.bus);
   const missing = useMissing('plant');
-  if (!axis || missing === null) return null;
+  if (missing === null) return null;
   if (missing !== undefined) {
     return (
       <>
@@ -36,8 +36,8 @@ export function PlantPage() {
         <InputsPanel name={name} />
         <PlantPanel name={name} />
         <FaultPanel name={name} />
-        <PowerPanel axis={axis} />
-        {axis.bus && <DisturbancePanel bus={axis.bus} axis={name} />}
+        <PowerPanel name={name} />
+        {bus && <DisturbancePanel bus={bus} axis={name} />}
         <Terminals key={name} axis={name} />
       </div>
     </>
@@ -137,8 +137,8 @@ function unique<T extends { code: string }>(entries: T[]): T[] {
   return entries.filter(({ code }, i) => entries.findIndex((entry) => entry.code === code) === i);
 }
 
-function PowerPanel({ axis }: { axis: AxisView }) {
-  const { name, powered } = axis;
+function PowerPanel({ name }: { name: string }) {
+  const powered = usePowered(name);
   return (
     <Panel title="Power" aside={<span className={`chip ${powered ? 'ready' : 'quiet'}`}>{powered ? 'on' : 'off'}</span>}>
       <p className="note">Without power the drive forgets what it has not stored; the shaft stays where it is.</p>

@@ -11,14 +11,14 @@ import { Button, Link, NumberInput, Panel, Readout, Scroll, Trouble } from '../p
 import { Lanes, type Curve } from '../parts/lanes';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
-import { useAxis, useLine } from '../store';
+import { useLine, usePowered } from '../store';
 
 const tunes = ['tune', 'tune_itself'];
 
 export function TuningPage() {
   const { name: asked } = useRoute();
   const name = usePageAxis(asked);
-  const powered = useAxis(name)?.powered ?? false;
+  const powered = usePowered(name);
   const { value: gains, problem } = useResource<Gains>(`${axisPath(name)}/gains`);
   const job = useTuningJob(name);
   const found = job?.found as Tuned | undefined;

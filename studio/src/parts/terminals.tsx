@@ -5,14 +5,14 @@ import { addressOf, hexValue, isReadable, isWritable, namedOf, showValue } from 
 import { setsOfTerminals } from '../model/terminals';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
-import { useAxis } from '../store';
+import { usePowered } from '../store';
 import { Choice, Link, NumberInput, Panel, Scroll, Toggle, Trouble } from './controls';
 
 const refresh_ms = 500;
 
 // A drive's terminals as the drive has them: what its inputs and outputs do, how they stand, and its touch probes.
 export function Terminals({ axis }: { axis: string }) {
-  const powered = useAxis(axis)?.powered ?? false;
+  const powered = usePowered(axis);
   const { value, problem } = useResource<{ objects: ObjectEntry[] }>(powered ? `${axisPath(axis)}/objects` : null);
   const entries = useMemo(() => (value?.objects ?? []).filter((entry) => entry.terminal !== undefined && isReadable(entry)), [value]);
   const [values, setValues] = useState<Record<string, ObjectValue>>({});
