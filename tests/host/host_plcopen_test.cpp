@@ -587,6 +587,78 @@ TEST_F(Blocks, SetPositionMovesNothing) {
   EXPECT_NEAR(static_cast<double>(bus.drive(0).position), 120.0, 3.0);
 }
 
+// ---- Clause 2.4.1: Enable, Valid, Busy, Error ----
+
+// clang-format off
+
+TEST_F(Blocks, ReadingBlocksAreValidAsLongAsTheyAreEnabled) {
+  MC_ReadActualPosition position;
+  MC_ReadActualVelocity velocity;
+  MC_ReadActualTorque torque;
+  MC_ReadParameter number;
+  MC_ReadBoolParameter yes;
+  Diagram diagram;
+  diagram.input(position.Enable,         "_###__#_");
+  diagram.input(velocity.Enable,         "__##____");
+  diagram.input(torque.Enable,           "_#_#_#__");
+  diagram.input(number.Enable,           "_####___");
+  diagram.input(yes.Enable,              "___####_");
+  diagram.output("Valid", position.Valid, "_###__#_");
+  diagram.output("Busy", position.Busy,   "_###__#_");
+  diagram.output("Valid", velocity.Valid, "__##____");
+  diagram.output("Valid", torque.Valid,   "_#_#_#__");
+  diagram.output("Valid", number.Valid,   "_####___");
+  diagram.output("Error", number.Error,   "________");
+  diagram.output("Valid", yes.Valid,      "___####_");
+  diagram.run(controller, [&] {
+    powers();
+    position(axis);
+    velocity(axis);
+    torque(axis);
+    number(axis);
+    yes(axis);
+  });
+}
+
+TEST_F(Blocks, AParameterThatIsNotThereIsAnErrorWhileItIsEnabled) {
+  MC_ReadParameter number;
+  number.ParameterNumber = static_cast<Parameter>(999);
+  Diagram diagram;
+  diagram.input(number.Enable,         "_###_");
+  diagram.output("Valid", number.Valid, "_____");
+  diagram.output("Busy", number.Busy,   "_____");
+  diagram.output("Error", number.Error, "_###_");
+  diagram.run(controller, [&] {
+    powers();
+    number(axis);
+  });
+  EXPECT_EQ(number.ErrorID, ErrorId::none) << "no longer enabled";
+}
+
+// clang-format on
+
+TEST_F(Blocks, ReadingBlocksReadWhatTheAxisDoes) {
+  MC_MoveVelocity run;
+  set_dynamics(run, 1000.0);
+  run.Execute = true;
+  MC_ReadActualPosition position;
+  MC_ReadActualVelocity velocity;
+  MC_ReadParameter commanded;
+  position.Enable = velocity.Enable = commanded.Enable = true;
+  controller.on_cycle([&] {
+    powers();
+    run(axis);
+    position(axis);
+    velocity(axis);
+    commanded(axis);
+  });
+  controller.run_for(500ms);
+  EXPECT_NEAR(position.Position, static_cast<double>(bus.drive(0).position), 2.0);
+  EXPECT_GT(position.Position, 400.0);
+  EXPECT_NEAR(velocity.Velocity, 1000.0, 10.0);
+  EXPECT_NEAR(commanded.Value, position.Position, 3.0);
+}
+
 // ---- Master and slave ----
 
 TEST_F(Blocks, GearCouplesPositionsFromInGearOn) {
@@ -679,6 +751,22 @@ TEST_F(Blocks, CamLeadsTheSlave) {
   cam.Execute = true;
   controller.run_for(3ms);
   EXPECT_TRUE(cam.InSync) << text_of(cam.ErrorID);
+  // It leaves its cam, and goes on as fast as it was.
+  MC_CamOut leave;
+  leave.Execute = true;
+  const double before = other.commanded_velocity();
+  controller.on_cycle([&] {
+    powers();
+    run(axis);
+    leave(other);
+    cam(axis, other);
+  });
+  controller.run_for(5ms);
+  EXPECT_TRUE(leave.Done);
+  EXPECT_TRUE(cam.CommandAborted);
+  EXPECT_EQ(other.state(), AxisState::ContinuousMotion);
+  EXPECT_NEAR(other.commanded_velocity(), before, 5.0);
+  EXPECT_NE(before, 0.0);
 }
 
 TEST_F(Blocks, AMasterMayNotFollowItsSlave) {
