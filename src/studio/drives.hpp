@@ -59,8 +59,8 @@ class Drives {
                                       const host::CanDrive& exchanged, const std::function<bool()>& cancelled,
                                       const std::function<void(const char* doing, double share)>& progress,
                                       const Work& work) = 0;
-  // What a revolution is in the drive's units. Throws HostError if it cannot be asked.
-  virtual host::AxisUnits units(const std::string& axis) = 0;
+  // What a revolution is in the drive's units; nothing: it does not say. Throws HostError if it cannot be asked.
+  virtual std::optional<host::AxisUnits> units(const std::string& axis) = 0;
   // Quick stop of every axis that is enabled, at once: what is wrong, in the order of names(); nothing: it stands or is
   // being stopped.
   virtual std::vector<std::optional<JobError>> stop_all() = 0;

@@ -45,7 +45,11 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   Job job;
   job.axis = name;
   try {
-    job.order = read_order(body, [&] { return drives_.units(name); });
+    job.order = read_order(body, [&] {
+      if (const auto units = drives_.units(name)) return *units;
+      throw host::HostError("the drive does not say what a revolution is in its units", name,
+                            "give numbers in its own units: \"units\": \"drive\"");
+    });
   } catch (const host::HostError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }

@@ -30,7 +30,7 @@ std::string LineDrives::product(const std::string& axis) const {
   return std::string(find(axis).settings().product->name);
 }
 
-host::AxisUnits LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
+std::optional<host::AxisUnits> LineDrives::units(const std::string& axis) { return units_of(line_, find(axis)); }
 
 // By the objects: at the service port they are as quick.
 line::bench::Json LineDrives::in_cycles(const std::string&, host::ObjectClient& objects,

@@ -22,7 +22,7 @@ class LineDrives final : public Drives {
                               const std::function<bool()>& cancelled,
                               const std::function<void(const char* doing, double share)>& progress,
                               const Work& work) override;
-  host::AxisUnits units(const std::string& axis) override;
+  std::optional<host::AxisUnits> units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
  private:

@@ -76,7 +76,7 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
                               const std::function<bool()>& cancelled,
                               const std::function<void(const char* doing, double share)>& progress,
                               const Work& work) override;
-  host::AxisUnits units(const std::string& axis) override;
+  std::optional<host::AxisUnits> units(const std::string& axis) override;
   std::vector<std::optional<JobError>> stop_all() override;
 
   // --- Subjects

@@ -90,10 +90,11 @@ Json stop_all(Call& call) {
 Json show_units(Call& call) {
   const std::string axis = axis_name(call);
   try {
-    const host::AxisUnits units = jobs_of(call).drives().units(axis);
-    return Json{{"position_per_revolution", units.position},
-                {"velocity_per_rps", units.velocity},
-                {"acceleration_per_rps2", units.acceleration}};
+    const auto units = jobs_of(call).drives().units(axis);
+    const auto per_revolution = [&](double host::AxisUnits::*part) { return units ? Json((*units).*part) : Json(); };
+    return Json{{"position_per_revolution", per_revolution(&host::AxisUnits::position)},
+                {"velocity_per_rps", per_revolution(&host::AxisUnits::velocity)},
+                {"acceleration_per_rps2", per_revolution(&host::AxisUnits::acceleration)}};
   } catch (const host::HostError& error) {
     throw ApiError{409, error.happened(), error.where(), error.remedy()};
   }

@@ -166,6 +166,15 @@ def test_parameters_are_saved_compared_and_loaded(studio, line, axis):
     assert refused.value.code == 400
 
 
+def test_a_drive_that_does_not_say_what_a_revolution_is(studio):
+    units = studio.bench.get("axes/ismc-1/units")  # it has neither factors nor a resolution
+    assert set(units.values()) == {None} and "position_per_revolution" in units
+    assert studio.bench.get("axes/generic402/units")["position_per_revolution"] == COUNTS
+    with pytest.raises(ApiError) as refused:
+        studio.bench.post("axes/ismc-1/jobs", {"do": "move", "by": 1, "velocity": 1, "units": "revolutions"})
+    assert refused.value.status == 409 and '"units": "drive"' in refused.value.body["error"]["hint"]
+
+
 def test_what_needs_a_plant_is_refused(studio):
     for method, path in (
         ("PUT", "axes/ismc-1/plant"),
