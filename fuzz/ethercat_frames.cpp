@@ -110,7 +110,8 @@ class Target {
     }
     for (std::size_t i = 0; i < slaves; ++i) {
       auto writer = ethercat::FrameWriter::ethernet(memory_);
-      for (const std::uint16_t lock : std::to_array<std::uint16_t>({0x0020, 0x0021, 0x0030, 0x0031})) {
+      // The key of the whole memory first: without it not even the one of the registers is taken.
+      for (const std::uint16_t lock : std::to_array<std::uint16_t>({0x0030, 0x0020, 0x0021, 0x0031})) {
         writer.add(Command::bwr, 0, address_of(0, lock), 1);
       }
       writer.add(Command::bwr, 0, address_of(0, reg::dl_control), 4)[0] = 0x01;
