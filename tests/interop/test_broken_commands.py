@@ -4,6 +4,7 @@ The axis rests afterwards by what the plant says: on CAN the drive was told to w
 a serial line it cannot know that its master's cable is gone, so there a motion under way goes on (docs/commands.md).
 """
 
+import select
 import subprocess
 
 import pytest
@@ -256,8 +257,12 @@ def test_what_is_listened_to_goes_away(broken_line, tmp_path):
         [PROGRAM, "sniff", link_of(broken_line, "can")], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True,
     )
-    heard = start(broken_line, "can", AT_ONCE["get"], tmp_path)
-    assert heard.wait(300) == 0
+
+    def hears():  # what passes before it has connected is not for it
+        assert start(broken_line, "can", AT_ONCE["get"], tmp_path).wait(300) == 0
+        return select.select([process.stdout], [], [], 1)[0]
+
+    wait_for(hears, "something to be heard")
     assert process.stdout.readline()
     broken_line.stop()
     ends_with_a_message(process)

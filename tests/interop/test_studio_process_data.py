@@ -59,6 +59,7 @@ serial = "rs"
 """
 CAN, ETHERCAT, MODBUS = "generic402-2", "generic402-ec-2", "generic402"
 GAIN = "objects/2010/2"
+LONGER_DELAY = "the loop's delay of"  # a computer that pauses adds to it, and the bandwidth thought possible is not
 
 
 @pytest.fixture
@@ -102,7 +103,8 @@ def test_a_drive_is_tuned_on_its_bus(studio, axis):
             assert len(doing) > 1 and len(speeds) > 2, "others see what happens meanwhile"
             break
         assert job["state"] == "failed"
-        assert any(word in job["error"]["hint"] + job["error"]["what"] for word in TOO_BUSY + WATCHDOG), job["error"]
+        said = job["error"]["hint"] + job["error"]["what"]
+        assert any(word in said for word in (*TOO_BUSY, *WATCHDOG, LONGER_DELAY)), job["error"]
         recover(studio, axis)
         assert studio.bench.get(f"axes/{axis}/{GAIN}")["value"] == before
     else:
