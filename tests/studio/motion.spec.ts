@@ -15,7 +15,7 @@ for (const { name, home } of axes) {
     await type(page, 'Speed to the switch', 240);
     await type(page, 'Speed to the zero', 60);
     await page.getByRole('button', { name: 'Home', exact: true }).click();
-    await expect(page.getByText(/home: running/)).toBeVisible();
+    await expect(page.getByText(/home: (running|done)/)).toBeVisible(); // a computer that is busy shows its end only
     await picture(`homing-${name}`);
     await expect(page.getByText(/home: done/)).toBeVisible({ timeout: 90_000 });
     const here = page.locator('svg.homing circle.here');

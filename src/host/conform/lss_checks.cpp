@@ -174,10 +174,11 @@ void bit_timing(Trial& trial, int) {
 
 // Its node-ID again, by whatever way it still answers to. False: it does not.
 bool give_back(Trial& trial, Lss& lss) {
-  auto& [bus, sdo] = trial.subject().can();
+  Bus& bus = trial.subject().can().bus;
+  const std::uint8_t own = trial.subject().can().sdo.node_id();
   const auto boots = [&] {
-    const Watch errors(bus, 0x700U + sdo.node_id());
-    const auto answer = ask_lss(trial, {configure_node_id, sdo.node_id()});
+    const Watch errors(bus, 0x700U + own);
+    const auto answer = ask_lss(trial, {configure_node_id, own});
     if (!answer || (*answer)[1] != 0) return false;
     lss.master().switch_all_to_waiting();
     return bus.run_until(bus.now() + trial.settings().patience, [&] { return !errors.arrivals().empty(); });
