@@ -1,15 +1,7 @@
-import { readFileSync } from 'node:fs';
-import { createRequire } from 'node:module';
+import { accessible } from './accessible';
 import { expect, test } from './fixtures';
 
 // Every page, in every look: opens, has no serious accessibility violation, no error, no request outside, and fits.
-
-const axeSource = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
-interface Violation {
-  id: string;
-  impact: string;
-  nodes: { html: string }[];
-}
 
 const pages: Record<string, string> = {
   line: '/', axis: '/axis/reference', homing: '/axis/ismc?do=home', scope: '/scope', faults: '/faults/reference', objects: '/objects/reference',
@@ -26,13 +18,7 @@ for (const [name, path] of Object.entries(pages)) {
         await expect(page.locator('main')).not.toHaveText('');
         await page.waitForTimeout(500); // what comes over the stream is there as well
 
-        await page.evaluate(axeSource);
-        const violations = await page.evaluate(async () => {
-          const { axe } = window as unknown as { axe: { run(): Promise<{ violations: Violation[] }> } };
-          return (await axe.run()).violations;
-        });
-        const serious = violations.filter(({ impact }) => impact === 'serious' || impact === 'critical');
-        expect(serious.map(({ id, nodes }) => `${id}: ${nodes[0].html}`)).toEqual([]);
+        await accessible(page);
 
         const overhang = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
         expect(overhang).toBeLessThanOrEqual(0);

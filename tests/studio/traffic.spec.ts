@@ -1,7 +1,7 @@
 import { execFile } from 'node:child_process';
 import { readFileSync } from 'node:fs';
-import { createRequire } from 'node:module';
 import { promisify } from 'node:util';
+import { accessible } from './accessible';
 import { choose, expect, panel, test } from './fixtures';
 import { lineFile, servodrome } from './line';
 
@@ -10,8 +10,6 @@ import { lineFile, servodrome } from './line';
 const run = promisify(execFile);
 
 test.use({ lineText: lineFile().replace('type = "can"\n', 'type = "can"\nlinks = ["socketcand:127.0.0.1:0/can0"]\n') });
-
-const axeSource = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
 
 test('frames are shown in words, filtered, looked at and saved', async ({ page, open, line, picture }) => {
   const can0 = await line.call<{ links: { name: string }[] }>('GET', '/buses/can0');
@@ -31,16 +29,9 @@ test('frames are shown in words, filtered, looked at and saved', async ({ page, 
   await frames.getByRole('option').filter({ hasText: 'SDO 6041:00 Statusword is' }).first().click();
   await expect(panel(page, /^Frame \d/)).toContainText('reference, about node 2');
   // Rows, an error and a chosen frame in both schemes.
-  await page.evaluate(axeSource);
   for (const colorScheme of ['dark', 'light'] as const) {
     await page.emulateMedia({ colorScheme });
-    const violations = await page.evaluate(async () => {
-      const { axe } = window as unknown as { axe: { run(): Promise<{ violations: { id: string; impact: string; nodes: { html: string }[] }[] }> } };
-      return (await axe.run()).violations
-        .filter(({ impact }) => impact === 'serious' || impact === 'critical')
-        .map(({ id, nodes }) => `${id}: ${nodes[0].html}`);
-    });
-    expect(violations, colorScheme).toEqual([]);
+    await accessible(page, colorScheme);
   }
   await picture('traffic');
 
