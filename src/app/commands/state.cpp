@@ -48,8 +48,8 @@ void print(const Options& options, std::vector<host::EthercatSlave*>& slaves,
     }
     fmt::print("{}\n", json.dump(2));
   } else if (statistics != nullptr) {
-    fmt::print("{} cycles, {} lost, {} late, {} with wrong working counters, {} skipped\n", statistics->cycles, statistics->lost,
-               statistics->late, statistics->wrong_counters, statistics->skipped);
+    fmt::print("{} cycles, {} lost, {} late, {} with wrong working counters, {} skipped\n", statistics->cycles,
+               statistics->lost, statistics->late, statistics->wrong_counters, statistics->skipped);
   }
   std::fflush(stdout);
 }
