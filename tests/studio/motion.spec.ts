@@ -20,8 +20,15 @@ for (const { name, home } of axes) {
     await expect(page.getByText(/home: done/)).toBeVisible({ timeout: 90_000 });
     const here = page.locator('svg.homing circle.here');
     const rest = (await here.getAttribute('cx')) ?? '';
+    // The page tells each place it draws: a test that looks now and then may miss a replay of a second.
+    const places = await page.evaluateHandle(() => {
+      const seen = new Set<string | null>();
+      const look = () => seen.add(document.querySelector('svg.homing circle.here')?.getAttribute('cx') ?? null);
+      new MutationObserver(look).observe(document.querySelector('svg.homing')!, { attributes: true, childList: true, subtree: true });
+      return seen;
+    });
     await page.getByRole('button', { name: 'Replay' }).click();
-    await expect(here).not.toHaveAttribute('cx', rest);
+    await expect.poll(() => places.evaluate((seen) => seen.size)).toBeGreaterThan(2);
     await picture(`replay-${name}`);
     await expect(page.getByRole('button', { name: 'Replay', exact: true })).toBeVisible();
     await expect(here).toHaveAttribute('cx', rest);
