@@ -159,8 +159,8 @@ def test_a_tuning_that_is_stopped_while_it_enables_leaves_no_torque(studio, line
 def test_while_one_drive_is_tuned_others_are_served(studio, line):
     for _ in range(4):
         first = studio.job(CAN, do="tune", units="revolutions", seconds=20)
-        second = studio.job("ismk-4", do="tune", units="revolutions", seconds=20)
         wait_for(lambda: abs(line.bench.get("axes/reference")["velocity_rpm"]) > 20, "that it turns")
+        second = studio.job("ismk-4", do="tune", units="revolutions", seconds=20)
         path = recorded(studio, line.links["can0"][0], "ismk-4")
         assert studio.bench.get(f"{path}/traffic?limit=10")["rows"]
         studio.bench.call("DELETE", f"jobs/{second['id']}")
