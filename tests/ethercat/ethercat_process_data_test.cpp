@@ -295,6 +295,23 @@ TEST_F(Synchronous, OutputsActWithTheNextPulse) {
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{0, 0}));
 }
 
+// Without bit 5 of 0981h a start time in the past starts nothing: the slave was to wait for pulses, and says that none
+// comes.
+TEST_F(Synchronous, AStartTimeInThePastIsToldAsNoSync) {
+  to_pre_operational();
+  set_process_data(7, 7);
+  line.put<std::uint64_t>(0, reg::sync_start_time, line.escs[0]->clock().system_time(line.now) - 1'000'000);
+  line.put<std::uint32_t>(0, reg::sync0_cycle, 1'000'000);
+  line.put<std::uint8_t>(0, reg::sync_activation, 3);
+  ASSERT_EQ(request(4), good(4));
+  EXPECT_EQ(upload(0x1C32, 1), (Bytes{2, 0}));
+  cycle();
+  request(8);
+  EXPECT_EQ(status(), good(4));
+  for (int i = 0; i < 12'000 && status() == good(4); ++i) run(1ms), cycle(i);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_sync}));
+}
+
 // 1C32h:03 and 1C33h:03, in ns behind SYNC0.
 TEST_F(Synchronous, OutputsAndInputsAreShifted) {
   to_pre_operational();

@@ -158,9 +158,14 @@ bool DistributedClock::start_sync(const SyncSettings& settings, Time now) {
   const std::uint64_t near = settings.short_near_future ? std::uint64_t{1} << 31 : std::uint64_t{1} << 63;
   const bool plausible = ahead < near;
   if (!plausible) {
-    if (!settings.check_start_time) return false;
+    if (!settings.check_start_time) {
+      // Activated all the same, and no pulse comes: whoever waits for one finds that out.
+      sync_[0] = {.enabled = settings.sync0, .step = settings.sync0_cycle};
+      return false;
+    }
     start = system;
   }
+  started_ = true;
   const std::uint64_t cycle0 = settings.sync0_cycle;
   const std::uint64_t cycle1 = settings.sync1_cycle;
   sync_[0] = {.enabled = settings.sync0, .pending = true, .next = start, .step = cycle0};
@@ -176,7 +181,7 @@ void DistributedClock::enable_sync(unsigned n, bool enabled, Time now) {
   Sync& sync = sync_[n];
   if (sync.enabled == enabled) return;
   sync.enabled = enabled;
-  if (n == 0) return;  // goes on unseen, as what SYNC1 follows
+  if (n == 0 || !started_) return;  // SYNC0 goes on unseen, as what SYNC1 follows
   sync.pending = enabled;
   next_known_ = false;
   const auto late = static_cast<std::int64_t>(system_time(now) - sync.next);
@@ -190,6 +195,7 @@ void DistributedClock::enable_sync(unsigned n, bool enabled, Time now) {
 
 void DistributedClock::stop_sync() {
   sync_ = {};
+  started_ = false;
   next_known_ = false;
 }
 

@@ -112,6 +112,7 @@ class DistributedClock {
   std::uint8_t speed_depth_ = 12;
 
   std::array<Sync, 2> sync_{};
+  bool started_ = false;  // since start_sync(): pulses run, or will
   std::uint64_t pulse_length_ = 0;
   Time next_{0};  // of both, in the caller's time
   bool next_known_ = false;

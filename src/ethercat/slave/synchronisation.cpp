@@ -32,11 +32,12 @@ void Slave::set_sync_parameter(std::uint8_t sub, std::int64_t value) {
   set_sync_parameter(input_parameter, sub, value);
 }
 
-// The pulses of the distributed clock decide: where a master has started SYNC0, it is used. 1C32h:01 then shows what
-// was chosen; only what a master wrote there counts the next time.
+// The pulses of the distributed clock decide: where a master has activated SYNC0, it is used, whether or not a pulse
+// has come or will (await_operational sees to that). 1C32h:01 then shows what was chosen; only what a master wrote there
+// counts the next time.
 AlStatusCode Slave::choose_synchronisation() {
   const DistributedClock::Sync& sync0 = esc_.clock().sync(0);
-  const bool pulses = sync0.enabled && sync0.pending;
+  const bool pulses = sync0.enabled;
   const dictionary::Entry* entry = dictionary_.find(output_parameter, sync_parameter::type);
   const auto factory = static_cast<SyncType>(entry == nullptr ? 0 : entry->default_value);
   SyncType wanted = wanted_sync_type_.value_or(factory);
