@@ -359,10 +359,10 @@ std::optional<CapturedFrame> CaptureFile::content_of(unsigned link_type, links::
   }
   // What is above the link layer, as if it had come over Ethernet.
   const auto as_ethernet = [&bytes, &link_type](std::size_t header, unsigned type) {
-    std::vector<std::uint8_t> frame(ethernet_addresses);
-    frame.push_back(static_cast<std::uint8_t>(type >> 8));
-    frame.push_back(static_cast<std::uint8_t>(type));
-    frame.insert(frame.end(), bytes.begin() + static_cast<std::ptrdiff_t>(header), bytes.end());
+    std::vector<std::uint8_t> frame(ethernet_addresses + 2 + bytes.size() - header);
+    frame[ethernet_addresses] = static_cast<std::uint8_t>(type >> 8);
+    frame[ethernet_addresses + 1] = static_cast<std::uint8_t>(type);
+    std::copy(bytes.begin() + static_cast<std::ptrdiff_t>(header), bytes.end(), frame.begin() + ethernet_addresses + 2);
     bytes = std::move(frame);
     link_type = linktype_ethernet;
   };
