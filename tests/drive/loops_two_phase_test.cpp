@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "loops_support.hpp"
+#include "plant/stepper_motor.hpp"
 
 // The current loop of a motor with two windings in quadrature.
 namespace servodrome::drive::test {
@@ -8,14 +9,7 @@ namespace {
 
 plant::Parameters stepper() {
   plant::Parameters p = frictionless(200000);
-  p.motor.phases = 2;
-  p.motor.pole_pairs = 50;
-  p.motor.rated_torque_nm = 4.4;
-  p.motor.rated_current_a = 6.0;
-  p.motor.resistance_ohm = 0.4;
-  p.motor.direct_inductance_h = p.motor.quadrature_inductance_h = 2.3e-3;
-  p.motor.torque_constant_nm_per_a = 0.74;
-  p.motor.rotor_inertia_kgm2 = 1.4e-4;
+  plant::test::make_stepper(p.motor);
   p.supply.volts = 72.0;
   return p;
 }

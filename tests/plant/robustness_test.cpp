@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <random>
 
+#include "plant/energy_balance.hpp"
 #include "plant/rig.hpp"
 
 // Any accepted machine, any actuation: finite, bounded, passive, and the same bits twice.
@@ -180,29 +181,13 @@ TEST(Robustness, TheSameRunGivesTheSameBits) {
   }
 }
 
-// The book of a servo's day: what the supply gave is found as heat, friction and what is still stored.
 TEST(Robustness, EnergyBalances) {
   Parameters p = bare_motor();
   p.load.inertia_kgm2 = 2.0e-4;
   p.load.viscous_friction_nms = 2.0e-4;
-  Rig rig(p);
-  const Energy start = rig.plant.energy();
-  double friction = 0.0;
-  for (int tick = 0; tick < 48000; ++tick) {
-    const double before = rig.speed_rad_s();
-    const double angle = 2.0 * std::numbers::pi * 0.8 * tick * h;
+  expect_energy_balance(p, 50.0, [](Rig& rig, int, double angle) {
     rig.step_voltage(-3.0 * std::sin(angle), 60.0 * std::sin(angle) + 5.0 * std::sin(11.0 * angle));
-    const double mean = 0.5 * (before + rig.speed_rad_s());
-    friction += 2.0e-4 * mean * mean * h;
-  }
-  const Energy end = rig.plant.energy();
-  const double electric = end.to_motor_j - end.copper_j - end.shaft_j - (end.magnetic_j - start.magnetic_j);
-  const double mechanic = end.shaft_j - friction - (end.kinetic_j - start.kinetic_j);
-  const double link = end.supplied_j - end.chopped_j - end.to_motor_j - (end.link_stored_j - start.link_stored_j);
-  EXPECT_GT(end.to_motor_j, 50.0);
-  EXPECT_NEAR(electric, 0.0, 1.0e-3 * end.to_motor_j);
-  EXPECT_NEAR(mechanic, 0.0, 1.0e-4 * end.to_motor_j);
-  EXPECT_NEAR(link, 0.0, 1.0e-5 * end.to_motor_j);
+  });
 }
 
 }  // namespace

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include "plant/energy_balance.hpp"
 #include "plant/rig.hpp"
+#include "plant/stepper_motor.hpp"
 
 // A hybrid stepper: two windings in quadrature, each on its own full bridge, against closed forms.
 namespace servodrome::plant::test {
@@ -11,14 +13,7 @@ constexpr double detent_nm = 0.18;
 
 Parameters stepper() {
   Parameters p = bare_motor();
-  p.motor.phases = 2;
-  p.motor.pole_pairs = 50;
-  p.motor.rated_torque_nm = 4.4;
-  p.motor.rated_current_a = 6.0;
-  p.motor.resistance_ohm = 0.4;
-  p.motor.direct_inductance_h = p.motor.quadrature_inductance_h = 2.3e-3;
-  p.motor.torque_constant_nm_per_a = 0.74;
-  p.motor.rotor_inertia_kgm2 = 1.4e-4;
+  make_stepper(p.motor);
   p.supply.volts = link;
   p.supply.source_resistance_ohm = 1.0e-4;
   p.supply.overcurrent_a = 1.0e5;
@@ -152,24 +147,10 @@ TEST(TwoPhases, EnergyBalances) {
   Parameters p = stepper();
   p.load.inertia_kgm2 = 2.0e-3;
   p.load.viscous_friction_nms = 2.0e-3;
-  Rig rig(p);
-  const Energy start = rig.plant.energy();
-  double friction = 0.0;
-  for (int tick = 0; tick < 48000; ++tick) {
-    const double before = rig.speed_rad_s();
-    const double angle = 2.0 * std::numbers::pi * 0.8 * tick * h;
+  expect_energy_balance(p, 10.0, [](Rig& rig, int tick, double angle) {
     rig.actuation.short_circuit = tick % 4000 < 200;
     rig.step_voltage(-1.0 * std::sin(angle), 20.0 * std::sin(angle) + 1.0 * std::sin(11.0 * angle));
-    const double mean = 0.5 * (before + rig.speed_rad_s());
-    friction += 2.0e-3 * mean * mean * h;
-  }
-  const Energy end = rig.plant.energy();
-  EXPECT_GT(end.to_motor_j, 10.0);
-  EXPECT_NEAR(end.to_motor_j - end.copper_j - end.shaft_j - (end.magnetic_j - start.magnetic_j), 0.0,
-              1.0e-3 * end.to_motor_j);
-  EXPECT_NEAR(end.shaft_j - friction - (end.kinetic_j - start.kinetic_j), 0.0, 1.0e-4 * end.to_motor_j);
-  EXPECT_NEAR(end.supplied_j - end.chopped_j - end.to_motor_j - (end.link_stored_j - start.link_stored_j), 0.0,
-              1.0e-5 * end.to_motor_j);
+  });
 }
 
 // L di/dt = -R i - link: the full bridge turns the whole link against the current.
