@@ -255,6 +255,17 @@ TEST_F(AxisDetails, BitsAndValuesHaveTheProductsNames) {
   EXPECT_EQ(name(entry_of(reference, "0x6060", 0)["enumeration"], "value", 8), "cyclic_sync_position");
   EXPECT_EQ(name(entry_of(kinco, "0x6060", 0)["enumeration"], "value", 8), "");
   EXPECT_EQ(name(entry_of(kinco, "0x6060", 0)["enumeration"], "value", -3), "immediate_velocity");
+  const json quick_stop = entry_of(reference, "0x605A", 0)["enumeration"];
+  EXPECT_EQ(quick_stop.size(), 9U);
+  EXPECT_EQ(name(quick_stop, "value", 0), "disable the drive function");
+  EXPECT_EQ(name(quick_stop, "value", 2), "quick stop ramp, then switch on disabled");
+  EXPECT_EQ(name(quick_stop, "value", 6), "quick stop ramp, stays in quick stop active");
+  EXPECT_EQ(name(entry_of(kinco, "0x605A", 0)["enumeration"], "value", 18),
+            "brake through the windings, stays in quick stop active");
+  EXPECT_EQ(name(entry_of(kinco, "0x605A", 0)["enumeration"], "value", 3), "") << "the iSMK has 0, 1, 2, 5, 6, 18";
+  EXPECT_EQ(name(entry_of(reference, "0x605D", 0)["enumeration"], "value", 1), "slow-down ramp");
+  EXPECT_EQ(entry_of(reference, "0x6007", 0)["enumeration"].size(), 4U);
+  EXPECT_EQ(entry_of(kinco, "0x6007", 0)["enumeration"].size(), 2U) << "its range ends at 1";
   EXPECT_EQ(name(entry_of(reference, "0x60FD", 0)["bits"], "bit", 17), "DI1");
   EXPECT_EQ(name(entry_of(reference, "0x60FD", 0)["bits"], "bit", 2), "home switch");
   EXPECT_EQ(name(entry_of(reference, "0x60FE", 1)["bits"], "bit", 16), "DO0");

@@ -212,6 +212,66 @@ constexpr auto error_register_bits = std::to_array<Named>({{0, "generic"},
                                                            {7, "manufacturer"}});
 constexpr auto polarity_bits = std::to_array<Named>({{6, "velocity inverted"}, {7, "position inverted"}});
 
+// How a motion is ended (CiA 402-2, 605Ah to 605Eh).
+std::string stop_of(int code) {
+  switch (code) {
+    case 0: return "disable the drive function";
+    case 1: return "slow-down ramp";
+    case 2: return "quick stop ramp";
+    case 3: return "stop at the current limit";
+    case 4: return "stop at the voltage limit";
+    case 18: return "brake through the windings";
+    default: return fmt::format("code {}", code);
+  }
+}
+
+constexpr int last_option_code = 31;
+bool has(std::uint32_t codes, int code) { return (codes >> code & 1U) != 0; }
+
+// The codes that the product has, and those from which on all mean one.
+Json option_codes(std::uint32_t codes, int at_once_from) {
+  Json list = Json::array();
+  for (int code = 0; code <= last_option_code; ++code) {
+    if (has(codes, code)) list.push_back({{"value", code}, {"name", stop_of(code)}});
+  }
+  if (at_once_from != 0) list.push_back({{"value", at_once_from}, {"name", stop_of(3) + " (higher codes as well)"}});
+  return list;
+}
+
+// 5 to 8 are 1 to 4 that leave the axis where it is held.
+Json quick_stop_codes(const Policy& policy) {
+  constexpr int held = 4;
+  const drive::OptionCodes& codes = policy.option_codes;
+  Json list = option_codes(codes.quick_stop, codes.at_once_from);
+  for (Json& row : list) {
+    const int code = row["value"];
+    const bool stays = has(codes.quick_stop_stays, code);
+    if (code > held && code <= 2 * held) row["name"] = stop_of(code - held);
+    if (code != 0) {
+      row["name"] =
+          row["name"].get<std::string>() + (stays ? ", stays in quick stop active" : ", then switch on disabled");
+    }
+  }
+  return list;
+}
+
+constexpr auto lost_master_reactions =
+    std::to_array<Named>({{0, "no action"}, {1, "fault"}, {2, "disable voltage"}, {3, "quick stop"}});
+constexpr auto ramp_shapes =
+    std::to_array<Named>({{0, "linear ramp"}, {1, "sin2 ramp"}, {2, "jerk-free ramp"}, {3, "jerk-limited ramp"}});
+
+Json shapes_of(const Policy& policy) {
+  Json list = Json::array();
+  for (const Named& row : ramp_shapes) {
+    if (has(policy.ramp_shapes, row.value)) list.push_back({{"value", row.value}, {"name", row.name}});
+  }
+  return list;
+}
+
+bool in_range(const dictionary::Entry& entry, std::int64_t value) {
+  return !entry.has_range || (value >= entry.minimum && value <= entry.maximum);
+}
+
 struct WordsOf {
   std::uint16_t index;
   bool (*is_there)(std::uint8_t sub);
@@ -222,11 +282,21 @@ constexpr bool only_0(std::uint8_t sub) { return sub == 0; }
 constexpr bool not_0(std::uint8_t sub) { return sub != 0; }
 constexpr std::array words_of{
     WordsOf{0x1001, only_0, "bits", [](const Policy&) { return list_of(error_register_bits, "bit"); }},
+    WordsOf{0x6007, only_0, "enumeration", [](const Policy&) { return list_of(lost_master_reactions, "value"); }},
     WordsOf{0x6040, only_0, "bits", [](const Policy&) { return list_of(controlword_bits, "bit"); }},
     WordsOf{0x6041, only_0, "bits", status_bits},
+    WordsOf{0x605A, only_0, "enumeration", quick_stop_codes},
+    WordsOf{0x605B, only_0, "enumeration", [](const Policy& p) { return option_codes(p.option_codes.shutdown, 0); }},
+    WordsOf{0x605C, only_0, "enumeration",
+            [](const Policy& p) { return option_codes(p.option_codes.disable_operation, 0); }},
+    WordsOf{0x605D, only_0, "enumeration",
+            [](const Policy& p) { return option_codes(p.option_codes.halt, p.option_codes.at_once_from); }},
+    WordsOf{0x605E, only_0, "enumeration",
+            [](const Policy& p) { return option_codes(p.option_codes.fault_reaction, 0); }},
     WordsOf{0x6060, only_0, "enumeration", modes_of},
     WordsOf{0x6061, only_0, "enumeration", modes_of},
     WordsOf{0x607E, only_0, "bits", [](const Policy&) { return list_of(polarity_bits, "bit"); }},
+    WordsOf{0x6086, only_0, "enumeration", shapes_of},
     WordsOf{0x60FD, only_0, "bits", input_bits},
     WordsOf{0x60FE, not_0, "bits", output_bits},
     WordsOf{0x6502, only_0, "bits", mode_bits},
@@ -239,7 +309,11 @@ void add_words(Json& object, std::string_view product, const Policy& policy, con
   if (!text.empty()) object["text"] = text;
   for (const WordsOf& row : words_of) {
     if (row.index != entry.index || !row.is_there(entry.sub)) continue;
-    object[row.key] = row.words(policy);
+    Json words = row.words(policy);
+    object[row.key] = Json::array();
+    for (Json& word : words) {
+      if (!word.contains("value") || in_range(entry, word["value"])) object[row.key].push_back(std::move(word));
+    }
   }
   if (const TerminalWords* terminal = find_terminal(product, entry.index, entry.sub)) {
     object["terminal"] = terminal->set;
