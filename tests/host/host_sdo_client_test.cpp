@@ -66,6 +66,24 @@ TEST_F(SdoClientTest, SegmentedOfEverySizeAroundTheSegments) {
   EXPECT_EQ(client.read_text(0x1008), canopen::test::constant_text);
 }
 
+TEST_F(SdoClientTest, ALongTransferIsCancelledWithinIt) {
+  const auto sent = pattern(6000);
+  client.download({0x2002, 0}, sent);
+  const std::size_t before = seen.size();
+  std::string told;
+  line.lost = [&told](const Frame& frame) {
+    if (frame.id == 0x605) told = text_of(frame);
+    return false;
+  };
+  client.cancel_when([&] { return seen.size() >= before + 100; });
+  EXPECT_THROW(client.upload({0x2002, 0}), HostError);
+  EXPECT_LT(seen.size(), before + 110);
+  line.bus.run_for(2ms);
+  EXPECT_EQ(told, "605 # 80 02 20 00 00 00 00 08");
+  client.cancel_when({});
+  EXPECT_EQ(client.upload({0x2002, 0}), sent);
+}
+
 TEST_F(SdoClientTest, BlockOfEverySizeAroundTheSegmentsAndSubBlocks) {
   constexpr std::size_t sub_block = 127 * 7;
   for (const std::size_t size :

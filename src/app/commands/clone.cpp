@@ -86,6 +86,7 @@ void clone(const Options& options) {
   }
   const InterruptGuard guard;
   DriveLink link(options.bus, true);
+  if (link.sdo() != nullptr) link.sdo()->cancel_when(InterruptGuard::interrupted);  // a data sheet takes seconds
   const auto progress = progress_of(options);
   const auto end_line = [&options] {
     if (on_terminal() && !options.bus.json) fmt::print(stderr, "\r\x1B[K");

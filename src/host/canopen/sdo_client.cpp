@@ -67,7 +67,12 @@ void SdoClient::run(SdoTransfer& transfer) {
   expect_answer();
   while (!transfer.finished()) {
     // The deadline moves with each answer.
-    bus_.run_until(deadline, [&] { return transfer.finished(); });
+    bus_.run_until(deadline, [&] { return transfer.finished() || is_cancelled(); });
+    if (!transfer.finished() && is_cancelled()) {
+      transfer.abort(AbortCode::general_error);
+      send_waiting(transfer);
+      throw HostError("interrupted", where(), "the transfer was aborted");
+    }
     if (transfer.finished() || bus_.now() < deadline) continue;
     if (retries != 0 && transfer.can_ask_again()) {
       --retries;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+
 #include "host/canopen/bus.hpp"
 #include "host/canopen/sdo_transfer.hpp"
 #include "host/object_client.hpp"
@@ -56,14 +58,19 @@ class SdoClient final : public ObjectClient {
 
   std::uint8_t node_id() const { return node_id_; }
   Bus& bus() { return bus_; }
+  // Asked in the middle of transfers, after each frame: true aborts the transfer, which throws HostError. For long
+  // ones; whoever moves an axis cancels between transfers, for it is transfers that stop the axis.
+  void cancel_when(std::function<bool()> cancelled) { cancelled_ = std::move(cancelled); }
 
  private:
   void run(SdoTransfer& transfer);
   void send_waiting(SdoTransfer& transfer);
+  bool is_cancelled() const { return cancelled_ && cancelled_(); }
 
   Bus& bus_;
   std::uint8_t node_id_;
   SdoOptions options_;
+  std::function<bool()> cancelled_;
   std::optional<Emergency> emergency_;
   Bus::Subscription listening_;
 };
