@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
+#include "app/recognition.hpp"
 #include "describe/words.hpp"
 #include "line/nearest_name.hpp"
 #include "links/ethercat/link_name.hpp"
@@ -189,9 +190,13 @@ const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t uni
   for (const line::Product& candidate : line::all_products()) {
     if (candidate.serial != nullptr) known += fmt::format("{}{}", known.empty() ? "" : ", ", candidate.name);
   }
-  throw Failure::wrong_use(
-      fmt::format("{}, unit {}: {}; give --product with the one whose registers it has ({})", client.name(), unit,
-                  name.empty() ? "it does not say what it is" : fmt::format("\"{}\" is not known", name), known));
+  const std::string said = name.empty() ? "it does not say what it is" : fmt::format("\"{}\" is not known", name);
+  if (const line::Product* similar = product_by_registers(client, unit); similar != nullptr) {
+    throw Failure::wrong_use(fmt::format("{}, unit {}: {}; it has the registers of {}: give --product {} if it is one",
+                                         client.name(), unit, said, similar->name, similar->name));
+  }
+  throw Failure::wrong_use(fmt::format("{}, unit {}: {}; give --product with the one whose registers it has ({})",
+                                       client.name(), unit, said, known));
 }
 
 void DriveLink::open_serial10(const BusOptions& options, const std::string& link) {
@@ -321,8 +326,20 @@ std::unique_ptr<host::scope::Sampler> DriveLink::open_sampler(std::vector<host::
                                           modbus_ ? "Modbus requests" : "requests of the 10-byte protocol");
 }
 
+// The port of a PC program may have parameters alone.
+void DriveLink::check_that_it_moves(const host::RegisterList& list) const {
+  const bool has_statusword = std::any_of(list.registers.begin(), list.registers.end(),
+                                          [](const auto& row) { return row.index == 0x6041 && row.sub == 0; });
+  if (has_statusword) return;
+  throw Failure::wrong_use(fmt::format(
+      "{}: this port of {} has parameters and monitoring items, and neither controlword nor statusword; "
+      "`get`, `set`, `params`, `scope` and `monitor OBJECT` work here, commands to the axis on its {}",
+      objects_->where(), product_->name, product_->fieldbus == line::Fieldbus::ethercat ? "EtherCAT" : "CAN bus"));
+}
+
 std::unique_ptr<host::Axis402> DriveLink::open_axis(host::ObjectClient& objects, host::AxisOptions options) {
   if (product() != nullptr) options.dialect = host::dialect_of(product()->name);
+  if (modbus_) check_that_it_moves(register_list());
   if (!options.cancelled) options.cancelled = InterruptGuard::interrupted;
   return std::make_unique<host::Axis402>(objects, options);
 }
@@ -336,6 +353,7 @@ std::unique_ptr<host::conform::Subject> DriveLink::open_subject(const host::conf
         host::conform::EthercatAccess{*ethercat_, line_, *slave_, operation_options(options)}, settings);
   }
   if (modbus_) {
+    check_that_it_moves(register_list());
     return std::make_unique<Subject>(
         host::conform::ModbusAccess{*modbus_, static_cast<std::uint8_t>(objects_->address()), register_list()},
         settings);

@@ -42,7 +42,8 @@ class DriveLink {
   // EtherCAT slave, which is to operate, those that it maps. A CANopen drive gets this program's heartbeat as long as
   // this lives. Throws Failure on a bus that has none.
   std::unique_ptr<host::CyclicBus> open_cyclic(const host::CanDrive& on_can, const BusOptions& options);
-  // Speaks the product's dialect; Ctrl-C, where an InterruptGuard lives, cancels its waits.
+  // Speaks the product's dialect; Ctrl-C, where an InterruptGuard lives, cancels its waits. Throws Failure if this port
+  // of the drive has parameters only.
   std::unique_ptr<host::Axis402> open_axis(host::AxisOptions options) { return open_axis(*objects_, options); }
   // By other objects of the same drive.
   std::unique_ptr<host::Axis402> open_axis(host::ObjectClient& objects, host::AxisOptions options);
@@ -62,6 +63,7 @@ class DriveLink {
   void open_serial10(const BusOptions& options, const std::string& link);
   void open_ethercat(const BusOptions& options, bool drives);
   host::RegisterList register_list() const;
+  void check_that_it_moves(const host::RegisterList& list) const;
 
   std::unique_ptr<host::Bus> bus_;
   std::unique_ptr<host::ModbusClient> modbus_;

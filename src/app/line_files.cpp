@@ -53,6 +53,10 @@ line::LineSettings line_of_descriptions(const Descriptions& descriptions) {
   }
   unsigned number = 0;
   const auto add = [&](const std::string& file, const std::string& device, line::Fieldbus wanted, const char* option) {
+    if (file.ends_with(".toml")) {
+      throw Failure::wrong_use(fmt::format("{} {}: this is a line file; give it without {}, `servodrome up {}`", option,
+                                           file, option, file));
+    }
     std::uint32_t counts = usual_encoder;
     try {
       const auto product = line::describe_product(file, device);

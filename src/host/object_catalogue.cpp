@@ -30,6 +30,8 @@ std::string plain(std::string_view text) {
   return result;
 }
 
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
 bool starts_with_0x(std::string_view text) { return text.size() > 2 && text[0] == '0' && lower(text[1]) == 'x'; }
 
 std::optional<std::uint32_t> parse_hex(std::string_view text) {
@@ -161,9 +163,26 @@ const NamedObject* ObjectCatalogue::find(ObjectAddress address) const {
   return found != objects_.end() && found->address == address ? &*found : nullptr;
 }
 
+// The maker's number in front of a name: "P01-02" of "P01-02 Real-time adjustment mode", "d08", "Pn100".
+const NamedObject* ObjectCatalogue::find_number(std::string_view wanted) const {
+  const NamedObject* found = nullptr;
+  for (const NamedObject& object : objects_) {
+    const std::string_view name = object.name;
+    const std::string_view word = name.substr(0, name.find(' '));
+    if (word == name || std::none_of(word.begin(), word.end(), is_digit) || plain(word) != wanted) continue;
+    if (found != nullptr) return nullptr;
+    found = &object;
+  }
+  return found;
+}
+
 ObjectAddress ObjectCatalogue::resolve(std::string_view text) const {
-  if (const auto address = parse_address(text)) return *address;
   const std::string wanted = plain(text);
+  if (const auto address = parse_address(text)) {
+    // "d08" may be both: an address where nothing is, and a number.
+    const NamedObject* number = find(*address) == nullptr ? find_number(wanted) : nullptr;
+    return number != nullptr ? number->address : *address;
+  }
   const NamedObject* found = nullptr;
   bool in_parts = false;
   for (const NamedObject& object : objects_) {
@@ -174,6 +193,7 @@ ObjectAddress ObjectCatalogue::resolve(std::string_view text) const {
     }
     in_parts = in_parts || (!simple && plain(object.object_name) == wanted);
   }
+  if (found == nullptr && !in_parts) found = find_number(wanted);
   if (found != nullptr) return found->address;
   const std::string where = fmt::format("object \"{}\"", text);
   if (in_parts) throw HostError("it has sub-indices", where, "write INDEX:SUB, or OBJECT.NAME of the sub-index");

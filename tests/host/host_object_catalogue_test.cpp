@@ -60,6 +60,23 @@ TEST(ObjectCatalogue, ReadsAnEds) {
   EXPECT_THROW(ObjectCatalogue::read_eds(empty, "x.eds"), HostError);
 }
 
+// "P01-02" in front of a name, and "d08", which is an address as well.
+TEST(ObjectCatalogue, ResolvesMakersNumbers) {
+  std::istringstream eds(
+      "[2001]\nParameterName=P01 Main\nObjectType=0x9\nSubNumber=3\n[2001sub0]\nParameterName=Highest\nDataType=5\n"
+      "[2001sub3]\nParameterName=P01-02 Adjustment\nDataType=6\n[2001sub4]\nParameterName=P01-03 Rigidity\nDataType=6\n"
+      "[200D]\nParameterName=d08 Speed\nDataType=3\n[2010]\nParameterName=x1 One\nDataType=3\n"
+      "[2011]\nParameterName=x1 Another\nDataType=3\n[2012]\nParameterName=Gain of 2 stages\nDataType=3\n"
+      "[0D09]\nParameterName=real address\nDataType=3\n[2013]\nParameterName=d09 hidden by it\nDataType=3\n");
+  const auto catalogue = ObjectCatalogue::read_eds(eds, "x.eds");
+  EXPECT_EQ(catalogue.resolve("P01-02"), (ObjectAddress{0x2001, 3}));
+  EXPECT_EQ(catalogue.resolve("p01_03"), (ObjectAddress{0x2001, 4}));
+  EXPECT_EQ(catalogue.resolve("d08"), (ObjectAddress{0x200D, 0}));
+  EXPECT_EQ(catalogue.resolve("d09"), (ObjectAddress{0x0D09, 0}));
+  EXPECT_EQ(catalogue.resolve("d10"), (ObjectAddress{0x0D10, 0})) << "no such number: an address";
+  for (const char* wrong : {"x1", "Gain", "P01", "P01-04"}) EXPECT_THROW(catalogue.resolve(wrong), HostError) << wrong;
+}
+
 TEST(ValueText, ParsesWhatTheTypeHas) {
   EXPECT_EQ(bytes_of("-3", Type::integer8), (Bytes{0xFD}));
   EXPECT_EQ(bytes_of("567", Type::unsigned16), (Bytes{0x37, 0x02}));

@@ -75,6 +75,7 @@ MOVING = {
 }
 TALKING = {
     "monitor": ["monitor", "--axis", "--for", "600"],
+    "monitor objects": ["monitor", "statusword", "6064", "--for", "600"],
     "scope": ["scope", "position", "--do", f"set 6083 {MARK}", "--duration", "600", "-o", "{recording}"],
 }
 # What is over too soon to be broken in the middle finds it broken.
@@ -189,7 +190,7 @@ def test_broken_while_it_moves(broken_line, tmp_path, axis, how, name):
 @pytest.mark.parametrize("how", ["cable", "power"])
 def test_broken_while_it_looks(broken_line, tmp_path, axis, how, name):
     process = start(broken_line, axis, TALKING[name], tmp_path)
-    if name == "monitor":
+    if name.startswith("monitor"):
         process.stdout.readline()
     else:
         wait_for(lambda: has_mark(broken_line, axis) or process.poll() is not None, "the mark")

@@ -31,6 +31,17 @@ node = {node}
 """
     for name, product, node in (("k1", "ismk", 1), ("r2", "generic402", 2), ("k3", "ismk", 3), ("r4", "generic402", 4))
 )
+JMC = """
+[[bus]]
+name = "rs"
+type = "rs485"
+
+[[axis]]
+name = "j1"
+product = "jmc_ec"
+serial = "rs"
+"""
+
 FACTORY_ISMK = """
 [[bus]]
 name = "rs"
@@ -385,8 +396,31 @@ def test_the_commands_work_over_modbus(serial_line, link):
     assert scope["channels"][0]["name"] == "position_actual_internal_value"
     positions = scope["channels"][0]["values"]
     assert max(positions) > positions[0] + 10000
-    assert "--product" in servodrome("get", "--bus", bus, "--node", 1, "6041", status=2)
+    assert "give --product ismk" in servodrome("get", "--bus", bus, "--node", 1, "6041", status=2)
+    watched = servodrome("monitor", *reference, "Target velocity", "6081", "--for", 0.3).splitlines()
+    assert len(watched) == 2 and "6081:00 Profile velocity = 200000" in watched[1], watched
     assert "needs a CAN bus" in servodrome("nmt", "start", *reference, status=2)
+
+
+def test_the_service_port_of_a_jmc_drive(start_serial_line):
+    """What JmcServoPcControl does: parameters by their numbers, monitoring items. The axis is moved on its fieldbus."""
+    line = start_serial_line(JMC)
+    plain = ["--bus", "modbus:" + line.links["rs"][1]]
+    drive = [*plain, "--product", "jmc_ec"]
+    assert "give --product jmc_ec" in servodrome("get", *plain, "P01-03", status=2)
+    assert servodrome("get", *drive, "P01-03", "d23").splitlines() == [
+        "2001:04 P01 Main control.P01-03 Rigidity level = 13 (000Dh)",
+        "200D:18 d Monitoring items.d23 dcp main circuit voltage = 36",
+    ]
+    servodrome("set", *drive, "p01-03", 15)
+    assert json.loads(servodrome("get", *drive, "2001:04", "--json"))["value"] == 15
+    seen = [json.loads(row) for row in servodrome("monitor", *drive, "P01-03", "d08", "--json", "--for", 0.3).splitlines()]
+    assert [(row["object"], row["value"], row["unit"]) for row in seen] == [("2001:04", 15, ""), ("200D:09", 0, "rpm")]
+    for words in (["faults"], ["move", "--by", 1], ["home"], ["conform"], ["monitor", "--axis"]):
+        said = servodrome(*words, *drive, status=2)
+        assert "neither controlword nor statusword" in said and "on its EtherCAT" in said, said
+    assert "no object has this name" in servodrome("get", *drive, "P01-99", status=2)
+    assert "not both" in servodrome("monitor", *drive, "d08", "--axis", status=2)
 
 
 def test_the_commands_work_with_the_ten_byte_protocol(start_serial_line):

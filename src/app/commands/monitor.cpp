@@ -7,6 +7,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "app/object_names.hpp"
 #include "app/unit_options.hpp"
 #include "host/sniff/can_decoder.hpp"
 
@@ -16,6 +17,8 @@ namespace {
 struct Options {
   BusOptions bus;
   bool axis = false;
+  std::vector<std::string> objects{};
+  std::string eds{};
   double seconds = 0.0;  // 0: until Ctrl-C
   double interval_s = 0.1;
   UnitOptions units{};
@@ -36,7 +39,8 @@ void repeat(const Clock& clock, const Options& options, const Step& step) {
 
 void monitor_bus(const Options& options) {
   if (bus_kind(options.bus).kind != BusKind::can) {
-    throw Failure::wrong_use("monitor: this bus has one master, which nobody else can listen to; write --axis");
+    throw Failure::wrong_use(
+        "monitor: this bus has one master, which nobody else can listen to; write --axis, or objects of a drive");
   }
   const auto bus = open_bus(options.bus);
   const host::Time start = bus->now();
@@ -134,22 +138,114 @@ void monitor_axis(const Options& options) {
   });
 }
 
+struct Watched {
+  host::ObjectAddress address;
+  std::string name;
+  std::string title;
+  std::string unit;
+  std::optional<dictionary::Type> type;
+  std::vector<std::byte> value{};
+  bool seen = false;
+  bool changed = false;
+
+  std::string text() const {
+    return fmt::format("{}{}{}", host::text_of_value(value, type), unit.empty() ? "" : " ", unit);
+  }
+};
+
+// As few requests as the bus needs for all of them. Throws ObjectError.
+void look(host::ObjectClient& objects, std::vector<Watched>& all) {
+  std::vector<host::ObjectAddress> addresses;
+  for (const Watched& one : all) addresses.push_back(one.address);
+  for (const auto& set : objects.read_together(addresses)) {
+    std::vector<host::ObjectAddress> together;
+    for (const std::size_t i : set) together.push_back(addresses[i]);
+    auto values = objects.upload_together(together);
+    for (std::size_t k = 0; k < set.size(); ++k) {
+      Watched& one = all[set[k]];
+      one.changed = !one.seen || values[k] != one.value;
+      one.seen = true;
+      one.value = std::move(values[k]);
+    }
+  }
+}
+
+void print_objects(const Options& options, double at, const std::vector<Watched>& all) {
+  if (on_terminal() && !options.bus.json) {
+    std::string page = "\x1B[H\x1B[J";
+    for (const Watched& one : all) page += fmt::format("{:<44} {}\n", one.title, one.text());
+    fmt::print("{}", page);
+  } else {
+    for (const Watched& one : all) {
+      if (!one.changed) continue;
+      if (options.bus.json) {
+        nlohmann::ordered_json json{{"seconds", at}, {"object", host::text_of(one.address)}, {"name", one.name}};
+        json["value"] = value_json(one.value, one.type);
+        json["bytes"] = host::text_of_value(one.value, dictionary::Type::octet_string);
+        json["unit"] = one.unit;
+        fmt::print("{}\n", json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+      } else {
+        fmt::print("{:10.3f}  {} = {}\n", at, one.title, one.text());
+      }
+    }
+  }
+  std::fflush(stdout);
+}
+
+void monitor_objects(const Options& options) {
+  const ObjectNames names(options.eds);
+  DriveLink link(options.bus, false);
+  const host::ObjectCatalogue& catalogue = names.of(options.objects, link);
+  std::vector<Watched> all;
+  for (const std::string& text : options.objects) {
+    const host::ObjectAddress address = resolve(catalogue, text);
+    const host::NamedObject* known = catalogue.find(address);
+    Watched one{.address = address, .name = {}, .title = catalogue.title(address), .unit = {}, .type = {}};
+    if (known != nullptr) {
+      one.name = known->name;
+      one.unit = known->unit;
+      one.type = known->type;
+    }
+    all.push_back(std::move(one));
+  }
+  host::ObjectClient& objects = link.objects();
+  const host::Time start = objects.now();
+  const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));
+  repeat(objects, options, [&] {
+    look(objects, all);
+    print_objects(options, seconds_between(start, objects.now()), all);
+    objects.wait(interval);
+  });
+}
+
+void run(const Options& options) {
+  if (!options.objects.empty() && options.axis) {
+    throw Failure::wrong_use("monitor: it shows an axis or objects, not both; leave out --axis, or the objects");
+  }
+  if (!options.objects.empty()) return monitor_objects(options);
+  if (!options.eds.empty()) throw Failure::wrong_use("--eds: it is for the names of objects; write which to show");
+  options.axis ? monitor_axis(options) : monitor_bus(options);
+}
+
 }  // namespace
 
 void add_monitor(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
-      "monitor", "Show decoded CAN traffic, or with --axis what an axis does on any bus, until Ctrl-C");
-  add_bus_options(*command, options->bus, "Seconds to wait for each answer of the axis");
+      "monitor",
+      "Show decoded CAN traffic, or on any bus objects of a drive, or with --axis what an axis does, until Ctrl-C");
+  command->add_option("OBJECT", options->objects, "INDEX[:SUB] in hexadecimal, or a name, e.g. 6064 or P01-02");
+  add_bus_options(*command, options->bus, "Seconds to wait for each answer of the drive");
   add_node_option(*command, options->bus);
   add_serial_options(*command, options->bus);
+  command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
   command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
   add_unit_options(*command, options->units);
   command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
-  command->add_option("--interval", options->interval_s, "Seconds between two looks at the axis")
+  command->add_option("--interval", options->interval_s, "Seconds between two looks at the drive")
       ->check(number_within(0.001, 3600.0))
       ->capture_default_str();
-  command->callback([options] { options->axis ? monitor_axis(*options) : monitor_bus(*options); });
+  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -1,15 +1,11 @@
 // `get` and `set`: objects of a drive by SDO, Modbus or the 10-byte protocol.
-#include <algorithm>
 #include <fmt/format.h>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
-#include "describe/words.hpp"
-#include "dictionary/dictionary.hpp"
-#include "host/object_catalogue.hpp"
+#include "app/object_names.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -25,13 +21,6 @@ struct Options {
   std::string object;                // set
   std::string value;
 };
-
-host::ObjectCatalogue catalogue_of(const Options& options) {
-  if (options.eds.empty()) return host::ObjectCatalogue::standard();
-  std::ifstream file(options.eds);
-  if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
-  return host::ObjectCatalogue::read_eds(file, options.eds);
-}
 
 std::optional<Type> given_type(const Options& options) {
   if (options.type.empty()) return std::nullopt;
@@ -60,61 +49,11 @@ std::vector<std::byte> upload(DriveLink& link, host::ObjectAddress object, const
   return options.block ? sdo_of(link).upload(object, host::SdoProtocol::block) : link.objects().upload(object);
 }
 
-host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::string& text) {
-  try {
-    return catalogue.resolve(text);
-  } catch (const host::HostError& error) {
-    throw Failure::wrong_use(error.what());
-  }
-}
-
-bool knows(const host::ObjectCatalogue& catalogue, const std::string& text) {
-  try {
-    return catalogue.find(catalogue.resolve(text)) != nullptr;
-  } catch (const host::HostError&) {
-    return false;
-  }
-}
-
-// What the standard does not know may be the maker's own: then the drive is asked which product it is.
-const host::ObjectCatalogue& complete_catalogue(const host::ObjectCatalogue& given, const Options& options,
-                                                std::span<const std::string> objects, DriveLink& link) {
-  const bool enough = !options.eds.empty() ||
-                      std::all_of(objects.begin(), objects.end(), [&](const auto& text) { return knows(given, text); });
-  return enough || link.product() == nullptr ? given : link.catalogue();
-}
-
-nlohmann::ordered_json json_of(const host::ObjectCatalogue& catalogue, unsigned node_id, host::ObjectAddress object,
-                               std::span<const std::byte> bytes, std::optional<Type> type) {
-  const host::NamedObject* known = catalogue.find(object);
-  nlohmann::ordered_json json{
-      {"node", node_id}, {"object", text_of(object)}, {"index", object.index}, {"sub", object.sub}};
-  json["name"] = known == nullptr ? "" : known->name;
-  json["type"] = type ? nlohmann::ordered_json(describe::word(*type)) : nullptr;
-  const std::size_t size = type ? dictionary::size_of(*type) : 0;
-  if (type == Type::real32 && bytes.size() == 4) {
-    float number = 0;
-    std::memcpy(&number, bytes.data(), sizeof number);
-    json["value"] = number;
-  } else if (type == Type::boolean && !bytes.empty()) {
-    json["value"] = bytes[0] != std::byte{0};
-  } else if (size != 0 && bytes.size() <= 8) {
-    const std::int64_t number = dictionary::decode_number(*type, bytes);
-    json["value"] = type == Type::unsigned64 ? nlohmann::ordered_json(static_cast<std::uint64_t>(number))
-                                             : nlohmann::ordered_json(number);
-  } else if (type == Type::visible_string) {
-    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-    json["value"] = text.substr(0, text.find_last_not_of('\0') + 1);
-  }
-  json["bytes"] = host::text_of_value(bytes, Type::octet_string);
-  return json;
-}
-
 void get(const Options& options) {
-  const host::ObjectCatalogue given = catalogue_of(options);
+  const ObjectNames names(options.eds);
   given_type(options);
   DriveLink link(options.bus, false);
-  const host::ObjectCatalogue& catalogue = complete_catalogue(given, options, options.objects, link);
+  const host::ObjectCatalogue& catalogue = names.of(options.objects, link);
   std::vector<host::ObjectAddress> objects;
   for (const std::string& text : options.objects) objects.push_back(resolve(catalogue, text));
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
@@ -123,7 +62,7 @@ void get(const Options& options) {
     try {
       const std::vector<std::byte> bytes = upload(link, object, options);
       const auto type = type_of(options, catalogue, object);
-      list.push_back(json_of(catalogue, link.objects().address(), object, bytes, type));
+      list.push_back(object_json(catalogue, link.objects().address(), object, bytes, type));
       if (!options.bus.json) fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
     } catch (const host::ObjectError& error) {
       // What the drive refuses does not keep the others from being read; a drive that is silent does.
@@ -162,7 +101,7 @@ Type type_to_write(const Options& options, const host::ObjectCatalogue& catalogu
 }
 
 void set(const Options& options) {
-  const host::ObjectCatalogue given = catalogue_of(options);
+  const ObjectNames names(options.eds);
   const auto value_as = [&options](Type type, const std::string& title) {
     try {
       return host::parse_value(options.value, type);
@@ -170,13 +109,14 @@ void set(const Options& options) {
       throw Failure::wrong_use(fmt::format("{}: {}", title, error.what()));
     }
   };
+  const host::ObjectCatalogue& given = names.without_drive();
   if (knows(given, options.object)) {  // wrong use needs no bus to be found
     const host::ObjectAddress object = given.resolve(options.object);
     if (const auto type = type_of(options, given, object)) value_as(*type, given.title(object));
   }
   given_type(options);
   DriveLink link(options.bus, false);
-  const host::ObjectCatalogue& catalogue = complete_catalogue(given, options, std::span(&options.object, 1), link);
+  const host::ObjectCatalogue& catalogue = names.of(std::span(&options.object, 1), link);
   const host::ObjectAddress object = resolve(catalogue, options.object);
   const auto value_of = [&](Type type) { return value_as(type, catalogue.title(object)); };
   const Type type = type_to_write(options, catalogue, object, link.objects());
@@ -187,7 +127,7 @@ void set(const Options& options) {
     link.objects().download(object, bytes);
   }
   if (options.bus.json) {
-    fmt::print("{}\n", json_of(catalogue, link.objects().address(), object, bytes, type).dump(2));
+    fmt::print("{}\n", object_json(catalogue, link.objects().address(), object, bytes, type).dump(2));
   } else {
     fmt::print("{} = {}\n", catalogue.title(object), host::text_of_value(bytes, type));
   }

@@ -1,0 +1,84 @@
+#include "app/object_names.hpp"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "app/commands.hpp"
+#include "describe/words.hpp"
+#include "dictionary/dictionary.hpp"
+#include "host/error.hpp"
+
+namespace servodrome::app {
+
+using dictionary::Type;
+
+namespace {
+
+host::ObjectCatalogue read_catalogue(const std::string& eds) {
+  if (eds.empty()) return host::ObjectCatalogue::standard();
+  std::ifstream file(eds);
+  if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", eds));
+  return host::ObjectCatalogue::read_eds(file, eds);
+}
+
+}  // namespace
+
+ObjectNames::ObjectNames(const std::string& eds) : has_eds_(!eds.empty()), given_(read_catalogue(eds)) {}
+
+const host::ObjectCatalogue& ObjectNames::of(std::span<const std::string> texts, DriveLink& link) const {
+  const bool enough =
+      has_eds_ || std::all_of(texts.begin(), texts.end(), [&](const auto& text) { return knows(given_, text); });
+  return enough || link.product() == nullptr ? given_ : link.catalogue();
+}
+
+host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::string& text) {
+  try {
+    return catalogue.resolve(text);
+  } catch (const host::HostError& error) {
+    throw Failure::wrong_use(error.what());
+  }
+}
+
+bool knows(const host::ObjectCatalogue& catalogue, const std::string& text) {
+  try {
+    return catalogue.find(catalogue.resolve(text)) != nullptr;
+  } catch (const host::HostError&) {
+    return false;
+  }
+}
+
+nlohmann::ordered_json value_json(std::span<const std::byte> bytes, std::optional<Type> type) {
+  if (!type) return nullptr;
+  if (*type == Type::real32 && bytes.size() == 4) {
+    float number = 0;
+    std::memcpy(&number, bytes.data(), sizeof number);
+    return number;
+  }
+  if (*type == Type::boolean && !bytes.empty()) return bytes[0] != std::byte{0};
+  if (dictionary::size_of(*type) != 0 && bytes.size() <= 8) {
+    const std::int64_t number = dictionary::decode_number(*type, bytes);
+    if (*type == Type::unsigned64) return static_cast<std::uint64_t>(number);
+    return number;
+  }
+  if (*type == Type::visible_string) {
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    return text.substr(0, text.find_last_not_of('\0') + 1);
+  }
+  return nullptr;
+}
+
+nlohmann::ordered_json object_json(const host::ObjectCatalogue& catalogue, unsigned node_id, host::ObjectAddress object,
+                                   std::span<const std::byte> bytes, std::optional<Type> type) {
+  const host::NamedObject* known = catalogue.find(object);
+  nlohmann::ordered_json json{
+      {"node", node_id}, {"object", text_of(object)}, {"index", object.index}, {"sub", object.sub}};
+  json["name"] = known == nullptr ? "" : known->name;
+  json["type"] = type ? nlohmann::ordered_json(describe::word(*type)) : nullptr;
+  if (auto value = value_json(bytes, type); !value.is_null()) json["value"] = std::move(value);
+  json["bytes"] = host::text_of_value(bytes, Type::octet_string);
+  return json;
+}
+
+}  // namespace servodrome::app
