@@ -408,6 +408,7 @@ def test_the_service_port_of_a_jmc_drive(start_serial_line):
     plain = ["--bus", "modbus:" + line.links["rs"][1]]
     drive = [*plain, "--product", "jmc_ec"]
     assert "give --product jmc_ec" in servodrome("get", *plain, "P01-03", status=2)
+    wait_for(lambda: "voltage = 36" in servodrome("get", *drive, "d23"), "a charged DC link")
     assert servodrome("get", *drive, "P01-03", "d23").splitlines() == [
         "2001:04 P01 Main control.P01-03 Rigidity level = 13 (000Dh)",
         "200D:18 d Monitoring items.d23 dcp main circuit voltage = 36",
