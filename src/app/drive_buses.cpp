@@ -116,7 +116,7 @@ std::vector<studio::DrivePlan> drives_on_modbus(const Named& named, const std::s
     const std::uint8_t unit = modbus_unit(one, link);
     const line::Product* product = named_product(one);
     if (product == nullptr) product = &modbus_product(client, unit);
-    register_list_of(*product);  // it has one, or this says so
+    check_that_it_moves(*product, fmt::format("{}, unit {}", link, unit));
     drives.push_back({{}, product_name(product), node});
   }
   return drives;

@@ -326,20 +326,20 @@ std::unique_ptr<host::scope::Sampler> DriveLink::open_sampler(std::vector<host::
                                           modbus_ ? "Modbus requests" : "requests of the 10-byte protocol");
 }
 
-// The port of a PC program may have parameters alone.
-void DriveLink::check_that_it_moves(const host::RegisterList& list) const {
+void check_that_it_moves(const line::Product& product, const std::string& where) {
+  const host::RegisterList list = register_list_of(product);
   const bool has_statusword = std::any_of(list.registers.begin(), list.registers.end(),
                                           [](const auto& row) { return row.index == 0x6041 && row.sub == 0; });
   if (has_statusword) return;
-  throw Failure::wrong_use(fmt::format(
-      "{}: this port of {} has parameters and monitoring items, and neither controlword nor statusword; "
-      "`get`, `set`, `params`, `scope` and `monitor OBJECT` work here, commands to the axis on its {}",
-      objects_->where(), product_->name, product_->fieldbus == line::Fieldbus::ethercat ? "EtherCAT" : "CAN bus"));
+  throw Failure::wrong_use(
+      fmt::format("{}: this port of {} has parameters and monitoring items, and neither controlword nor statusword; "
+                  "`get`, `set`, `params`, `scope` and `monitor OBJECT` work here, commands to the axis on its {}",
+                  where, product.name, product.fieldbus == line::Fieldbus::ethercat ? "EtherCAT" : "CAN bus"));
 }
 
 std::unique_ptr<host::Axis402> DriveLink::open_axis(host::ObjectClient& objects, host::AxisOptions options) {
   if (product() != nullptr) options.dialect = host::dialect_of(product()->name);
-  if (modbus_) check_that_it_moves(register_list());
+  if (modbus_) check_that_it_moves(*product_, objects_->where());
   if (!options.cancelled) options.cancelled = InterruptGuard::interrupted;
   return std::make_unique<host::Axis402>(objects, options);
 }
@@ -353,7 +353,7 @@ std::unique_ptr<host::conform::Subject> DriveLink::open_subject(const host::conf
         host::conform::EthercatAccess{*ethercat_, line_, *slave_, operation_options(options)}, settings);
   }
   if (modbus_) {
-    check_that_it_moves(register_list());
+    check_that_it_moves(*product_, objects_->where());
     return std::make_unique<Subject>(
         host::conform::ModbusAccess{*modbus_, static_cast<std::uint8_t>(objects_->address()), register_list()},
         settings);

@@ -63,7 +63,6 @@ class DriveLink {
   void open_serial10(const BusOptions& options, const std::string& link);
   void open_ethercat(const BusOptions& options, bool drives);
   host::RegisterList register_list() const;
-  void check_that_it_moves(const host::RegisterList& list) const;
 
   std::unique_ptr<host::Bus> bus_;
   std::unique_ptr<host::ModbusClient> modbus_;
@@ -112,6 +111,8 @@ host::ModbusClient open_modbus_client(const BusOptions& options, const std::stri
 std::uint8_t modbus_unit(const BusOptions& options, const std::string& link);
 // What a station says it is. Throws Failure if it does not, or is none of ours.
 const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t unit);
+// The port of a PC program may have parameters alone: throws Failure if the product's Modbus has no statusword.
+void check_that_it_moves(const line::Product& product, const std::string& where);
 // Throws Failure if the product has no Modbus registers.
 host::RegisterList register_list_of(const line::Product& product);
 host::Serial10Client open_serial10_client(const BusOptions& options, const std::string& link,

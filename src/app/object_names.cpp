@@ -7,7 +7,6 @@
 
 #include "app/commands.hpp"
 #include "describe/words.hpp"
-#include "dictionary/dictionary.hpp"
 #include "host/error.hpp"
 
 namespace servodrome::app {
@@ -27,10 +26,8 @@ host::ObjectCatalogue read_catalogue(const std::string& eds) {
 
 ObjectNames::ObjectNames(const std::string& eds) : has_eds_(!eds.empty()), given_(read_catalogue(eds)) {}
 
-const host::ObjectCatalogue& ObjectNames::of(std::span<const std::string> texts, DriveLink& link) const {
-  const bool enough =
-      has_eds_ || std::all_of(texts.begin(), texts.end(), [&](const auto& text) { return knows(given_, text); });
-  return enough || link.product() == nullptr ? given_ : link.catalogue();
+const host::ObjectCatalogue& ObjectNames::of(DriveLink& link) const {
+  return has_eds_ || link.product() == nullptr ? given_ : link.catalogue();
 }
 
 host::ObjectAddress resolve(const host::ObjectCatalogue& catalogue, const std::string& text) {
@@ -57,10 +54,13 @@ nlohmann::ordered_json value_json(std::span<const std::byte> bytes, std::optiona
     return number;
   }
   if (*type == Type::boolean && !bytes.empty()) return bytes[0] != std::byte{0};
-  if (dictionary::size_of(*type) != 0 && bytes.size() <= 8) {
-    const std::int64_t number = dictionary::decode_number(*type, bytes);
-    if (*type == Type::unsigned64) return static_cast<std::uint64_t>(number);
-    return number;
+  if (dictionary::size_of(*type) != 0 && !bytes.empty() && bytes.size() <= 8) {
+    // By the bytes that came, as in text: a drive may have another size than is known.
+    std::uint64_t raw = 0;
+    std::memcpy(&raw, bytes.data(), bytes.size());
+    if (!dictionary::is_signed(*type)) return raw;
+    const auto shift = static_cast<unsigned>(64 - 8 * bytes.size());
+    return static_cast<std::int64_t>(raw << shift) >> shift;
   }
   if (*type == Type::visible_string) {
     const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());

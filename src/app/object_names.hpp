@@ -29,9 +29,10 @@ class ObjectNames {
   explicit ObjectNames(const std::string& eds);
 
   const host::ObjectCatalogue& without_drive() const { return given_; }
-  // One that knows all these names. What the standard does not know may be the maker's own: then the drive is asked
-  // which product it is.
-  const host::ObjectCatalogue& of(std::span<const std::string> texts, DriveLink& link) const;
+  bool has_eds() const { return has_eds_; }
+  // The drive is asked which product it is: names may be the maker's own, and types and units other than the
+  // standard's.
+  const host::ObjectCatalogue& of(DriveLink& link) const;
 
  private:
   bool has_eds_;

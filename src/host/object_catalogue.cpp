@@ -143,7 +143,8 @@ ObjectCatalogue ObjectCatalogue::of(std::span<const dictionary::Entry> table) {
 // Entries come in the order of their keys.
 void ObjectCatalogue::add(const dictionary::Entry& entry) {
   const std::string object_name = entry.sub == 0 || objects_.empty() ? entry.name : objects_.back().object_name;
-  const bool is_count = entry.sub == 0 && entry.code != dictionary::ObjectCode::var;
+  const bool is_count =
+      entry.sub == 0 && (entry.code == dictionary::ObjectCode::array || entry.code == dictionary::ObjectCode::record);
   objects_.push_back({.address = {entry.index, entry.sub},
                       .object_name = object_name,
                       .name = is_count ? "Highest sub-index" : entry.name,
@@ -163,15 +164,23 @@ const NamedObject* ObjectCatalogue::find(ObjectAddress address) const {
   return found != objects_.end() && found->address == address ? &*found : nullptr;
 }
 
-// The maker's number in front of a name: "P01-02" of "P01-02 Real-time adjustment mode", "d08", "Pn100".
-const NamedObject* ObjectCatalogue::find_number(std::string_view wanted) const {
-  const NamedObject* found = nullptr;
+// Letters, then digits: "P01-02", "d08", "Pn100".
+bool is_number(std::string_view word) {
+  const auto digit = std::find_if(word.begin(), word.end(), is_digit);
+  const auto is_letter = [](char c) { return lower(c) >= 'a' && lower(c) <= 'z'; };
+  return digit != word.begin() && digit != word.end() && std::all_of(word.begin(), digit, is_letter) &&
+         std::all_of(digit, word.end(), [](char c) { return is_digit(c) || c == '-'; });
+}
+
+// The name of a sub-index by itself, or the maker's number in front of it: "P01-02" of "P01-02 Real-time adjustment
+// mode".
+std::vector<const NamedObject*> ObjectCatalogue::find_short(std::string_view wanted) const {
+  std::vector<const NamedObject*> found;
   for (const NamedObject& object : objects_) {
     const std::string_view name = object.name;
     const std::string_view word = name.substr(0, name.find(' '));
-    if (word == name || std::none_of(word.begin(), word.end(), is_digit) || plain(word) != wanted) continue;
-    if (found != nullptr) return nullptr;
-    found = &object;
+    const bool by_number = word != name && is_number(word) && plain(word) == wanted;
+    if (by_number || plain(name) == wanted) found.push_back(&object);
   }
   return found;
 }
@@ -180,8 +189,8 @@ ObjectAddress ObjectCatalogue::resolve(std::string_view text) const {
   const std::string wanted = plain(text);
   if (const auto address = parse_address(text)) {
     // "d08" may be both: an address where nothing is, and a number.
-    const NamedObject* number = find(*address) == nullptr ? find_number(wanted) : nullptr;
-    return number != nullptr ? number->address : *address;
+    const auto numbers = find(*address) == nullptr ? find_short(wanted) : std::vector<const NamedObject*>{};
+    return numbers.size() == 1 ? numbers.front()->address : *address;
   }
   const NamedObject* found = nullptr;
   bool in_parts = false;
@@ -193,9 +202,19 @@ ObjectAddress ObjectCatalogue::resolve(std::string_view text) const {
     }
     in_parts = in_parts || (!simple && plain(object.object_name) == wanted);
   }
-  if (found == nullptr && !in_parts) found = find_number(wanted);
   if (found != nullptr) return found->address;
   const std::string where = fmt::format("object \"{}\"", text);
+  const auto short_named = in_parts ? std::vector<const NamedObject*>{} : find_short(wanted);
+  if (short_named.size() == 1) return short_named.front()->address;
+  if (!short_named.empty()) {
+    constexpr std::size_t most_listed = 6;
+    std::string list;
+    for (std::size_t i = 0; i < std::min(short_named.size(), most_listed); ++i) {
+      list += fmt::format("{}{}", i == 0 ? "" : ", ", title(short_named[i]->address));
+    }
+    if (short_named.size() > most_listed) list += fmt::format(" and {} more", short_named.size() - most_listed);
+    throw HostError("several objects have this name", where, fmt::format("write INDEX:SUB of one: {}", list));
+  }
   if (in_parts) throw HostError("it has sub-indices", where, "write INDEX:SUB, or OBJECT.NAME of the sub-index");
   throw HostError("no object has this name", where,
                   "write INDEX[:SUB] in hexadecimal, a name of CiA 301 or CiA 402, or give the drive's EDS with --eds");
@@ -235,7 +254,13 @@ std::string text_of_value(std::span<const std::byte> bytes, std::optional<Type> 
   };
   const auto as_text = [&] {
     const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-    return fmt::format("\"{}\"", text.substr(0, text.find_last_not_of('\0') + 1));
+    // What would move the cursor, colour the terminal or begin a line is shown, not done.
+    std::string shown;
+    for (const char c : text.substr(0, text.find_last_not_of('\0') + 1)) {
+      const auto code = static_cast<unsigned char>(c);
+      shown += code < 0x20 || code == 0x7F ? fmt::format("\\x{:02X}", code) : std::string(1, c);
+    }
+    return fmt::format("\"{}\"", shown);
   };
   if (!type) {
     if (bytes.size() == 1 || bytes.size() == 2 || bytes.size() == 4 || bytes.size() == 8) {

@@ -46,8 +46,8 @@ class ObjectCatalogue {
   const NamedObject* find(ObjectAddress address) const;
 
   // Reads `INDEX`, `INDEX:SUB` (both hexadecimal, with or without 0x or h) or a name: the object's, for its only
-  // sub-index, or `OBJECT.SUB-INDEX NAME`, or the maker's number that a name begins with ("P01-02"). Case, blanks and
-  // underscores do not matter. Throws HostError.
+  // sub-index, or `OBJECT.SUB-INDEX NAME`, or what only one sub-index is called, or the maker's number that its name
+  // begins with ("P01-02"). Case, blanks and underscores do not matter. Throws HostError.
   ObjectAddress resolve(std::string_view text) const;
 
   std::string title(ObjectAddress address) const;  // "6099:01 Homing speeds.Speed during search for switch"
@@ -56,8 +56,7 @@ class ObjectCatalogue {
  private:
   void add(const dictionary::Entry& entry);
   void sort();
-  // The only one whose name begins with this word, which has a digit; nullptr.
-  const NamedObject* find_number(std::string_view wanted) const;
+  std::vector<const NamedObject*> find_short(std::string_view wanted) const;
 
   std::vector<NamedObject> objects_;  // in order of address
 };

@@ -2,6 +2,7 @@
 #include <fstream>
 #include <gmock/gmock.h>
 #include <iterator>
+#include <sstream>
 
 #include "app/axis_rig.hpp"
 #include "host/script/run.hpp"
@@ -24,6 +25,28 @@ std::string mistakes_of(std::string_view text) {
     return mistakes.what();
   }
   return "";
+}
+
+TEST(Script, ObjectsAreThoseOfTheProductThatAnAxisIsDeclaredWith) {
+  std::istringstream eds(
+      "[2001]\nParameterName=P01-02 Adjustment\nDataType=6\n[6080]\nParameterName=Speed\nDataType=6\n");
+  const auto own = ObjectCatalogue::read_eds(eds, "x.eds");
+  const CatalogueOf catalogue_of = [&](const std::string& product) { return product == "mine" ? &own : nullptr; };
+  const auto parsed_with = [&](std::string_view text) {
+    return parse(text, "a.script", ObjectCatalogue::standard(), catalogue_of);
+  };
+  const Script script = parsed_with("axis a 1 product mine\naxis b 2\nget P01-02\na set 6080 1\nb set 6080 1\n");
+  EXPECT_EQ(script.steps[0].subject.object, (ObjectAddress{0x2001, 0}));
+  EXPECT_EQ(script.steps[1].subject.type, dictionary::Type::unsigned16);
+  EXPECT_EQ(script.steps[2].subject.type, dictionary::Type::unsigned32);
+  EXPECT_THROW(parsed_with("axis a 1 product mine\naxis b 2\nb get P01-02\n"), ScriptMistakes);
+  EXPECT_THROW(parsed_with("axis a 1 product other\n"), ScriptMistakes);
+  for (const char* line : {"get 6041", "set 6081 1", "expect 6041 has 1", "wait 1", "print x"}) {
+    EXPECT_FALSE(needs_axis(parsed(line).steps.front())) << line;
+  }
+  for (const char* line : {"enable", "get position", "expect state == fault", "move by 1", "stop"}) {
+    EXPECT_TRUE(needs_axis(parsed(line).steps.front())) << line;
+  }
 }
 
 TEST(ScriptMistake, IsToldWithFileLineAndColumn) {

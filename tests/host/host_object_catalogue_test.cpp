@@ -55,6 +55,7 @@ TEST(ObjectCatalogue, ReadsAnEds) {
   EXPECT_EQ(catalogue.resolve("gains.position"), (ObjectAddress{0x2100, 10}));
   EXPECT_EQ(catalogue.find({0x2100, 10})->type, Type::integer32);
   EXPECT_EQ(catalogue.find({0x2100, 0})->type, Type::unsigned8);
+  EXPECT_EQ(catalogue.resolve("position"), (ObjectAddress{0x2100, 10}));
   EXPECT_THROW(catalogue.resolve("gains"), HostError);
   std::istringstream empty("[FileInfo]\nFileName=x.eds\n");
   EXPECT_THROW(ObjectCatalogue::read_eds(empty, "x.eds"), HostError);
@@ -74,6 +75,13 @@ TEST(ObjectCatalogue, ResolvesMakersNumbers) {
   EXPECT_EQ(catalogue.resolve("d08"), (ObjectAddress{0x200D, 0}));
   EXPECT_EQ(catalogue.resolve("d09"), (ObjectAddress{0x0D09, 0}));
   EXPECT_EQ(catalogue.resolve("d10"), (ObjectAddress{0x0D10, 0})) << "no such number: an address";
+  EXPECT_EQ(catalogue.resolve("P01-03 rigidity"), (ObjectAddress{0x2001, 4})) << "what only one sub-index is called";
+  try {
+    catalogue.resolve("x1");
+    ADD_FAILURE() << "two have it";
+  } catch (const HostError& error) {
+    EXPECT_NE(error.remedy().find("2010:00 x1 One, 2011:00 x1 Another"), std::string::npos) << error.what();
+  }
   for (const char* wrong : {"x1", "Gain", "P01", "P01-04"}) EXPECT_THROW(catalogue.resolve(wrong), HostError) << wrong;
 }
 

@@ -75,6 +75,40 @@ def test_what_a_drive_refuses_does_not_keep_the_others_from_being_read(line):
     assert "0602" in read[1]["error"] and isinstance(read[2]["value"], int)
 
 
+def test_objects_have_the_types_and_units_of_the_product(start_line):
+    """The iSMK's 6080h is 16 bits wide; CiA 402 has 32."""
+    line = start_line('[[bus]]\nname = "can0"\n[[axis]]\nname = "k"\nproduct = "ismk"\nbus = "can0"\nnode = 4\n')
+    drive = ["--timeout", "30", "--node", "4"]
+
+    def client(command, *arguments, **options):
+        return servodrome(command, "--bus", line.links["can0"][0], *arguments, **options)
+
+    client("set", *drive, "6080", "2500")
+    assert json.loads(client("get", *drive, "6080", "--json"))["type"] == "UNSIGNED16"
+    client("set", *drive, "6080", "40000000", status=2)
+    assert "abc" in client("set", *drive, "6080", "abc", status=2)
+    alone, beside = (client("monitor", *drive, *objects, "--for", "0.1") for objects in (["6064"], ["6064", "2601"]))
+    assert " inc" in alone and " inc" in beside
+
+
+def test_monitor_shows_objects(line, client, tmp_path):
+    command = [PROGRAM, "monitor", "--bus", line.links["can0"][0], "--timeout", "30", "--node", "2"]
+    done = subprocess.run([*command, "6040", "5FFF", "6041", "--for", "0.2"], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and "5FFF:00" in done.stderr
+    assert ["6040:00" in done.stdout, "6041:00" in done.stdout] == [True, True]
+    assert "5FFF" in client("monitor", "--timeout", "30", "--node", "2", "5FFF", "--for", "0.2", status=1)
+    assert "--units" in client("monitor", "--node", "2", "6064", "--units", "rpm", status=2)
+    assert "not both" in client("monitor", "--node", "2", "6064", "--axis", status=2)
+    shown = tmp_path / "monitor.txt"
+    with open(shown, "wb") as output:
+        watching = subprocess.Popen([*command, "6083", "--interval", "1000"], stdout=output)
+    try:
+        wait_for(lambda: b"6083:00" in shown.read_bytes(), "the first look")
+    finally:
+        watching.send_signal(signal.SIGINT)
+        assert watching.wait(100) == 0, "it ends though the next look is far off"
+
+
 @pytest.mark.once
 def test_home_and_move(client, bench):
     client("home", "--node", "2", "--method", "24", "--speed", "500000", "--zero-speed", "50000")

@@ -402,7 +402,7 @@ def test_the_commands_work_over_modbus(serial_line, link):
     assert "needs a CAN bus" in servodrome("nmt", "start", *reference, status=2)
 
 
-def test_the_service_port_of_a_jmc_drive(start_serial_line):
+def test_the_service_port_of_a_jmc_drive(start_serial_line, tmp_path):
     """What JmcServoPcControl does: parameters by their numbers, monitoring items. The axis is moved on its fieldbus."""
     line = start_serial_line(JMC)
     plain = ["--bus", "modbus:" + line.links["rs"][1]]
@@ -420,6 +420,15 @@ def test_the_service_port_of_a_jmc_drive(start_serial_line):
     for words in (["faults"], ["move", "--by", 1], ["home"], ["conform"], ["monitor", "--axis"]):
         said = servodrome(*words, *drive, status=2)
         assert "neither controlword nor statusword" in said and "on its EtherCAT" in said, said
+    script = tmp_path / "j.script"
+    script.write_text("axis j 1 product jmc_ec\nset P01-03 14\nexpect P01-03 == 14\nexpect d08 == 0\n")
+    servodrome("run", *plain, script)
+    script.write_text("axis j 1 product jmc_ec\nset P01-03 12\nenable\n")
+    assert f"{script}:3:1: " in servodrome("run", *plain, script, status=2)
+    assert "= 14" in servodrome("get", *drive, "P01-03 Rigidity level")
+    script.write_text("axis j 1 product jcm\n")
+    assert f"{script}:1:18: there is no product" in servodrome("run", *plain, script, status=2)
+    assert "neither controlword" in servodrome("studio", *drive, status=2)
     assert "no object has this name" in servodrome("get", *drive, "P01-99", status=2)
     assert "not both" in servodrome("monitor", *drive, "d08", "--axis", status=2)
 

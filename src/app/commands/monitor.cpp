@@ -29,12 +29,22 @@ double seconds_between(host::Time start, host::Time end) { return std::chrono::d
 // Calls `step`, which lets the bus run for a while, until the time is up or Ctrl-C.
 template <typename Clock, typename Step>
 void repeat(const Clock& clock, const Options& options, const Step& step) {
-  const InterruptGuard guard(InterruptGuard::Command::only_looks);
   const host::Time start = clock.now();
   while (!InterruptGuard::interrupted() &&
          (options.seconds <= 0 || seconds_between(start, clock.now()) < options.seconds)) {
     step();
   }
+}
+
+// Until the next look at the drive, or the end.
+void wait_for_next(host::ObjectClient& objects, const Options& options, host::Time start) {
+  constexpr host::Time slice = std::chrono::milliseconds(50);
+  const auto duration = [](double seconds) {
+    return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
+  };
+  host::Time end = objects.now() + duration(options.interval_s);
+  if (options.seconds > 0) end = std::min(end, start + duration(options.seconds));
+  while (!InterruptGuard::interrupted() && objects.now() < end) objects.wait(std::min(slice, end - objects.now()));
 }
 
 void monitor_bus(const Options& options) {
@@ -119,7 +129,6 @@ void monitor_axis(const Options& options) {
   host::ObjectClient& objects = link.objects();
   const host::UnitScale scale = scale_of(axis, choice);
   const host::Time start = objects.now();
-  const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));
   const auto units = axis.units();
   const double moved_units = (units ? units->position : default_units_per_revolution) * moved_revolutions;
   std::optional<host::AxisStatus> last;
@@ -134,7 +143,7 @@ void monitor_axis(const Options& options) {
       last = now;
       last_emergency = emergency;
     }
-    objects.wait(interval);
+    wait_for_next(objects, options, start);
   });
 }
 
@@ -153,6 +162,31 @@ struct Watched {
   }
 };
 
+void note(Watched& one, std::vector<std::byte> value) {
+  one.changed = !one.seen || value != one.value;
+  one.seen = true;
+  one.value = std::move(value);
+}
+
+// What the drive refuses is told, and not looked at any more. Throws if it does not answer, or nothing is left.
+void look_first(host::ObjectClient& objects, std::vector<Watched>& all) {
+  std::string refusal;
+  std::vector<Watched> readable;
+  for (Watched& one : all) {
+    try {
+      note(one, objects.upload(one.address));
+      readable.push_back(std::move(one));
+    } catch (const host::ObjectError& error) {
+      if (!error.answered()) throw;
+      if (!refusal.empty()) warn(refusal);
+      refusal = error.what();
+    }
+  }
+  all = std::move(readable);
+  if (all.empty()) throw Failure::did_not_work(refusal);
+  if (!refusal.empty()) warn(refusal);
+}
+
 // As few requests as the bus needs for all of them. Throws ObjectError.
 void look(host::ObjectClient& objects, std::vector<Watched>& all) {
   std::vector<host::ObjectAddress> addresses;
@@ -161,12 +195,7 @@ void look(host::ObjectClient& objects, std::vector<Watched>& all) {
     std::vector<host::ObjectAddress> together;
     for (const std::size_t i : set) together.push_back(addresses[i]);
     auto values = objects.upload_together(together);
-    for (std::size_t k = 0; k < set.size(); ++k) {
-      Watched& one = all[set[k]];
-      one.changed = !one.seen || values[k] != one.value;
-      one.seen = true;
-      one.value = std::move(values[k]);
-    }
+    for (std::size_t k = 0; k < set.size(); ++k) note(all[set[k]], std::move(values[k]));
   }
 }
 
@@ -195,7 +224,8 @@ void print_objects(const Options& options, double at, const std::vector<Watched>
 void monitor_objects(const Options& options) {
   const ObjectNames names(options.eds);
   DriveLink link(options.bus, false);
-  const host::ObjectCatalogue& catalogue = names.of(options.objects, link);
+  if (link.sdo() != nullptr) link.sdo()->cancel_when(InterruptGuard::interrupted);
+  const host::ObjectCatalogue& catalogue = names.of(link);
   std::vector<Watched> all;
   for (const std::string& text : options.objects) {
     const host::ObjectAddress address = resolve(catalogue, text);
@@ -210,11 +240,11 @@ void monitor_objects(const Options& options) {
   }
   host::ObjectClient& objects = link.objects();
   const host::Time start = objects.now();
-  const auto interval = std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(options.interval_s));
+  look_first(objects, all);
   repeat(objects, options, [&] {
-    look(objects, all);
     print_objects(options, seconds_between(start, objects.now()), all);
-    objects.wait(interval);
+    wait_for_next(objects, options, start);
+    look(objects, all);
   });
 }
 
@@ -222,9 +252,22 @@ void run(const Options& options) {
   if (!options.objects.empty() && options.axis) {
     throw Failure::wrong_use("monitor: it shows an axis or objects, not both; leave out --axis, or the objects");
   }
-  if (!options.objects.empty()) return monitor_objects(options);
-  if (!options.eds.empty()) throw Failure::wrong_use("--eds: it is for the names of objects; write which to show");
-  options.axis ? monitor_axis(options) : monitor_bus(options);
+  if (!options.objects.empty() && options.units.choice().system != host::UnitSystem::drive) {
+    throw Failure::wrong_use("--units: objects are shown in the drive's own units; leave it out, or write --axis");
+  }
+  if (options.objects.empty() && !options.eds.empty()) {
+    throw Failure::wrong_use("--eds: it is for the names of objects; write which to show");
+  }
+  const InterruptGuard guard(InterruptGuard::Command::only_looks);
+  try {
+    if (!options.objects.empty()) {
+      monitor_objects(options);
+    } else {
+      options.axis ? monitor_axis(options) : monitor_bus(options);
+    }
+  } catch (const host::HostError&) {
+    if (!InterruptGuard::interrupted()) throw;  // what the end broke off is no failure
+  }
 }
 
 }  // namespace

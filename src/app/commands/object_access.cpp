@@ -53,7 +53,7 @@ void get(const Options& options) {
   const ObjectNames names(options.eds);
   given_type(options);
   DriveLink link(options.bus, false);
-  const host::ObjectCatalogue& catalogue = names.of(options.objects, link);
+  const host::ObjectCatalogue& catalogue = names.of(link);
   std::vector<host::ObjectAddress> objects;
   for (const std::string& text : options.objects) objects.push_back(resolve(catalogue, text));
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
@@ -112,11 +112,17 @@ void set(const Options& options) {
   const host::ObjectCatalogue& given = names.without_drive();
   if (knows(given, options.object)) {  // wrong use needs no bus to be found
     const host::ObjectAddress object = given.resolve(options.object);
-    if (const auto type = type_of(options, given, object)) value_as(*type, given.title(object));
+    auto type = type_of(options, given, object);
+    // The drive's own type may be a wider one.
+    const bool is_sure = names.has_eds() || given_type(options);
+    if (type && !is_sure && dictionary::size_of(*type) != 0 && *type != Type::real32 && *type != Type::boolean) {
+      type = Type::integer64;
+    }
+    if (type) value_as(*type, given.title(object));
   }
   given_type(options);
   DriveLink link(options.bus, false);
-  const host::ObjectCatalogue& catalogue = names.of(std::span(&options.object, 1), link);
+  const host::ObjectCatalogue& catalogue = names.of(link);
   const host::ObjectAddress object = resolve(catalogue, options.object);
   const auto value_of = [&](Type type) { return value_as(type, catalogue.title(object)); };
   const Type type = type_to_write(options, catalogue, object, link.objects());

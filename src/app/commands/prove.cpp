@@ -291,7 +291,13 @@ void prove_ethercat(const Options& options, const std::map<unsigned, std::int8_t
 void run(const Options& options) {
   const auto methods = methods_of(options);
   const InterruptGuard guard;
-  if (bus_kind(options.bus).kind == BusKind::ethercat) {
+  const BusKind kind = bus_kind(options.bus).kind;
+  if (kind != BusKind::can && kind != BusKind::ethercat) {
+    throw Failure::wrong_use(
+        "prove: it goes through all drives of a CAN bus or an EtherCAT segment; `servodrome home` and `move` prove one "
+        "over this protocol");
+  }
+  if (kind == BusKind::ethercat) {
     prove_ethercat(options, methods);
   } else {
     prove_can(options, methods);

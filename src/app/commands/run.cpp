@@ -6,6 +6,8 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "app/commands.hpp"
@@ -37,10 +39,40 @@ std::string text_of(const Options& options) {
   return text;
 }
 
+// The objects of products that a script or --product names, as its bus sees them.
+class Catalogues {
+ public:
+  explicit Catalogues(const BusOptions& options) {
+    const BusKind kind = bus_kind(options).kind;
+    serial_ = kind == BusKind::modbus || kind == BusKind::serial10;
+  }
+  const host::ObjectCatalogue* of(const std::string& name) {
+    const line::Product* const product = line::find_product(line::all_products(), name);
+    if (product == nullptr) return nullptr;
+    auto& place = made_[name];
+    if (!place) {
+      const describe::Description description = product->describe();
+      place = std::make_unique<host::ObjectCatalogue>(
+          host::ObjectCatalogue::of(serial_ ? description.service_table : description.table));
+    }
+    return place.get();
+  }
+
+ private:
+  bool serial_ = false;
+  std::map<std::string, std::unique_ptr<host::ObjectCatalogue>> made_;
+};
+
 Script parsed(const Options& options) {
   const std::string name = options.script == "-" ? "standard input" : options.script;
   try {
-    if (options.eds.empty()) return host::script::parse(text_of(options), name, host::ObjectCatalogue::standard());
+    if (options.eds.empty()) {
+      Catalogues catalogues(options.bus);
+      named_product(options.bus);  // or it is said that there is none
+      const host::ObjectCatalogue* const own = catalogues.of(options.bus.product);
+      return host::script::parse(text_of(options), name, own != nullptr ? *own : host::ObjectCatalogue::standard(),
+                                 [&catalogues](const std::string& product) { return catalogues.of(product); });
+    }
     std::ifstream file(options.eds);
     if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
     return host::script::parse(text_of(options), name, host::ObjectCatalogue::read_eds(file, options.eds));
@@ -59,11 +91,27 @@ void disable_all(DriveGroup& group) {
   }
 }
 
+// Before anything moves: a port with parameters only takes no motion.
+void check_axes(const Script& script, const std::vector<Step>& steps, const std::vector<host::Axis402*>& axes) {
+  for (const Step& step : steps) {
+    check_axes(script, step.body, axes);
+    if (!host::script::needs_axis(step)) continue;
+    host::ObjectClient& objects = axes[step.axis]->objects();
+    const bool is_modbus = dynamic_cast<host::ModbusObjects*>(&objects) != nullptr;
+    if (!is_modbus || objects.read_if_present<std::uint16_t>(0x6041)) continue;
+    throw Failure::wrong_use(
+        fmt::format("{}:{}:{}: `{}`: {}: this port has parameters and monitoring items, and neither controlword nor "
+                    "statusword; nothing was moved",
+                    script.file, step.place.line, step.place.column, step.source, objects.where()));
+  }
+}
+
 void carry_out(const Options& options, const Script& script, nlohmann::ordered_json& steps) {
   std::vector<DriveGroup::Member> members;
   for (const host::script::AxisDeclaration& axis : script.axes) members.push_back({axis.node, axis.product});
   const InterruptGuard guard;
   DriveGroup group(options.bus, members);
+  check_axes(script, script.steps, group.axes());
   host::script::RunOptions run_options;
   run_options.cancelled = InterruptGuard::interrupted;
   run_options.progress = [shown = motion_progress(*group.axes().front(), options.bus.json || options.quiet)](

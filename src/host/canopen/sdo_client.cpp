@@ -1,5 +1,6 @@
 #include "host/canopen/sdo_client.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 
 #include "host/abort_text.hpp"
@@ -10,6 +11,7 @@ namespace {
 
 constexpr std::uint32_t request_base = 0x600;
 constexpr std::uint32_t response_base = 0x580;
+constexpr Time look_whether_cancelled = std::chrono::milliseconds(50);
 
 std::string what_to_do(AbortCode code, bool from_node) {
   const char* remedy = remedy_of_failed_access(code, from_node);
@@ -67,7 +69,9 @@ void SdoClient::run(SdoTransfer& transfer) {
   expect_answer();
   while (!transfer.finished()) {
     // The deadline moves with each answer.
-    bus_.run_until(deadline, [&] { return transfer.finished() || is_cancelled(); });
+    // A silent drive does not keep it from being cancelled.
+    const Time until = cancelled_ ? std::min(deadline, bus_.now() + look_whether_cancelled) : deadline;
+    bus_.run_until(until, [&] { return transfer.finished() || is_cancelled(); });
     if (!transfer.finished() && is_cancelled()) {
       transfer.abort(AbortCode::general_error);
       send_waiting(transfer);

@@ -91,7 +91,8 @@ const auto* find_word(const Rows& rows, std::string_view word) {
 
 class Parser {
  public:
-  Parser(const std::string& file, const ObjectCatalogue& catalogue) : catalogue_(catalogue) {
+  Parser(const std::string& file, const ObjectCatalogue& catalogue, const CatalogueOf& catalogue_of)
+      : catalogue_(catalogue), catalogue_of_(catalogue_of) {
     script_.file = file;
     open_.push_back(&script_.steps);
   }
@@ -205,7 +206,13 @@ class Parser {
         throw LineMistake{product.column, fmt::format("\"{}\" is not known here; write `product NAME` or nothing",
                                                       shown(product.text))};
       }
-      axis.product = take("the name of a product").text;
+      const Word& name_of_product = take("the name of a product");
+      axis.product = name_of_product.text;
+      if (catalogue_of_ && catalogue_of_(axis.product) == nullptr) {
+        throw LineMistake{name_of_product.column, fmt::format("there is no product \"{}\"; `servodrome products` "
+                                                              "lists them",
+                                                              shown(axis.product))};
+      }
     }
     expect_end();
     script_.axes.push_back(std::move(axis));
@@ -369,11 +376,18 @@ class Parser {
       return;
     }
     try {
-      step.subject.object = catalogue_.resolve(word.text);
+      step.subject.object = catalogue_for(step.axis).resolve(word.text);
     } catch (const HostError& error) {
       throw LineMistake{word.column, fmt::format("{}; {}", error.happened(), error.remedy())};
     }
-    if (const NamedObject* const known = catalogue_.find(step.subject.object)) step.subject.type = known->type;
+    const NamedObject* const known = catalogue_for(step.axis).find(step.subject.object);
+    if (known != nullptr) step.subject.type = known->type;
+  }
+
+  const ObjectCatalogue& catalogue_for(std::size_t axis) const {
+    if (axis >= script_.axes.size() || script_.axes[axis].product.empty() || !catalogue_of_) return catalogue_;
+    const ObjectCatalogue* const own = catalogue_of_(script_.axes[axis].product);
+    return own != nullptr ? *own : catalogue_;
   }
 
   void read_value(Step& step) {
@@ -436,6 +450,7 @@ class Parser {
   }
 
   const ObjectCatalogue& catalogue_;
+  const CatalogueOf& catalogue_of_;
   Script script_;
   std::vector<std::vector<Step>*> open_;  // where steps go: the script, then the bodies of the repeats that are open
   std::vector<Place> repeats_;
@@ -470,8 +485,21 @@ ScriptMistakes::ScriptMistakes(const std::string& file, std::vector<Mistake> mis
 
 std::size_t Script::count_steps() const { return count(steps); }
 
-Script parse(std::string_view text, const std::string& file, const ObjectCatalogue& catalogue) {
-  return Parser(file, catalogue).parse(text);
+Script parse(std::string_view text, const std::string& file, const ObjectCatalogue& catalogue,
+             const CatalogueOf& catalogue_of) {
+  return Parser(file, catalogue, catalogue_of).parse(text);
+}
+
+bool needs_axis(const Step& step) {
+  switch (step.verb) {
+    case Verb::set:
+    case Verb::get:
+    case Verb::expect: return step.subject.kind != Subject::Kind::object;
+    case Verb::wait:
+    case Verb::print:
+    case Verb::repeat: return false;
+    default: return true;
+  }
 }
 
 Quantity quantity_of(Verb verb, std::string_view keyword) {

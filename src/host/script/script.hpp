@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -108,8 +109,16 @@ class ScriptMistakes : public std::runtime_error {
   std::vector<Mistake> mistakes_;
 };
 
-// Names of objects are those of the catalogue. Throws ScriptMistakes with every mistake there is.
-Script parse(std::string_view text, const std::string& file, const ObjectCatalogue& catalogue);
+// The catalogue of a product, which lives as long as the parsing; nullptr: there is none of this name.
+using CatalogueOf = std::function<const ObjectCatalogue*(const std::string& product)>;
+
+// Names and types of objects are those of the catalogue; for an axis that is declared with its product, those of
+// `catalogue_of` (if there is one). Throws ScriptMistakes with every mistake there is.
+Script parse(std::string_view text, const std::string& file, const ObjectCatalogue& catalogue,
+             const CatalogueOf& catalogue_of = {});
+
+// Does the step need more of its axis than objects: a controlword, a position?
+bool needs_axis(const Step& step);
 
 // How a quantity of a verb's keyword is read; for the runner and the messages.
 Quantity quantity_of(Verb verb, std::string_view keyword);
