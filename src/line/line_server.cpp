@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <boost/asio/post.hpp>
 #include <fmt/format.h>
+#include <thread>
 
 #include "line/bench/api.hpp"
 #include "line/bench/upgrade.hpp"
@@ -168,19 +169,47 @@ void LineServer::report(const std::string& message) { fmt::print(stderr, "servod
 // without sleeping. Everything else has its turn now and then. Returns at stop(), or at once if there are no such
 // links.
 void LineServer::serve_frames() {
+  std::vector<links::EthercatLink*> all;
   std::vector<links::EthercatLink*> busy;
   for (const auto& bus : line_.ethercat_buses()) {
     for (const auto& link : bus->links) {
+      all.push_back(link.get());
       if (link->busy()) busy.push_back(link.get());
     }
   }
   if (!busy.empty()) return serve_busy(busy);
   if (watch_.empty()) return;
+  Vigil vigil;
   watch_.tick_every(time_between_turns);
   while (!io_.stopped()) {
-    if (!watch_.wait()) continue;
+    if (watch_.wait()) {
+      catch_up();
+      io_.poll();
+    } else {
+      vigil.served(std::chrono::steady_clock::now());
+      if (vigil.worthwhile()) stay_awake(all, vigil);
+    }
+  }
+}
+
+// Looks for frames as long as they keep coming, and lends the processor to others in between: the master may be on it.
+void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil) {
+  auto present = std::chrono::steady_clock::now();
+  auto next_turn = present + time_between_turns;
+  while (vigil.worthwhile() && !io_.stopped()) {
+    std::this_thread::yield();
+    const auto before = std::exchange(present, std::chrono::steady_clock::now());
+    vigil.lent(present - before);
+    bool any = false;
+    for (links::EthercatLink* link : links) any = link->poll() || any;
+    if (any) vigil.served(present = std::chrono::steady_clock::now());
+    if (vigil.over(present)) return vigil.in_vain();
+    if (present < next_turn) continue;
+    next_turn = present + time_between_turns;
     catch_up();
     io_.poll();
+    watch_.wait(Time{});  // an interface that is gone
+    present = std::chrono::steady_clock::now();
   }
 }
 

@@ -17,6 +17,7 @@
 #include "line/bench/static_files.hpp"
 #include "line/line.hpp"
 #include "line/real_pace.hpp"
+#include "line/vigil.hpp"
 #include "links/can/link.hpp"
 
 namespace servodrome::line {
@@ -99,6 +100,7 @@ class LineServer final : private links::LineHost {
   bench::Response answer(const bench::Request& request);
   void carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply);
   void serve_frames();
+  void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil);
   void serve_busy(const std::vector<links::EthercatLink*>& busy);
   void schedule();
   Time due();

@@ -1,0 +1,64 @@
+#include "line/vigil.hpp"
+
+#include <gtest/gtest.h>
+
+namespace servodrome::line {
+namespace {
+
+using namespace std::chrono_literals;
+
+class Awaiting : public testing::Test {
+ protected:
+  // Frames that follow each other by `gap`.
+  void frames(int count, Vigil::Moment::duration gap) {
+    for (int i = 0; i < count; ++i) vigil.served(now += gap);
+  }
+
+  Vigil::Moment now = Vigil::Moment(1234s);
+  Vigil vigil;
+};
+
+TEST_F(Awaiting, AMasterThatAnswersAtOnceIsAwaitedAwake) {
+  frames(1, 0s);  // the first follows nothing
+  frames(Vigil::proof - 1, 50us);
+  EXPECT_FALSE(vigil.worthwhile());
+  frames(1, 100us);
+  EXPECT_TRUE(vigil.worthwhile());
+  EXPECT_FALSE(vigil.over(now + 100us));
+  EXPECT_TRUE(vigil.over(now + 101us));
+}
+
+TEST_F(Awaiting, ACycleOfAMillisecondIsAwaitedAsleep) {
+  frames(1000, 1ms);
+  EXPECT_FALSE(vigil.worthwhile());
+  for (int i = 0; i < 1000; ++i) {  // of two frames each
+    frames(1, 1ms);
+    frames(1, 20us);
+    EXPECT_FALSE(vigil.worthwhile());
+  }
+}
+
+TEST_F(Awaiting, AMasterThatPausesHasToProveItAgain) {
+  frames(20, 10us);
+  ASSERT_TRUE(vigil.worthwhile());
+  frames(1, 101us);
+  EXPECT_FALSE(vigil.worthwhile());
+  frames(Vigil::proof, 10us);
+  EXPECT_TRUE(vigil.worthwhile());
+  vigil.in_vain();
+  EXPECT_FALSE(vigil.worthwhile());
+}
+
+TEST_F(Awaiting, WhereOthersComputeWithoutEndItSleeps) {
+  frames(20, 10us);
+  vigil.lent(1ms);
+  EXPECT_TRUE(vigil.worthwhile());
+  vigil.lent(1001us);
+  frames(Vigil::respite + Vigil::proof - 1, 10us);
+  EXPECT_FALSE(vigil.worthwhile());
+  frames(1, 10us);
+  EXPECT_TRUE(vigil.worthwhile());
+}
+
+}  // namespace
+}  // namespace servodrome::line
