@@ -44,7 +44,8 @@ TEST(JmcPanel, IsTheList) {
         if (entry.index == products::jmc_ec::monitor_index && entry.sub == sub) item = &entry;
       }
       ASSERT_NE(item, nullptr);
-      EXPECT_EQ(row.at("name").substr(0, 4), std::string(item->name).substr(0, 4));
+      const std::string number_and_sign = "d" + row.at("number") + " " + row.at("name").substr(0, 4);
+      EXPECT_EQ(std::string(item->name).substr(0, number_and_sign.size()), number_and_sign);
       EXPECT_FALSE(item->writable());
       continue;
     }
@@ -56,6 +57,8 @@ TEST(JmcPanel, IsTheList) {
     ++parameters;
     const Entry* entry = entry_of(id);
     ASSERT_NE(entry, nullptr);
+    const std::string printed = row.at("group") + "-" + row.at("number") + " ";
+    EXPECT_EQ(std::string(entry->name).substr(0, printed.size()), printed);
     const double step = step_of(*entry);
     EXPECT_NEAR(static_cast<double>(entry->minimum) * step, std::stod(row.at("min")), 1e-9);
     const double most = id == ParameterId{0, 5} ? 50.0 : std::stod(row.at("max"));  // the steppers' pole pairs
