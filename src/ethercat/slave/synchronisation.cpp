@@ -33,8 +33,8 @@ void Slave::set_sync_parameter(std::uint8_t sub, std::int64_t value) {
 }
 
 // The pulses of the distributed clock decide: where a master has activated SYNC0, it is used, whether or not a pulse
-// has come or will (await_operational sees to that). 1C32h:01 then shows what was chosen; only what a master wrote there
-// counts the next time.
+// has come or will (await_operational sees to that). 1C32h:01 then shows what was chosen; only what a master wrote
+// there counts the next time.
 AlStatusCode Slave::choose_synchronisation() {
   const DistributedClock::Sync& sync0 = esc_.clock().sync(0);
   const bool pulses = sync0.enabled;
