@@ -36,6 +36,15 @@ function(servodrome_compile_together target)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ${SERVODROME_UNITY} UNITY_BUILD_BATCH_SIZE 8)
 endfunction()
 
+# Headers that most sources of the target include, read once where SERVODROME_UNITY is on. ccache wants the option to know
+# what was in them (and CCACHE_SLOPPINESS, see tools/build).
+function(servodrome_precompile target)
+  if(SERVODROME_UNITY)
+    target_precompile_headers(${target} PRIVATE ${ARGN})
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+  endif()
+endfunction()
+
 # servodrome_library(NAME [PORTABLE | HEAVY] SOURCES ... [DEPENDS ...])
 # PORTABLE libraries also run on a microcontroller: no exceptions, no run-time type information.
 function(servodrome_library name)

@@ -42,7 +42,7 @@ line::LineSettings load_line(const std::string& file) {
                      "the built-in line");
 }
 
-line::LineSettings line_of_descriptions(const Descriptions& descriptions) {
+line::LineSettings line_of_descriptions(const DescriptionFiles& descriptions) {
   constexpr auto usual_encoder = static_cast<std::uint32_t>(plant::Encoder{}.counts_per_revolution);
   std::string text;
   if (!descriptions.data_sheets.empty()) {

@@ -11,7 +11,7 @@ namespace servodrome::app {
 line::LineSettings load_line(const std::string& file);
 
 // Makers' descriptions that drives are made of.
-struct Descriptions {
+struct DescriptionFiles {
   std::vector<std::string> data_sheets;  // EDS and DCF files: drives on CAN
   std::vector<std::string> slaves;       // ESI files: drives on EtherCAT
   std::string device;                    // of an ESI file that has several
@@ -21,6 +21,6 @@ struct Descriptions {
 
 // A line with one axis for each of these descriptions, on a travel of 20 revolutions with limit and home switches.
 // Throws Failure likewise.
-line::LineSettings line_of_descriptions(const Descriptions& descriptions);
+line::LineSettings line_of_descriptions(const DescriptionFiles& descriptions);
 
 }  // namespace servodrome::app

@@ -6,7 +6,7 @@
 #include "line/line_file.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace check_command {
 
 struct Options {
   std::string file;
@@ -43,9 +43,10 @@ void check(const Options& options) {
   }
 }
 
-}  // namespace
+}  // namespace check_command
 
 void add_check(CLI::App& app) {
+  using namespace check_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("check", "Say what is wrong with a line file, with line and column");
   command->add_option("FILE", options->file, "Line file (TOML)")->required();

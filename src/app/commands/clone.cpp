@@ -11,7 +11,7 @@
 #include "app/whole_file.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace clone_command {
 
 using nlohmann::ordered_json;
 
@@ -135,9 +135,10 @@ void clone(const Options& options) {
   fmt::print("`servodrome up {} {}` runs it\n", on_ethercat ? "--esi" : "--eds", options.file);
 }
 
-}  // namespace
+}  // namespace clone_command
 
 void add_clone(CLI::App& app) {
+  using namespace clone_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "clone", "Read a drive's dictionary and values into a file that `servodrome up` runs as a simulated drive");

@@ -13,7 +13,7 @@
 #include "line/nearest_name.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace conform_command {
 
 namespace conform = host::conform;
 using conform::Check;
@@ -188,9 +188,10 @@ void run(const Options& options) {
   }
 }
 
-}  // namespace
+}  // namespace conform_command
 
 void add_conform(CLI::App& app) {
+  using namespace conform_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "conform", "Check a drive against CiA 301 and 402, ETG.1000, 1020 and 6010, or Modbus, clause by clause");

@@ -9,7 +9,7 @@
 #include "line/registry.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace export_command {
 
 struct Options {
   std::string format;
@@ -66,9 +66,10 @@ void run(const Options& options) {
   }
 }
 
-}  // namespace
+}  // namespace export_command
 
 void add_export(CLI::App& app) {
+  using namespace export_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("export", "Write a product's data sheet, object reference or register list");
   command

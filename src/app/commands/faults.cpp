@@ -8,7 +8,7 @@
 #include "host/fault_report.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace faults_command {
 
 struct Options {
   BusOptions bus;
@@ -107,9 +107,10 @@ void run(const Options& options) {
   }
 }
 
-}  // namespace
+}  // namespace faults_command
 
 void add_faults(CLI::App& app) {
+  using namespace faults_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("faults",
                                          "Show what is wrong with a drive, why and what to do, and what was wrong "

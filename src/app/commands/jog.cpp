@@ -9,7 +9,7 @@
 #include "host/jog_keys.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace jog_command {
 
 struct JogOptions : MotionOptions {
   double velocity = 0.0;
@@ -115,9 +115,10 @@ void torque(const TorqueOptions& options) {
   });
 }
 
-}  // namespace
+}  // namespace jog_command
 
 void add_jog(CLI::App& app) {
+  using namespace jog_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<JogOptions>();
   CLI::App* command = app.add_subcommand(
       "jog",
@@ -134,6 +135,7 @@ void add_jog(CLI::App& app) {
 }
 
 void add_torque(CLI::App& app) {
+  using namespace jog_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<TorqueOptions>();
   CLI::App* command = app.add_subcommand(
       "torque",

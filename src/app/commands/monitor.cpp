@@ -12,7 +12,7 @@
 #include "host/sniff/can_decoder.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace monitor_command {
 
 struct Options {
   BusOptions bus;
@@ -270,9 +270,10 @@ void run(const Options& options) {
   }
 }
 
-}  // namespace
+}  // namespace monitor_command
 
 void add_monitor(CLI::App& app) {
+  using namespace monitor_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "monitor",

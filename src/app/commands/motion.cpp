@@ -6,7 +6,7 @@
 #include "app/motion_run.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace motion_command {
 
 struct HomeOptions : MotionOptions {
   std::optional<int> method;
@@ -78,9 +78,10 @@ void disable(const BusOptions& options) {
   }
 }
 
-}  // namespace
+}  // namespace motion_command
 
 void add_disable(CLI::App& app) {
+  using namespace motion_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<BusOptions>();
   CLI::App* command = app.add_subcommand("disable", "Stop a drive, whatever it does, and switch its motor off");
   add_bus_options(*command, *options, "Seconds to wait for each answer");
@@ -90,6 +91,7 @@ void add_disable(CLI::App& app) {
 }
 
 void add_home(CLI::App& app) {
+  using namespace motion_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<HomeOptions>();
   CLI::App* command = app.add_subcommand("home", "Enable a drive and home it");
   command->add_option("--method", options->method, "Homing method (6098h); the drive's if not given")
@@ -104,6 +106,7 @@ void add_home(CLI::App& app) {
 }
 
 void add_move(CLI::App& app) {
+  using namespace motion_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<MoveOptions>();
   CLI::App* command = app.add_subcommand("move", "Enable a drive and move it in profile position mode");
   command->add_option("--to", options->to, "Target position");

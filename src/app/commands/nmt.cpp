@@ -7,7 +7,7 @@
 #include "host/canopen/master.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace nmt_command {
 
 struct Options {
   BusOptions bus{.timeout_s = 2.0};
@@ -40,9 +40,10 @@ void run(const Options& options) {
   }
 }
 
-}  // namespace
+}  // namespace nmt_command
 
 void add_nmt(CLI::App& app) {
+  using namespace nmt_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("nmt", "Send an NMT command");
   command->add_option("COMMAND", options->command, "start, stop, pre-operational, reset-node or reset-communication")

@@ -8,7 +8,7 @@
 #include "app/object_names.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace object_access_command {
 
 using dictionary::Type;
 
@@ -148,9 +148,10 @@ void add_common(CLI::App& command, Options& options) {
   command.add_flag("--block", options.block, "Use the SDO block protocol");
 }
 
-}  // namespace
+}  // namespace object_access_command
 
 void add_get(CLI::App& app) {
+  using namespace object_access_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("get", "Read objects of a drive");
   command->add_option("OBJECT", options->objects, "INDEX[:SUB] in hexadecimal, or a name, e.g. 6041 or statusword")
@@ -160,6 +161,7 @@ void add_get(CLI::App& app) {
 }
 
 void add_set(CLI::App& app) {
+  using namespace object_access_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("set", "Write an object of a drive");
   command->add_option("OBJECT", options->object, "INDEX[:SUB] in hexadecimal, or a name")->required();

@@ -15,7 +15,7 @@
 #include "line/nearest_name.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace params_command {
 
 using nlohmann::ordered_json;
 
@@ -313,9 +313,10 @@ void add_common(CLI::App& command, Options& options) {
                    "With node-ID, bit rate and what else says how the drive is reached");
 }
 
-}  // namespace
+}  // namespace params_command
 
 void add_params(CLI::App& app) {
+  using namespace params_command;  // NOLINT(google-build-using-namespace)
   CLI::App* params = app.add_subcommand("params", "Save, load and compare the parameters of a drive");
   params->require_subcommand(1);
 

@@ -5,7 +5,7 @@
 #include "app/motion_run.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace probe_command {
 
 struct Options : MotionOptions {
   unsigned probe = 1;
@@ -46,9 +46,10 @@ void run(const Options& options) {
   });
 }
 
-}  // namespace
+}  // namespace probe_command
 
 void add_probe(CLI::App& app) {
+  using namespace probe_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "probe", "Wait for a touch probe (60B8h), moving meanwhile if asked to, and print the position it kept");

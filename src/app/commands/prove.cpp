@@ -11,7 +11,7 @@
 #include "app/number_options.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace prove_command {
 
 struct Options {
   BusOptions bus{.timeout_s = 30.0};
@@ -304,9 +304,10 @@ void run(const Options& options) {
   }
 }
 
-}  // namespace
+}  // namespace prove_command
 
 void add_prove(CLI::App& app) {
+  using namespace prove_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command =
       app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print how it went");

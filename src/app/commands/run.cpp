@@ -14,7 +14,7 @@
 #include "app/drive_group.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace run_command {
 
 using host::script::Script;
 using host::script::Step;
@@ -179,9 +179,10 @@ void run(const Options& options) {
   if (!problem.empty()) throw Failure::did_not_work(problem);
 }
 
-}  // namespace
+}  // namespace run_command
 
 void add_run(CLI::App& app) {
+  using namespace run_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "run",

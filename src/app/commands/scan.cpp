@@ -13,7 +13,7 @@
 #include "links/local_buses.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace scan_command {
 
 struct Options {
   BusOptions bus{.timeout_s = 0.0};  // 0: by the kind of bus
@@ -337,9 +337,10 @@ void run(const Options& given) {
   }
 }
 
-}  // namespace
+}  // namespace scan_command
 
 void add_scan(CLI::App& app) {
+  using namespace scan_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "scan", "List the nodes of a CANopen bus, the slaves of an EtherCAT segment, or the stations of a serial line");

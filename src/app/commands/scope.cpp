@@ -17,7 +17,7 @@
 #include "host/script/run.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace scope_command {
 
 using nlohmann::ordered_json;
 namespace scope = host::scope;
@@ -412,9 +412,10 @@ void record(Options options) {
   throw Failure::did_not_work(message);
 }
 
-}  // namespace
+}  // namespace scope_command
 
 void add_scope(CLI::App& app) {
+  using namespace scope_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "scope",

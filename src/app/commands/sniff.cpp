@@ -28,7 +28,7 @@
 #include "links/serial/format_text.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace sniff_command {
 
 struct Options {
   std::string source;
@@ -389,9 +389,10 @@ void run(const Options& options) {
   }
 }
 
-}  // namespace
+}  // namespace sniff_command
 
 void add_sniff(CLI::App& app) {
+  using namespace sniff_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "sniff", "Show a capture or a live bus in words: services, objects by name with values, states, errors");

@@ -8,7 +8,7 @@
 #include "app/number_options.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace state_command {
 
 using host::AlState;
 
@@ -116,9 +116,10 @@ void run(const Options& options) {
   print(options, slaves, nullptr);
 }
 
-}  // namespace
+}  // namespace state_command
 
 void add_state(CLI::App& app) {
+  using namespace state_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "state", "Show or change the state of EtherCAT slaves; process data go on as long as OP is held");

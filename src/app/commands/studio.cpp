@@ -11,7 +11,7 @@
 #include "studio/real_server.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace studio_command {
 
 struct Options {
   BusOptions bus{.timeout_s = 0.5};
@@ -76,9 +76,10 @@ void run(const Options& options) {
   server.run();
 }
 
-}  // namespace
+}  // namespace studio_command
 
 void add_studio(CLI::App& app) {
+  using namespace studio_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command =
       app.add_subcommand("studio", "The studio, and its API, for the drives on one or more buses, until Ctrl-C");

@@ -14,7 +14,7 @@
 #include "studio/tuning_json.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace tune_command {
 
 using nlohmann::ordered_json;
 namespace tuning = host::tuning;
@@ -212,9 +212,10 @@ void run(const Options& options) {
   print_storing(options, stored, options.apply);
 }
 
-}  // namespace
+}  // namespace tune_command
 
 void add_tune(CLI::App& app) {
+  using namespace tune_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "tune",

@@ -28,11 +28,11 @@
 #include "studio/traffic.hpp"
 
 namespace servodrome::app {
-namespace {
+namespace up_command {
 
 struct Options {
   std::string file;
-  Descriptions descriptions;  // --eds, --esi
+  DescriptionFiles descriptions;  // --eds, --esi
   std::vector<std::string> buses;
   std::string log;
   std::string api;
@@ -311,9 +311,10 @@ void run(const Options& options) {
   if (log_failed) throw Failure::did_not_work("the log is not complete");
 }
 
-}  // namespace
+}  // namespace up_command
 
 void add_up(CLI::App& app) {
+  using namespace up_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("up", "Run a line of drives until Ctrl-C");
   command->add_option("LINE", options->file, "Line file (TOML); the built-in line with five drives if not given");
