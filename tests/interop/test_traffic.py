@@ -47,7 +47,7 @@ def test_a_can_capture_is_read_by_sniff(tmp_path, format):
     line = Line(tmp_path, TWO_DRIVES, ["can0=socketcand:127.0.0.1:0/can0"])
     try:
         line.bench.put("buses/can0/traffic", {"record": True})
-        servodrome("get", "--bus", line.links["can0"][0], "--node", 2, "6041")
+        servodrome("get", "--bus", line.links["can0"][0], "--node", 2, "--product", "generic402", "6041")
         rows = line.bench.get("buses/can0/traffic?kind=sdo&node=2")["rows"]
         assert [row["from"] for row in rows] == ["master", "reference"]
         file = tmp_path / "capture"
