@@ -6,7 +6,16 @@ namespace servodrome::dictionary {
 
 std::int64_t decode_number(Type type, std::span<const std::byte> bytes) {
   std::uint64_t raw = 0;
-  std::memcpy(&raw, bytes.data(), std::min<std::size_t>(bytes.size(), sizeof raw));
+  const auto load = [&](auto whole) {
+    std::memcpy(&whole, bytes.data(), sizeof whole);
+    raw = whole;
+  };
+  switch (bytes.size()) {  // at once where that is possible: bytes written just now are forwarded to such a load only
+    case 1: load(std::uint8_t{}); break;
+    case 2: load(std::uint16_t{}); break;
+    case 4: load(std::uint32_t{}); break;
+    default: std::memcpy(&raw, bytes.data(), std::min<std::size_t>(bytes.size(), sizeof raw));
+  }
   const unsigned size = size_of(type);
   if (is_signed(type) && size < 8 && size > 0) {
     const unsigned shift = 64 - size * 8;

@@ -1,5 +1,7 @@
 #include "drive/drive.hpp"
 
+#include <bit>
+
 #include "drive/with_mode.hpp"
 
 namespace servodrome::drive {
@@ -17,6 +19,7 @@ Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
       axis_{.objects = objects, .policy = policy},
       touch_probe_(TouchProbeCapability{}) {
   for (const StatusBit& row : policy.status_bits) shown_sources_ |= bit(row.source);
+  set_mode(Mode::none);
   set_rates();
   axis_.loops = &cascade_.state();
 }
@@ -118,7 +121,7 @@ void Drive::displaced(const Feedback& feedback) {
 
 void Drive::restart() {
   state_ = PowerState::not_ready_to_switch_on;
-  mode_ = Mode::none;
+  set_mode(Mode::none);
   pending_ = {};
   stopping_ = halted_ = limit_stop_ = short_circuit_ = zero_speed_ = releasing_torque_ = false;
   stage_ = Stage::off;
@@ -248,13 +251,24 @@ void Drive::cycle(const Feedback& feedback) {
   tripped_ = 0;
 }
 
+void Drive::set_mode(Mode mode) {
+  mode_ = mode;
+  shown_bits_ = {};
+  const std::uint32_t its_bit = mode_bit(mode);
+  for (const StatusBit& row : policy_.status_bits) {
+    if (its_bit != 0 && (row.modes & its_bit) == 0) continue;
+    std::uint16_t& bits = shown_bits_[static_cast<std::size_t>(row.source)];
+    bits = static_cast<std::uint16_t>(bits | 1u << row.bit);
+  }
+}
+
 void Drive::change_mode() {
   const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
   if (wanted == mode_ || (wanted == Mode::none && policy_.mode_zero_keeps)) return;
   homing_mode_.abort();
   identification_.abort();
   const bool running = state_ == PowerState::operation_enabled && !pending_.active;
-  mode_ = wanted;
+  set_mode(wanted);
   if (!running) return;
   // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: take the
   // actual.
@@ -348,11 +362,8 @@ std::uint16_t Drive::statusword() const {
   const bool powered = outputs_.dc_link_connected && dc_link_v_ > axis_.configuration.monitors.under_voltage_v;
   if (policy_.dc_link == DcLink::always ? powered : outputs_.dc_link_connected) word |= statusword::voltage_enabled;
   if (warnings_ || outside_warning_ || (policy_.faults_show_as_warning && active_.any())) word |= statusword::warning;
-  const std::uint32_t shown = status_sources();
-  for (const StatusBit& row : policy_.status_bits) {
-    if ((shown & bit(row.source)) == 0) continue;
-    const std::uint32_t mode = mode_bit(mode_);
-    if (mode == 0 || (row.modes & mode) != 0) word = static_cast<std::uint16_t>(word | 1u << row.bit);
+  for (std::uint32_t shown = status_sources(); shown != 0; shown &= shown - 1) {
+    word |= shown_bits_[static_cast<std::size_t>(std::countr_zero(shown))];
   }
   return word;
 }

@@ -185,6 +185,7 @@ class Drive final : public dictionary::Listener {
   void hold_by_current();
   void set_limits();
   void write_actuation();
+  void set_mode(Mode mode);
   std::uint32_t status_sources() const;
   bool shows(StatusSource source) const { return (shown_sources_ & bit(source)) != 0; }
   bool set_units();
@@ -198,6 +199,7 @@ class Drive final : public dictionary::Listener {
   const Policy& policy_;
   TransitionTable transitions_;
   std::uint32_t shown_sources_ = 0;  // bit(StatusSource) of those that the statusword of this policy has
+  std::array<std::uint16_t, status_sources_count> shown_bits_{};  // where the present mode shows each of them
   std::size_t objects_base_;
   DriveEvents* events_ = nullptr;
   Axis axis_;

@@ -95,6 +95,7 @@ enum class StatusSource : std::uint8_t {
   in_motion,       // the demand moves
   software_limit,  // demand or position is beyond 607Dh
 };
+inline constexpr std::size_t status_sources_count = static_cast<std::size_t>(StatusSource::software_limit) + 1;
 constexpr std::uint32_t bit(StatusSource source) { return 1u << static_cast<unsigned>(source); }
 
 struct StatusBit {

@@ -114,11 +114,12 @@ void Axis::run_ticks(std::int64_t tick) {
     for (; tick_ < tick; ++tick_) plant_.step(actuation_, feedback_);
     return;
   }
+  drive::Drive& drive = device_->drive();
   while (tick_ < tick) {
     if (ethercat_slave_ != nullptr) poll_slave((tick_ + 1) * tick_length);
     plant_.step(actuation_, feedback_);
     ++tick_;
-    if (device_->drive().tick(feedback_, actuation_)) {
+    if (drive.tick(feedback_, actuation_)) {
       if (last_cycle_ != unknown) cycle_ticks_ = tick_ - last_cycle_;
       last_cycle_ = tick_;
       const Time now = tick_ * tick_length;

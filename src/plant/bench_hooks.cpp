@@ -57,7 +57,10 @@ void accept_wire(int wire) {
 
 }  // namespace
 
-void Plant::apply_load() { shaft_.set_load(parameters_.load); }
+void Plant::apply_load() {
+  shaft_.set_load(parameters_.load);
+  rests_ = false;
+}
 
 void Plant::set_external_torque_nm(double torque_nm) {
   Parameters changed = parameters_;
@@ -109,11 +112,13 @@ void Plant::set_position_counts(std::int64_t position_counts) {
   accept(changed);  // the range and the hard stops
   shaft_.stop();
   place(position_counts);
+  rests_ = false;
 }
 
 void Plant::lock_rotor(bool locked) {
   locked_ = locked;
   shaft_.set_locked(locked);
+  rests_ = false;
 }
 
 void Plant::queue_edge(int wire) {
@@ -132,6 +137,7 @@ void Plant::release_input(int wire) {
 }
 
 void Plant::inject(Injection injection, bool on) {
+  rests_ = false;
   injections_ = on ? injections_ | bit(injection) : injections_ & ~bit(injection);
   encoder_faults_ = 0;
   for (const auto& [cause, fault] : encoder_bits) {

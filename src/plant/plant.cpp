@@ -106,6 +106,10 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   if (actuation.brake_released != brake_command_released_ || brake_countdown_ != 0) [[unlikely]] {
     operate_brake(actuation.brake_released);
   }
+  const bool idle = !actuation.pwm_enabled && !actuation.short_circuit;
+  if (rests_ && idle) return rest(actuation, feedback);
+  // A tick without power that begins and ends at rest is what every further one would be.
+  const bool rested = idle && at_rest();
 
   const double rotor_torque = cogging_ ? cogging_torque_nm() : 0.0;
   const double other_torque = rotor_torque + shaft_.load_torque_nm();
@@ -178,11 +182,15 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   shaft_.elastic() ? shaft_.commit_general(shaft) : shaft_.commit(shaft);
   position_ = position;
   // A hair below zero plus one rounds to one.
-  fraction_ = std::min(moved - static_cast<double>(whole), largest_fraction);
-  single_turn_ += whole;
-  if (static_cast<std::uint64_t>(single_turn_) >= static_cast<std::uint64_t>(counts_per_revolution_))
-    wrap_single_turn();
-  update_angle();
+  const double fraction = std::min(moved - static_cast<double>(whole), largest_fraction);
+  if (whole != 0 || fraction != fraction_) {
+    fraction_ = fraction;
+    single_turn_ += whole;
+    if (static_cast<std::uint64_t>(single_turn_) >= static_cast<std::uint64_t>(counts_per_revolution_))
+      wrap_single_turn();
+    update_angle();
+  }
+  rests_ = rested && at_rest();
 
   dc_link_.step(windings.power_w, actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
@@ -197,6 +205,19 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   if (std::abs(windings.power_w) > bus_overcurrent_a_ * link_v) [[unlikely]] {
     if (link_v > 0.0) feedback.hardware_faults |= bit(drive::HardwareFault::bus_overcurrent);
   }
+}
+
+bool Plant::at_rest() const {
+  return shaft_.at_rest() && windings_.direct_a == 0.0 && windings_.quadrature_a == 0.0 && torque_nm_ == 0.0;
+}
+
+// What is left of a tick in which nothing moves.
+void Plant::rest(const drive::Actuation& actuation, drive::Feedback& feedback) {
+  dc_link_.step(0.0, actuation.chopper_on && !injected(Injection::chopper_broken),
+                actuation.dc_link_connected && !injected(Injection::supply_loss));
+  if (--heat_countdown_ == 0) [[unlikely]]
+    update_heat(false);
+  fill(feedback);
 }
 
 void Plant::sample(drive::Feedback& feedback) const {
@@ -394,6 +415,7 @@ void Plant::wrap_single_turn() {
 }
 
 void Plant::operate_brake(bool released) {
+  rests_ = false;
   if (released != brake_command_released_) {
     brake_command_released_ = released;
     const double ms = released ? parameters_.motor.brake_release_ms : parameters_.motor.brake_engage_ms;

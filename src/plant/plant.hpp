@@ -125,6 +125,8 @@ class Plant {
   void update_resistance();
   void update_readings();
   void update_angle();
+  bool at_rest() const;
+  void rest(const drive::Actuation& actuation, drive::Feedback& feedback);
   void wrap_single_turn();
   void place(std::int64_t position_counts);
   std::uint32_t overcurrent_bits(const drive::Feedback& feedback) const;
@@ -155,6 +157,7 @@ class Plant {
   std::int32_t brake_countdown_ = 0;  // ticks until the command takes effect; 0: settled
   std::uint8_t unusual_ = 0;
   bool bridges_run_ = false;  // in the last tick, of two phases
+  bool rests_ = false;        // held by friction and without current: nothing moves until somebody acts
   std::uint32_t encoder_faults_ = 0;
   std::uint32_t hardware_faults_ = 0;
   std::int32_t counts_per_revolution_;

@@ -84,7 +84,8 @@ class Shaft {
   void stop();  // at rest, coupling relaxed
 
   bool elastic() const { return elastic_; }
-  double load_torque_nm() const { return load_torque_; }  // gravity and external, as it acts
+  bool at_rest() const { return direction_ == 0 && speed_ == 0.0 && !elastic_; }  // a rigid one, held by friction
+  double load_torque_nm() const { return load_torque_; }                          // gravity and external, as it acts
   double speed_rad_s() const { return speed_; }
   double load_speed_rad_s() const { return elastic_ ? load_speed_ : speed_; }
   double twist_rad() const { return twist_; }

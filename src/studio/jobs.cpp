@@ -67,6 +67,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   job.began_tick = drives_.now() / line::tick_length;
   job.sign_of_life = wall_clock_();
   job.due = drives_.now();
+  next_deadline_ = std::min(next_deadline_, job.due);
   Job& kept = jobs_.emplace_back(std::move(job));
   kept.task = std::make_unique<Task>([this, &kept] { carry_out(kept); });
   tell(kept);
@@ -175,17 +176,11 @@ std::vector<Jobs::Stopped> Jobs::stop_all() {
   return stopped;
 }
 
-host::Time Jobs::next_deadline() const {
-  host::Time next = links::never;
-  for (const Job& job : jobs_) {
-    if (job.state == JobState::running) next = std::min(next, job.due);
-  }
-  return next;
-}
-
 void Jobs::reached(host::Time now) {
+  next_deadline_ = links::never;
   for (Job& job : jobs_) {
     if (job.state == JobState::running && job.due <= now) resume(job);
+    if (job.state == JobState::running) next_deadline_ = std::min(next_deadline_, job.due);
   }
 }
 

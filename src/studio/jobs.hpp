@@ -92,8 +92,8 @@ class Jobs {
 
   Drives& drives() { return drives_; }
 
-  // When the next job is to go on.
-  host::Time next_deadline() const;
+  // When the next job is to go on, or earlier: then `reached` finds none.
+  host::Time next_deadline() const { return next_deadline_; }
   // It is `now`: those go on whose time has come.
   void reached(host::Time now);
 
@@ -117,6 +117,7 @@ class Jobs {
   Publish publish_;
   std::uint64_t last_id_ = 0;
   std::list<Job> jobs_;  // the oldest first
+  host::Time next_deadline_ = links::never;
 };
 
 // The jobs of a line, in its time.

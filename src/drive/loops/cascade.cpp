@@ -45,6 +45,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   const auto counts = static_cast<float>(motor.counts_per_revolution);
   const auto pole_pairs = static_cast<float>(motor.pole_pairs);
   two_phases_ = motor.phases == 2;
+  rests_ = false;
   const bool controlling = enabled_ && (demand_.loop == Loop::velocity || demand_.loop == Loop::position);
   const float proportional_before = controlling ? proportional_torque() : 0.0F;
   // With the phases reversed the electrical angle runs against the counts, and so does the torque of a q current.
@@ -172,6 +173,7 @@ void Cascade::enable(const Feedback& feedback) {
     measuring_ = true;
   }
   enabled_ = true;
+  rests_ = false;
 }
 
 void Cascade::disable() {
@@ -253,7 +255,11 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
 
   const auto phase =
       static_cast<std::uint32_t>((feedback.single_turn_counts * phase_scale_) >> 16) + commutation_phase_;
-  const SinCos angle = sin_cos_turns(static_cast<float>(phase >> 8) * (1.0F / 16777216.0F));
+  if (phase != phase_) {
+    phase_ = phase;
+    angle_ = sin_cos_turns(static_cast<float>(phase >> 8) * (1.0F / 16777216.0F));
+  }
+  const SinCos angle = angle_;
   const DirectQuadrature current = to_rotor_frame<Phases>(feedback.phase_current_a, angle);
   state_.current_d_a = current.d;
   state_.current_q_a = current.q * sense_;
@@ -273,7 +279,15 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
                              actuation);
   } else {
     actuation.phase_voltage_v = {};
+    rests_ = at_rest(feedback.position_counts) && !carries_current(feedback);
+    rest_position_ = feedback.position_counts;
   }
+}
+
+bool Cascade::at_rest(Counts position) const {
+  const bool at_edge = edge_position_ == position || edge_position_ == position + 1;
+  return measuring_ && at_edge && !moved_ && state_.velocity_counts_per_s == 0.0F && velocity_filter_.value == 0.0F &&
+         velocity_feedback_ == VelocityFeedback::first_order && torque_sum_ == 0.0F && state_.mean_torque == 0.0F;
 }
 
 template void Cascade::run_tick<2>(const Feedback&, Actuation&);
@@ -297,6 +311,10 @@ void Cascade::measure_velocity(Counts position) {
   }
   state_.velocity_counts_per_s = velocity;
   electrical_rad_per_s_ = velocity * electrical_rad_per_count_;
+  if (velocity == 0.0F) {
+    half_tick_ = {0.0F, 1.0F};
+    return;
+  }
   const float turns = clip(velocity * half_tick_turns_, -0.25F, 0.25F);
   half_tick_ = sin_cos_turns(turns < 0.0F ? turns + 1.0F : turns);
 }

@@ -70,6 +70,7 @@ class Cascade {
   // The encoder was put somewhere else: what was measured before says nothing about the velocity now.
   void forget_motion() {
     measuring_ = false;
+    rests_ = false;
     settle_velocity(0.0F);
     state_.velocity_counts_per_s = 0.0F;
   }
@@ -89,7 +90,10 @@ class Cascade {
   // Once per base tick, also while disabled (the measurements go on). Writes actuation.phase_voltage_v and nothing
   // else: zero unless enabled with a loop other than off.
   void tick(const Feedback& feedback, Actuation& actuation) {
-    if (two_phases_) [[unlikely]] {
+    if (rests_ && !enabled_ && feedback.position_counts == rest_position_ && !carries_current(feedback)) {
+      ++tick_;  // what was measured last is so still
+      actuation.phase_voltage_v = {};
+    } else if (two_phases_) [[unlikely]] {
       run_tick<2>(feedback, actuation);
     } else {
       run_tick<3>(feedback, actuation);
@@ -99,6 +103,12 @@ class Cascade {
   const CascadeState& state() const { return state_; }
 
  private:
+  static bool carries_current(const Feedback& feedback) {
+    const auto& [u, v, w] = feedback.phase_current_a;
+    return u != 0.0F || v != 0.0F || w != 0.0F;
+  }
+  // Whether another tick at this position, without power and current, would change nothing; true only if that is sure.
+  bool at_rest(Counts position) const;
   void clear_controllers();
   void measure_velocity(Counts position);
   void run_position_loop(Counts position);
@@ -138,8 +148,10 @@ class Cascade {
   bool measuring_ = false;        // edge_position_ is valid
   std::uint8_t notch_end_ = 0;    // behind the last notch that is on
   bool moved_ = false;            // the encoder counted in the last velocity period
-  Counts edge_position_ = 0;      // the edge of a count last crossed
-  float torque_sum_ = 0.0F;       // of the measured torque in this position-loop cycle
+  bool rests_ = false;            // nothing moved, and while the encoder is at rest_position_ nothing will
+  Counts rest_position_ = 0;
+  Counts edge_position_ = 0;  // the edge of a count last crossed
+  float torque_sum_ = 0.0F;   // of the measured torque in this position-loop cycle
   LowPass velocity_filter_;
   LowPass torque_filter_;
   LowPass command_filter_;  // applied only with command_filter_on_
@@ -157,6 +169,8 @@ class Cascade {
   float current_reference_a_ = 0.0F;
   float electrical_rad_per_s_ = 0.0F;
   SinCos half_tick_{0.0F, 1.0F};  // what the rotor turns by in half a tick
+  std::uint32_t phase_ = 0;       // 2^-32 turns: the electrical angle, with its sine and cosine
+  SinCos angle_{0.0F, 1.0F};
   CurrentController direct_;
   CurrentController quadrature_;
   CascadeState state_;
