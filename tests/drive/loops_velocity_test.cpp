@@ -276,5 +276,33 @@ TEST(VelocityLoop, EnablesOnATurningAxis) {
   EXPECT_NEAR(axis.plant.velocity_rpm(), 1500.0, 2.0);
 }
 
+// Without power and motion nothing is worked out any more; the first count is measured as at any other time.
+TEST(VelocityLoop, WithoutPowerIsMeasuredFromTheFirstCountAfterALongRest) {
+  for (const int odd : {0, 1}) {
+    Axis axis(frictionless(1 << 17));
+    axis.cascade.disable();
+    axis.actuation.pwm_enabled = false;
+    Feedback still = axis.feedback;
+    Axis never(frictionless(1 << 17));
+    never.cascade.disable();
+    for (int tick = 0; tick < 16000 + odd; ++tick) axis.cascade.tick(still, axis.actuation);
+    for (int tick = 0; tick < odd; ++tick) never.cascade.tick(still, never.actuation);
+    Feedback turning = still;
+    for (int tick = 0; tick < 400; ++tick) {
+      turning.position_counts += 20;
+      turning.phase_current_a = {0.5F, -0.25F, -0.25F};
+      axis.cascade.tick(turning, axis.actuation);
+      never.cascade.tick(turning, never.actuation);
+      ASSERT_EQ(axis.cascade.state().velocity_counts_per_s, never.cascade.state().velocity_counts_per_s);
+      ASSERT_EQ(axis.cascade.state().mean_torque, never.cascade.state().mean_torque);
+    }
+    EXPECT_NEAR(static_cast<double>(axis.cascade.state().velocity_counts_per_s), 20.0 * 16000.0, 3200.0);
+    turning.phase_current_a = {};
+    for (int tick = 0; tick < 16000; ++tick) axis.cascade.tick(turning, axis.actuation);
+    EXPECT_EQ(axis.cascade.state().velocity_counts_per_s, 0.0F);
+    EXPECT_EQ(axis.cascade.state().mean_torque, 0.0F);
+  }
+}
+
 }  // namespace
 }  // namespace servodrome::drive::test

@@ -71,6 +71,53 @@ TEST(Shaft, BreakawayNeedsMoreThanSliding) {
   EXPECT_NEAR(rig.speed_rad_s(), (0.051 + 0.02) / 0.28e-4 * 0.01, 1e-9);
 }
 
+// A shaft that rests costs nothing per tick: whatever moves it wakes it.
+TEST(Shaft, WakesFromALongRest) {
+  Parameters p = bare_motor();
+  p.load.coulomb_friction_nm = 0.1;
+  p.load.static_friction_nm = 0.15;
+  p.motor.brake_torque_nm = 2.0;
+  const auto rested = [&p](double held_nm, bool brake) {
+    Rig rig(p);
+    rig.actuation.brake_released = !brake;
+    rig.plant.set_external_torque_nm(held_nm);
+    rig.run(4000);
+    EXPECT_EQ(rig.plant.velocity_rpm(), 0.0);
+    return rig;
+  };
+  Rig pushed = rested(0.0, false);
+  pushed.plant.set_external_torque_nm(0.2);
+  Rig released = rested(0.2, true);
+  released.actuation.brake_released = true;
+  Rig unlocked = rested(0.1, false);
+  unlocked.plant.lock_rotor(true);
+  unlocked.plant.set_external_torque_nm(0.2);
+  unlocked.run(4000);
+  EXPECT_EQ(unlocked.plant.velocity_rpm(), 0.0);
+  unlocked.plant.lock_rotor(false);
+  Rig slippery = rested(0.1, false);
+  slippery.plant.set_coulomb_friction_nm(0.0);
+  for (Rig* rig : {&pushed, &released, &unlocked, &slippery}) {
+    rig->run(1600);
+    EXPECT_LT(rig->plant.velocity_rpm(), -100.0);
+  }
+  Rig driven = rested(0.0, false);
+  for (int tick = 0; tick < 1600; ++tick) driven.step_voltage(0.0, 20.0);
+  EXPECT_GT(driven.plant.velocity_rpm(), 100.0);
+
+  Rig wired = rested(0.0, false);
+  wired.plant.force_input(3, true);
+  wired.step();
+  EXPECT_EQ(wired.feedback.edge_count, 1);
+  EXPECT_EQ(wired.feedback.inputs & 8u, 8u);
+  wired.plant.set_supply_v(350.0);
+  wired.plant.inject(Injection::winding_overheat, true);
+  wired.run(80000);
+  EXPECT_EQ(wired.feedback.edge_count, 0);
+  EXPECT_NEAR(static_cast<double>(wired.feedback.dc_link_v), 350.0, 1.0);
+  EXPECT_EQ(wired.feedback.winding_temperature_c, 180.0F);
+}
+
 TEST(Shaft, GravityIsHeldByStictionAndPullsTowardsSmallerCounts) {
   Parameters p = bare_motor();
   p.load.gravity_torque_nm = 0.2;
