@@ -1,3 +1,4 @@
+import { readFileSync } from 'node:fs';
 import { expect, panel, test, type } from './fixtures';
 
 interface Answer {
@@ -27,6 +28,14 @@ test('a sweep is recorded with one click, and read as a Bode plot', async ({ pag
   const margins = page.getByLabel('Margins');
   await expect(margins).toContainText('Phase margin');
   await picture('bode');
+
+  const [csv] = await Promise.all([page.waitForEvent('download'), plot.getByRole('button', { name: 'CSV' }).click()]);
+  const [head, ...rows] = readFileSync(await csv.path(), 'utf8').trim().split('\n');
+  expect(head).toBe('frequency_hz,gain_db,phase_deg,coherence');
+  expect(rows.length).toBeGreaterThan(25);
+  expect(rows.every((each) => each.split(',').every((cell) => Number.isFinite(Number(cell))))).toBe(true);
+  const [png] = await Promise.all([page.waitForEvent('download'), plot.getByRole('button', { name: 'PNG' }).click()]);
+  expect(readFileSync(await png.path()).subarray(1, 4).toString()).toBe('PNG');
 
   const answer = await line.call<Answer>('GET', '/recordings/1/bode?input=0&output=2&from_hz=3&to_hz=150');
   expect(answer.points.length).toBeGreaterThan(25);

@@ -64,3 +64,10 @@ export function firstPlot(channels: ChannelRequest[]): [number, number] {
   }
   return [0, Math.min(1, channels.length - 1)];
 }
+
+// A row for each frequency; the coherence where there is one.
+export function csvOf(points: BodePoint[]): string {
+  const coherent = points.some(({ coherence }) => coherence !== undefined);
+  const rows = points.map(({ hz, gain_db, phase_deg, coherence }) => [hz, gain_db, phase_deg, ...(coherent ? [coherence ?? ''] : [])].join(','));
+  return [`frequency_hz,gain_db,phase_deg${coherent ? ',coherence' : ''}`, ...rows, ''].join('\n');
+}

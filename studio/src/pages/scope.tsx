@@ -9,6 +9,7 @@ import { Excite } from '../parts/excite';
 import { Lanes, type Curve } from '../parts/lanes';
 import { LiveLanes } from '../parts/live';
 import { MeasureTable } from '../parts/measure_table';
+import { savePicture } from '../parts/save';
 import { ScopeSetup } from '../parts/scope_setup';
 import { alongside, labelOf, queryOf, same, samplesOf, setupOf, zoomed, type Samples, type Setup } from '../model/scope';
 import { fixed, significant } from '../model/units';
@@ -16,7 +17,6 @@ import { attempt, complain } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
 import { useLine } from '../store';
-import { color } from '../theme';
 
 export function ScopePage() {
   const { query } = useRoute();
@@ -222,29 +222,6 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
       )}
     </Panel>
   );
-}
-
-function savePicture(box: HTMLElement, name: string) {
-  const lanes = [...box.querySelectorAll('canvas')];
-  const canvas = document.createElement('canvas');
-  canvas.width = Math.max(...lanes.map(({ width }) => width));
-  canvas.height = lanes.reduce((sum, { height }) => sum + height, 0);
-  const context = canvas.getContext('2d')!;
-  context.fillStyle = color('panel');
-  context.fillRect(0, 0, canvas.width, canvas.height);
-  let y = 0;
-  for (const lane of lanes) {
-    context.drawImage(lane, 0, y);
-    y += lane.height;
-  }
-  canvas.toBlob((blob) => {
-    if (!blob) return;
-    const link = document.createElement('a');
-    link.href = URL.createObjectURL(blob);
-    link.download = name;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  });
 }
 
 function Recordings({ recordings, shown, overlays, memory }: {

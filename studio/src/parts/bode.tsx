@@ -1,11 +1,12 @@
-import { useMemo, useState } from 'react';
+import { useMemo, useRef, useState } from 'react';
 import type { Recording } from '../api/types';
-import { at, firstPlot, type Bode, type BodePoint } from '../model/bode';
+import { at, csvOf, firstPlot, type Bode, type BodePoint } from '../model/bode';
 import { labelOf } from '../model/scope';
 import { fixed, significant } from '../model/units';
 import { useResource } from '../resource';
-import { Choice, NumberInput, Readout, Scroll, Toggle, Trouble } from './controls';
+import { Button, Choice, NumberInput, Readout, Scroll, Toggle, Trouble } from './controls';
 import { Lanes, type Curve } from './lanes';
+import { savePicture, saveText } from './save';
 
 // The frequency response between two channels of a recording, over it that of an earlier one with the same channels.
 export function BodePlot({ recording, earlier }: { recording: Recording; earlier: Recording | undefined }) {
@@ -15,6 +16,7 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
   const [open, setOpen] = useState(false);
   const [a, setA] = useState<number | null>(null);
   const [b, setB] = useState<number | null>(null);
+  const box = useRef<HTMLDivElement>(null);
   const query = `bode?input=${input}&output=${output}&from_hz=1&to_hz=1000`;
   const { value, problem } = useResource<Bode>(`/recordings/${recording.id}/${query}`);
   const fits = earlier !== undefined && earlier.channels[input]?.name === recording.channels[input].name && earlier.channels[output]?.name === recording.channels[output].name;
@@ -39,6 +41,7 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
   }, [points, earlierPoints, x, before]);
 
   const channels = recording.channels.map((channel, i) => [i, labelOf(channel)] as const);
+  const file = `bode-${recording.id}${open ? '-open' : ''}`;
   const cursors: [string, number | null, (hz: number | null) => void][] = [['Cursor A', a, setA], ['Cursor B', b, setB]];
   return (
     <div className="bode">
@@ -49,10 +52,15 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
         {cursors.map(([label, hz, set]) => (
           <NumberInput key={label} label={label} unit="Hz" value={hz ?? NaN} minimum={0} onChange={(to) => set(Number.isFinite(to) && to > 0 ? to : null)} />
         ))}
+        <span className="grow" />
+        <Button isDisabled={points.length < 2} onPress={() => saveText(csvOf(points), `${file}.csv`)}>CSV</Button>
+        <Button isDisabled={points.length < 2} onPress={() => box.current && savePicture(box.current, `${file}.png`)}>PNG</Button>
       </div>
       <Trouble problem={problem} />
       {points.length > 1 && (
-        <Lanes label="Bode plot" x={x} curves={curves} range={null} unit="Hz" logarithmic cursors={[a, b]} onCursor={(which, hz) => (which === 0 ? setA : setB)(Number(hz.toPrecision(4)))} />
+        <div ref={box}>
+          <Lanes label="Bode plot" x={x} curves={curves} range={null} unit="Hz" logarithmic cursors={[a, b]} onCursor={(which, hz) => (which === 0 ? setA : setB)(Number(hz.toPrecision(4)))} />
+        </div>
       )}
       {value && points.length <= 1 && <p className="empty">The input holds nothing to tell a response from: record a sweep or a step.</p>}
       {value?.open_loop && <Margins bode={value} before={before} />}

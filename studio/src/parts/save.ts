@@ -1,0 +1,32 @@
+import { color } from '../theme';
+
+// What the page itself has made, saved as a file.
+
+export function saveText(text: string, name: string) {
+  saveBlob(new Blob([text], { type: 'text/plain' }), name);
+}
+
+// The canvases in `box`, one below the other.
+export function savePicture(box: HTMLElement, name: string) {
+  const lanes = [...box.querySelectorAll('canvas')];
+  const canvas = document.createElement('canvas');
+  canvas.width = Math.max(...lanes.map(({ width }) => width));
+  canvas.height = lanes.reduce((sum, { height }) => sum + height, 0);
+  const context = canvas.getContext('2d')!;
+  context.fillStyle = color('panel');
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  let y = 0;
+  for (const lane of lanes) {
+    context.drawImage(lane, 0, y);
+    y += lane.height;
+  }
+  canvas.toBlob((blob) => blob && saveBlob(blob, name));
+}
+
+function saveBlob(blob: Blob, name: string) {
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
