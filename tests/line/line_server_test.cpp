@@ -60,7 +60,12 @@ class Running {
 
 class Client {
  public:
-  explicit Client(std::uint16_t port) : stream_(io_), host_("127.0.0.1:" + std::to_string(port)) {
+  explicit Client(std::uint16_t port, int receive_buffer = 0)
+      : stream_(io_), host_("127.0.0.1:" + std::to_string(port)) {
+    if (receive_buffer != 0) {
+      stream_.socket().open(tcp::v4());
+      stream_.socket().set_option(boost::asio::socket_base::receive_buffer_size(receive_buffer));
+    }
     stream_.connect(tcp::endpoint(boost::asio::ip::make_address("127.0.0.1"), port));
     stream_.expires_never();
   }
@@ -224,6 +229,36 @@ TEST(LineServer, ClientsThatSendHalfARequestDoNotKeepOthersOut) {
     Client whole(port);
     ASSERT_EQ(whole.ask(http::verb::get, "/clock").result_int(), 200U) << i;
   }
+}
+
+// Such as a page on a computer that went to sleep in the middle of a download.
+TEST(LineServer, ClientsThatDoNotReadTheirAnswersDoNotKeepOthersOut) {
+  Running running(settings_of(open_line));
+  const std::uint16_t port = running.server().api_port();
+  {
+    Client client(port);
+    const std::string asked = R"({"channels": [{"axis": "x", "signal": "supply_v"}, {"axis": "x", "object": "6064:00"},
+      {"axis": "x", "signal": "temperature_c"}, {"axis": "x", "signal": "position_counts"},
+      {"axis": "x", "signal": "velocity_rpm"}, {"axis": "x", "signal": "torque_nm"}], "duration_ms": 8000})";
+    ASSERT_EQ(client.ask(http::verb::post, "/recordings", asked).result_int(), 201U);
+    ASSERT_EQ(client.ask(http::verb::post, "/clock/advance", R"({"ms": 9000})").result_int(), 200U);
+  }
+  std::vector<std::unique_ptr<Client>> greedy;
+  for (int i = 0; i < 64; ++i) {
+    greedy.push_back(std::make_unique<Client>(port, 4096));
+    greedy.back()->write("GET /api/v1/recordings/1/data.csv HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  }
+  // Sooner than the time after which they would be cut off in any case.
+  const auto patience = std::chrono::steady_clock::now() + 50s;
+  bool served = false;
+  while (!served && std::chrono::steady_clock::now() < patience) {
+    try {
+      served = Client(port).ask(http::verb::get, "/version").result_int() == 200U;
+    } catch (const boost::system::system_error&) {  // no room yet
+      std::this_thread::sleep_for(50ms);
+    }
+  }
+  EXPECT_TRUE(served);
 }
 
 TEST(LineServer, AnswersAMasterInRealTime) {

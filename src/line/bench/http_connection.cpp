@@ -101,7 +101,7 @@ HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket)
 }
 
 void HttpConnection::read() {
-  waits_since_ = std::chrono::steady_clock::now();
+  dispensable_from_ = std::chrono::steady_clock::now();
   parser_.emplace();
   parser_->header_limit(largest_header);
   parser_->body_limit(largest_body);
@@ -136,7 +136,7 @@ void HttpConnection::read_body() {
 
 void HttpConnection::has_read(const error_code& code) {
   if (server_ == nullptr) return;
-  waits_since_.reset();
+  dispensable_from_.reset();
   wants_head_ = false;
   if (code == http::error::end_of_stream || code == boost::asio::error::eof ||
       code == boost::asio::error::connection_reset || code == beast::error::timeout ||
@@ -236,6 +236,11 @@ void HttpConnection::upgrade(Message&& message) {
   server.handlers_.upgrade(std::move(upgrade));
 }
 
+void HttpConnection::begin_to_send() {
+  dispensable_from_ = std::chrono::steady_clock::now() + patience;
+  stream_.expires_after(idle_time);
+}
+
 void HttpConnection::answer(Response&& response, unsigned version, bool keep_alive) {
   constexpr unsigned chunks_since = 11;  // HTTP 1.1
   if (response.more && version < chunks_since) {
@@ -247,7 +252,7 @@ void HttpConnection::answer(Response&& response, unsigned version, bool keep_ali
   message_ = message_of(std::move(response), version, keep_alive, more_ != nullptr);
   const bool head_only = std::exchange(wants_head_, false);
   if (head_only) more_ = {};
-  stream_.expires_after(idle_time);
+  begin_to_send();
   const auto written = [self = shared_from_this()](error_code code, std::size_t) { self->written(code); };
   if (more_ || head_only) {
     head_.emplace(message_);
@@ -268,7 +273,7 @@ void HttpConnection::written(const error_code& code) {
       self->part_.clear();
       self->written(its_code);
     };
-    stream_.expires_after(idle_time);
+    begin_to_send();
     if (part_.empty()) {
       more_ = {};
       boost::asio::async_write(stream_, http::make_chunk_last(), next);

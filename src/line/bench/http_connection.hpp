@@ -21,14 +21,16 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   HttpConnection(HttpServer& server, boost::asio::ip::tcp::socket socket);
 
   void read();
-  // When it began to wait for the request that is not there yet; nothing while one is being answered.
-  std::optional<std::chrono::steady_clock::time_point> waits_since() const { return waits_since_; }
+  // From when on it has to make room for another: at once while it waits for a request, after `patience` while its
+  // client takes nothing of the answer. Nothing: a request is being carried out.
+  std::optional<std::chrono::steady_clock::time_point> dispensable_from() const { return dispensable_from_; }
   // No call of the server after this.
   void disconnect();
 
  private:
   static constexpr std::uint32_t largest_header = 8 * 1024;
   static constexpr std::uint64_t largest_body = 256 * 1024;
+  static constexpr auto patience = std::chrono::seconds(5);
 
   using Message = boost::beast::http::request<boost::beast::http::string_body>;
 
@@ -38,12 +40,13 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void serve();
   std::optional<Response> refusal_of_address(const Message& message) const;
   void upgrade(Message&& message);
+  void begin_to_send();
   void answer(Response&& response, unsigned version, bool keep_alive);
   void written(const boost::system::error_code& code);
   void close();
 
   HttpServer* server_;
-  std::optional<std::chrono::steady_clock::time_point> waits_since_;
+  std::optional<std::chrono::steady_clock::time_point> dispensable_from_;
   boost::beast::tcp_stream stream_;
   boost::asio::steady_timer turn_;
   boost::beast::flat_buffer buffer_{largest_header + largest_body};

@@ -56,14 +56,17 @@ std::uint16_t HttpServer::port() const {
   return acceptor_.local_endpoint(ignored).port();
 }
 
-// Connections that send nothing do not keep others out; one that is being answered, such as a long download, stays.
+// Connections that send nothing, or take nothing of what they asked for, do not keep others out; a download that goes
+// on stays.
 bool HttpServer::make_room() {
   const auto waits_longer = [](const auto& a, const auto& b) {
-    if (!a->waits_since() || !b->waits_since()) return a->waits_since().has_value();
-    return *a->waits_since() < *b->waits_since();
+    if (!a->dispensable_from() || !b->dispensable_from()) return a->dispensable_from().has_value();
+    return *a->dispensable_from() < *b->dispensable_from();
   };
   const auto longest = std::min_element(connections_.begin(), connections_.end(), waits_longer);
-  if (longest == connections_.end() || !(*longest)->waits_since()) return false;
+  if (longest == connections_.end()) return false;
+  const auto from = (*longest)->dispensable_from();
+  if (!from || *from > std::chrono::steady_clock::now()) return false;
   (*longest)->disconnect();
   connections_.erase(longest);
   return true;
