@@ -4,8 +4,11 @@
 // With the interface of the line's end and its process, also who was late. Two witnesses have the kernel's time of each
 // frame's arrival at the line and of its answer's arrival here; the scheduler knows how long the line was ready to run
 // and was not let (/proc/PID/schedstat, see sched-stats in the kernel's documentation). A frame is the line's fault if
-// it never answered it, or took longer than the period with a processor of its own. Usage: ethercat_cycle LINK SECONDS
-// PERIOD_US [LINE_INTERFACE LINE_PID]
+// it never answered it, or took longer than the period with a processor of its own.
+//
+// With FRAMES and BYTES there need not be slaves: so many frames of so many bytes of process data go out each period,
+// to a bare echo for instance. What that is late is the machine's. Usage: ethercat_cycle LINK SECONDS PERIOD_US
+// [LINE_INTERFACE LINE_PID [FRAMES BYTES]]
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -14,12 +17,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <unistd.h>
 #include <utility>
 #include <vector>
 
 #include "frame_witness.hpp"
 #include "host/ethercat/operation.hpp"
+#include "links/ethercat/client.hpp"
 #include "links/ethercat/link_name.hpp"
 
 namespace {
@@ -64,12 +69,11 @@ class Turnarounds {
 
   std::uint64_t ours() const { return unanswered_ + late_by_line_; }
   void print() const {
-    std::printf("  lost that are ours: %llu (%llu frames never answered, %llu times later than the period by itself)\n",
+    std::printf("  its own fault: %llu (%llu frames never answered, %llu times later than the period by itself)\n",
                 number(ours()), number(unanswered_), number(late_by_line_));
     std::printf(
-        "  of %llu frames the slowest answer took %.1f us, by the line itself (less its waits for a processor) %.1f "
-        "us; "
-        "late because the line was not let: %llu times, because this master was not: %llu cycles\n",
+        "  of %llu frames the slowest answer took %.1f us, by itself (less its waits for a processor) %.1f us; late "
+        "because it was not let: %llu times, because this master was not: %llu cycles\n",
         number(frames_), in_microseconds(worst_), in_microseconds(worst_own_), number(line_not_let_), number(others_));
   }
 
@@ -130,14 +134,51 @@ class Turnarounds {
   Time worst_own_{0};
 };
 
+// Frames of process data without a master's knowledge of what is there.
+void beat(const char* link, std::chrono::seconds span, Time period, std::size_t frames, std::size_t bytes,
+          Turnarounds& turnarounds) {
+  using Clock = std::chrono::steady_clock;
+  const auto client = links::open_ethercat_client(link);
+  std::array<std::uint8_t, ethercat::max_payload> memory;
+  std::array<std::uint8_t, ethercat::max_payload> received;
+  ethercat::FrameWriter writer = ethercat::FrameWriter::payload(memory);
+  writer.add(ethercat::Command::lrw, 0, 0, bytes);
+  constexpr std::size_t index_at = 3;
+  const auto end = Clock::now() + span;
+  for (auto next = Clock::now(); next < end; next = std::max(next + period, Clock::now())) {
+    std::this_thread::sleep_until(next);
+    for (std::size_t i = 0; i < frames; ++i) {
+      ++memory[index_at];
+      client->send(writer.bytes());
+    }
+    std::size_t back = 0;
+    while (back < frames && client->receive(received, period) != 0) ++back;
+    turnarounds.look(period, back < frames);
+  }
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // what is still on its way comes
+  turnarounds.look(period, false);
+  turnarounds.finish();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 4 && argc != 6) {
-    std::fprintf(stderr, "usage: ethercat_cycle LINK SECONDS PERIOD_US [LINE_INTERFACE LINE_PID]\n");
+  if (argc != 4 && argc != 6 && argc != 8) {
+    std::fprintf(stderr, "usage: ethercat_cycle LINK SECONDS PERIOD_US [LINE_INTERFACE LINE_PID [FRAMES BYTES]]\n");
     return 2;
   }
   try {
+    if (argc == 8) {
+      const auto link = std::get<links::RawName>(links::parse_ethercat_link(argv[1]));
+      const auto number_of = [argv](int i) { return static_cast<std::size_t>(std::atoi(argv[i])); };
+      const microseconds period(std::atoi(argv[3]));
+      Turnarounds turnarounds(argv[4], link.interface, argv[5]);
+      turnarounds.look(period, false);
+      turnarounds.forget();
+      beat(argv[1], std::chrono::seconds(std::atoi(argv[2])), period, number_of(6), number_of(7), turnarounds);
+      turnarounds.print();
+      return 0;
+    }
     const auto master = host::EthercatMaster::open(argv[1]);
     const std::vector<host::FoundSlave> found = host::scan_slaves(*master);
     std::vector<std::unique_ptr<host::EthercatSlave>> slaves;
