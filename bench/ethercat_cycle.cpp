@@ -142,7 +142,7 @@ void beat(const char* link, std::chrono::seconds span, Time period, std::size_t 
   std::array<std::uint8_t, ethercat::max_payload> memory;
   std::array<std::uint8_t, ethercat::max_payload> received;
   ethercat::FrameWriter writer = ethercat::FrameWriter::payload(memory);
-  writer.add(ethercat::Command::lrw, 0, 0, bytes);
+  if (writer.add(ethercat::Command::lrw, 0, 0, bytes).size() != bytes) throw std::runtime_error("too long for a frame");
   constexpr std::size_t index_at = 3;
   const auto end = Clock::now() + span;
   for (auto next = Clock::now(); next < end; next = std::max(next + period, Clock::now())) {

@@ -304,5 +304,23 @@ TEST(VelocityLoop, WithoutPowerIsMeasuredFromTheFirstCountAfterALongRest) {
   }
 }
 
+// It rested with its loops off; what the current of a torque showed is forgotten when that has gone.
+TEST(VelocityLoop, ATorqueBetweenTwoRestsIsNotShownForEver) {
+  Axis axis(frictionless(1 << 17));
+  axis.demand.loop = Loop::off;
+  axis.cascade.set_demand(axis.demand);
+  for (int tick = 0; tick < 160; ++tick) axis.cascade.tick(axis.feedback, axis.actuation);
+  axis.demand.loop = Loop::torque;
+  axis.cascade.set_demand(axis.demand);
+  Feedback held = axis.feedback;
+  held.phase_current_a = {1.0F, -0.5F, -0.5F};
+  for (int tick = 0; tick < 16; ++tick) axis.cascade.tick(held, axis.actuation);
+  EXPECT_NE(axis.cascade.state().current_d_a, 0.0F);
+  axis.cascade.disable();
+  for (int tick = 0; tick < 16; ++tick) axis.cascade.tick(axis.feedback, axis.actuation);
+  EXPECT_EQ(axis.cascade.state().current_d_a, 0.0F);
+  EXPECT_EQ(axis.cascade.state().mean_torque, 0.0F);
+}
+
 }  // namespace
 }  // namespace servodrome::drive::test

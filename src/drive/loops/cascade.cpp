@@ -180,6 +180,7 @@ void Cascade::disable() {
   clear_controllers();
   demand_ = {};
   enabled_ = false;
+  rests_ = false;
 }
 
 void Cascade::clear_controllers() {

@@ -21,8 +21,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   HttpConnection(HttpServer& server, boost::asio::ip::tcp::socket socket);
 
   void read();
-  // From when on it has to make room for another: at once while it waits for a request, after `patience` while its
-  // client takes nothing of the answer. Nothing: a request is being carried out.
+  // From when on it has to make room for another: at once while it waits for a request, and when its client needs
+  // longer than `patience` for a part of the answer. Nothing: a request is being carried out.
   std::optional<std::chrono::steady_clock::time_point> dispensable_from() const { return dispensable_from_; }
   // No call of the server after this.
   void disconnect();

@@ -56,8 +56,8 @@ std::uint16_t HttpServer::port() const {
   return acceptor_.local_endpoint(ignored).port();
 }
 
-// Connections that send nothing, or take nothing of what they asked for, do not keep others out; a download that goes
-// on stays.
+// Connections that send nothing, or do not take what they asked for, do not keep others out; a download that goes on
+// stays.
 bool HttpServer::make_room() {
   const auto waits_longer = [](const auto& a, const auto& b) {
     if (!a->dispensable_from() || !b->dispensable_from()) return a->dispensable_from().has_value();

@@ -41,7 +41,7 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
   }, [points, earlierPoints, x, before]);
 
   const channels = recording.channels.map((channel, i) => [i, labelOf(channel)] as const);
-  const file = `bode-${recording.id}${open ? '-open' : ''}`;
+  const file = `bode-${recording.id}${open && value?.open_loop ? '-open' : ''}`;
   const cursors: [string, number | null, (hz: number | null) => void][] = [['Cursor A', a, setA], ['Cursor B', b, setB]];
   return (
     <div className="bode">
