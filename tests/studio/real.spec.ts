@@ -79,13 +79,30 @@ test('shows what PDOs carry, and the frames that pass', async ({ page, go, studi
   await expect(rows).toContainText(reference);
 });
 
-test('homes a drive on EtherCAT', async ({ page, go, drives }) => {
+interface Job {
+  id: number;
+  do: string;
+  state: string;
+  error?: { what: string };
+}
+
+// A master that gets no processor for a tenth of a second loses its slaves, as a real one does: then once more.
+test('homes a drive on EtherCAT', async ({ page, go, drives, studio }) => {
   await go(`/axis/${ethercat}?do=home`);
   await choose(page, 'Method', /^7: /);
   await type(page, 'Speed to the switch', 240);
   await type(page, 'Speed to the zero', 60);
-  await page.getByRole('button', { name: 'Home', exact: true }).click();
-  await expect(page.getByText(/home: done/)).toBeVisible({ timeout: 90_000 });
+  const last = async () => (await studio.call<{ jobs: Job[] }>('GET', '/jobs')).jobs.filter((job) => job.do === 'home').at(-1);
+  for (let attempt = 1; ; ++attempt) {
+    const before = (await last())?.id ?? 0;
+    await page.getByRole('button', { name: 'Home', exact: true }).click();
+    await expect.poll(async () => { const job = await last(); return job && job.id > before ? job.state : 'not begun'; }, { timeout: 90_000 }).toMatch(/done|failed/);
+    const job = (await last())!;
+    if (attempt === 5 || !job.error?.what.includes('watchdog')) break;
+    await page.getByRole('button', { name: 'Clear fault' }).click();
+    await expect.poll(async () => (await drives.call<View>('GET', '/axes/jmc')).state, { timeout: 30_000 }).not.toBe('fault');
+  }
+  await expect(page.getByText(/home: done/)).toBeVisible();
   expect((await drives.call<{ homed: boolean }>('GET', '/axes/jmc')).homed).toBe(true);
 });
 
