@@ -246,7 +246,7 @@ TEST(LineServer, ClientsThatDoNotReadTheirAnswersDoNotKeepOthersOut) {
   std::vector<std::unique_ptr<Client>> greedy;
   for (int i = 0; i < 64; ++i) {
     greedy.push_back(std::make_unique<Client>(port, 4096));
-    greedy.back()->write("GET /api/v1/recordings/1/data.csv HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    greedy.back()->write("GET /api/v1/recordings/1/data HTTP/1.1\r\nHost: localhost\r\n\r\n");
   }
   // Sooner than the time after which they would be cut off in any case.
   const auto patience = std::chrono::steady_clock::now() + 50s;
