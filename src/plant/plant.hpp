@@ -141,7 +141,7 @@ class Plant {
   double half_angle_per_speed_;  // electrical rad in half a tick per rad/s
   std::int64_t position_ = 0;    // counts; true position = position_ + fraction_
   double fraction_ = 0.0;
-  std::int64_t single_turn_ = 0;
+  double single_turn_ = 0.0;  // counts, whole ones
   double counts_per_speed_;  // counts in a tick per rad/s
   double turns_per_count_;   // electrical
   double commutation_offset_turns_;
