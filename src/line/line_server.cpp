@@ -19,7 +19,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Time longest_sleep = 1ms;  // what the axes do by themselves is at most this late
+constexpr Time longest_sleep = 1ms;  // what the axes send by themselves is at most this late
+constexpr Time longest_nap = 4ms;    // likewise, while nobody is there to hear it
 constexpr auto log_flush_time = 100ms;
 // While frames come on an Ethernet interface: how late other links, the API and what a CAN bus does by itself can be.
 constexpr Time time_between_turns = 250us;
@@ -234,8 +235,16 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy) {
   }
 }
 
+// Is anybody connected to a CAN bus? On other buses no axis sends before it is asked.
+bool LineServer::heard() const {
+  const auto has_clients = [](const auto& link) { return link->counters().clients > 0; };
+  return std::any_of(line_.buses().begin(), line_.buses().end(),
+                     [&](const auto& bus) { return std::any_of(bus->links.begin(), bus->links.end(), has_clients); });
+}
+
 void LineServer::schedule() {
-  timer_.expires_at(real_pace_.moment_of(std::min(line_.next_bus_event(), line_.now() + longest_sleep)));
+  const Time longest = heard() ? longest_sleep : longest_nap;
+  timer_.expires_at(real_pace_.moment_of(std::min(line_.next_bus_event(), line_.now() + longest)));
   timer_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;  // scheduled anew
     catch_up();

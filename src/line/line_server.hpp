@@ -25,8 +25,9 @@ namespace servodrome::line {
 // A line with its doors to the outside: the links of its buses, the bench API, logs, and the clock. Everything happens
 // in the thread that calls run().
 //
-// In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a
-// millisecond. What it cannot catch up with is given up (RealPace, Line::lag).
+// In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a millisecond
+// while anybody listens to a CAN bus, else every four. Whoever asks finds it at the present all the same. What it cannot
+// catch up with is given up (RealPace, Line::lag).
 class LineServer final : private links::LineHost {
  public:
   // Opens everything, or throws (links::LinkError, std::runtime_error) with nothing left open.
@@ -102,6 +103,7 @@ class LineServer final : private links::LineHost {
   void serve_frames();
   void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil);
   void serve_busy(const std::vector<links::EthercatLink*>& busy);
+  bool heard() const;
   void schedule();
   Time due();
   void flush_logs();
