@@ -1,7 +1,6 @@
 // Frames through SLAVES slave controllers until N times a slave was passed: an LRW with 16 bytes out and 16 bytes in of
-// each slave, in as many frames as it takes, the first with a BRD of the AL status. Composing the frames counts too.
-// Instructions per slave and frame: as callgrind_sdo.cpp.
-// Usage: callgrind_ethercat SLAVES N
+// each slave, in as many frames as it takes, the first with a BRD of the AL status. The frames come composed and are
+// copied. Instructions per slave and frame: as callgrind_sdo.cpp. Usage: callgrind_ethercat SLAVES N
 #include <cstdio>
 #include <cstdlib>
 

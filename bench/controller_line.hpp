@@ -1,12 +1,14 @@
 #pragma once
 
+#include <cstring>
 #include <memory>
 #include <vector>
 
 #include "ethercat/frame/frame_writer.hpp"
 #include "ethercat/segment.hpp"
 
-// Slave controllers in line, set up for 16 bytes of process data each way, and the frames of a cycle through them.
+// Slave controllers in line, set up for 16 bytes of process data each way, and the frames of a cycle through them. The
+// frames are composed once, as a master sends them, and copied to where a link would receive them in each cycle.
 namespace servodrome::ethercat {
 
 inline constexpr std::size_t slaves_per_datagram = 46;  // 32 bytes each
@@ -32,6 +34,13 @@ struct ControllerLine {
       }
       exchange(*escs[i]);
     }
+    for (std::size_t first = 0; first < count; first += slaves_per_datagram) {
+      FrameWriter writer = FrameWriter::ethernet(memory);
+      const std::size_t data = 32 * std::min(slaves_per_datagram, count - first);
+      writer.add(Command::lrw, 0, static_cast<std::uint32_t>(32 * first), data);
+      if (first == 0) writer.add(Command::brd, 0, address_of(0, reg::al_status), 2);
+      sent.emplace_back(writer.bytes().begin(), writer.bytes().end());
+    }
   }
 
   // What the application of a slave does with its buffers, at the least.
@@ -48,17 +57,16 @@ struct ControllerLine {
     segment->process(writer.bytes(), now);
   }
 
-  // Returns the sum of the working counters.
+  // Returns the sum of the working counters of the LRWs, and of the BRD at the end of the first frame.
   unsigned cycle() {
     unsigned counters = 0;
-    for (std::size_t first = 0; first < slaves.size(); first += slaves_per_datagram) {
-      const std::size_t count = std::min(slaves_per_datagram, slaves.size() - first);
-      FrameWriter writer = FrameWriter::ethernet(memory);
-      const auto data = writer.add(Command::lrw, 0, static_cast<std::uint32_t>(32 * first), 32 * count);
-      const auto status = first == 0 ? writer.add(Command::brd, 0, address_of(0, reg::al_status), 2) : data.first(0);
+    for (const std::vector<std::uint8_t>& frame : sent) {
+      std::memcpy(memory.data(), frame.data(), frame.size());
       now += std::chrono::milliseconds(1);
-      segment->process(writer.bytes(), now);
-      counters += load_u16(data.data() + data.size()) + (first == 0 ? load_u16(status.data() + 2) : 0U);
+      segment->process(std::span(memory).first(frame.size()), now);
+      const std::size_t lrw = 16 + datagram_header_size + (load_u16(&memory[22]) & length_mask);
+      counters += load_u16(&memory[lrw]);
+      if (lrw + 2 != frame.size()) counters += load_u16(&memory[frame.size() - 2]);
     }
     return counters;
   }
@@ -67,6 +75,7 @@ struct ControllerLine {
   std::array<std::uint8_t, max_frame> memory;
   std::vector<std::unique_ptr<Esc>> escs;
   std::vector<Segment::Slave> slaves;
+  std::vector<std::vector<std::uint8_t>> sent;
   std::unique_ptr<Segment> segment;
 };
 

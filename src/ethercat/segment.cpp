@@ -6,24 +6,24 @@ struct Segment::Travel {
   Frame frame;
   FrameKind kind;
   Time time;
-  std::size_t last = 0;  // slave the processing ended at
-  Way end = Way::ends;   // how it went on there
-  bool executable = false;
+  Time back;         // through the slaves that were passed, from the last one's port 0
+  std::size_t last;  // slave the processing ended at
+  Way end;           // how it went on there
+  bool executable;
   bool corrupted = false;
   bool destroyed = false;
-  bool latches = false;
+  bool latches;
 };
 
 namespace {
 constexpr std::uint8_t locally_administered = 0x02;  // of the first byte of the source address
 }
 
-// What a frame meets that leaves `slave` by its port 1.
-inline Segment::Way Segment::way_behind(std::size_t slave) const {
-  if (slaves_[slave].esc->loop_closed(1)) return Way::turns;
-  if (slave + 1 == slaves_.size()) return ring_cable_ ? Way::open : Way::ends;
-  const Esc& next = *slaves_[slave + 1].esc;
-  return next.link(0) && !next.loop_closed(0) ? Way::open : Way::ends;
+// What a frame meets that leaves a slave by its port 1. `next` is nullptr behind the last one.
+inline Segment::Way Segment::way_behind(const Esc& esc, const Esc* next) const {
+  if (esc.loop_closed(1)) return Way::turns;
+  const bool goes_on = next != nullptr ? next->takes_frames() : ring_cable_;
+  return goes_on ? Way::open : Way::ends;
 }
 
 // What a frame meets that leaves `slave` by its port 0.
@@ -35,52 +35,55 @@ Segment::Way Segment::way_before(std::size_t slave) const {
   return previous.powered && !previous.esc->loop_closed(1) ? Way::open : Way::ends;
 }
 
-// A frame that is not executed: of another protocol, malformed, or arriving with a wrong FCS.
-void Segment::pass_damaged(std::size_t slave, Travel& travel) {
-  Slave& at = slaves_[slave];
+// A frame that is not executed: of another protocol, malformed, or arriving with a wrong FCS. Returns effects.
+unsigned Segment::pass_damaged(Slave& slave, Travel& travel) {
+  Esc& esc = *slave.esc;
   if (travel.corrupted) {
-    at.esc->count_forwarded_error(0);
-  } else if (at.corrupts_next) {
-    at.corrupts_next = false;
+    esc.count_forwarded_error(0);
+  } else if (slave.corrupts_next) {
+    slave.corrupts_next = false;
     travel.corrupted = true;
     travel.executable = false;
-    at.esc->count_invalid_frame(0);
-    at.esc->count_processing_unit_error();
+    esc.count_invalid_frame(0);
+    esc.count_processing_unit_error();
   } else if (travel.kind == FrameKind::malformed) {
-    at.esc->count_processing_unit_error();
+    esc.count_processing_unit_error();
   } else {
-    travel.destroyed = at.esc->processes_only();
+    travel.destroyed = esc.processes_only();
   }
+  return esc.processes_only() ? Esc::effect_marks : 0U;
 }
 
-void Segment::run_forward(std::size_t first, Travel& travel) {
-  bool marks = false;
+[[gnu::always_inline]] inline void Segment::run_forward(std::size_t first, Travel& travel) {
+  Slave* at = &slaves_[first];
+  Slave* const last = &slaves_.back();
   unsigned effects = 0;
-  const std::size_t last = slaves_.size() - 1;
-  for (std::size_t slave = first;; ++slave) {
-    Slave& at = slaves_[slave];
-    Esc& esc = *at.esc;
-    const Way way = way_behind(slave);  // before the frame itself changes it
-    marks |= esc.processes_only();
-    if (travel.executable && !at.corrupts_next) {
-      const unsigned effect = esc.process(travel.frame, travel.time);
-      effects |= effect;
-      if ((effect & Esc::effect_receive_times) != 0) esc.latch_port_time(0, travel.time);
+  Time time = travel.time;
+  Time back{0};
+  Way way;
+  for (;; ++at, time += at->forward) {
+    Esc& esc = *at->esc;
+    way = way_behind(esc, at == last ? nullptr : at[1].esc);  // before the frame itself changes it
+    back += at->backward;
+    if (travel.executable && !at->corrupts_next) [[likely]] {
+      effects |= esc.process(travel.frame, time);
     } else {
-      pass_damaged(slave, travel);
+      effects |= pass_damaged(*at, travel);
+      if (travel.destroyed) break;
     }
-    if (way == Way::ends && slave != last && !travel.destroyed) slaves_[slave + 1].esc->frame_at_closed_port(0);
-    if (way != Way::open || travel.destroyed || slave == last) {
-      travel.last = slave;
-      travel.end = way;
-      break;
-    }
-    travel.time += slaves_[slave + 1].forward;
+    if (way != Way::open || at == last) break;
   }
+  if (at != last && way == Way::ends && !travel.destroyed) at[1].esc->frame_at_closed_port(0);
+  travel.time = time;
+  travel.back = back;
+  travel.end = way;
+  travel.last = static_cast<std::size_t>(at - slaves_.data());
   travel.latches = (effects & Esc::effect_receive_times) != 0;
   if (travel.kind == FrameKind::foreign) return;
   if (travel.frame.udp_checksum != nullptr) store_u16(travel.frame.udp_checksum, 0);
-  if (marks && travel.frame.source_address != nullptr) *travel.frame.source_address |= locally_administered;
+  if ((effects & Esc::effect_marks) != 0 && travel.frame.source_address != nullptr) {
+    *travel.frame.source_address |= locally_administered;
+  }
 }
 
 // The frame turned at the last slave and comes back through port 1 of those before it.
@@ -120,10 +123,9 @@ inline Segment::Passage Segment::enter_front(Travel& travel) {
   run_forward(0, travel);
   if (travel.corrupted && travel.end == Way::turns) count_returning_error(travel);
   if (travel.corrupted || travel.destroyed || travel.end == Way::ends) return {};
-  if (travel.end == Way::open) return {Exit::secondary, travel.time};
+  if (travel.end == Way::open) return {travel.time, Exit::secondary};
   if (travel.latches) latch_returning(0, travel);
-  for (std::size_t slave = travel.last + 1; slave-- > 0;) travel.time += slaves_[slave].backward;
-  return {Exit::primary, travel.time};
+  return {travel.time + travel.back, Exit::primary};
 }
 
 Segment::Passage Segment::enter_back(Travel& travel) {
@@ -139,7 +141,7 @@ Segment::Passage Segment::enter_back(Travel& travel) {
   for (Way way = way_before(slave); way != Way::turns; way = way_before(slave)) {
     if (way == Way::ends) return {};
     travel.time += slaves_[slave].backward;
-    if (slave == 0) return {Exit::primary, travel.time};
+    if (slave == 0) return {travel.time, Exit::primary};
     --slave;
   }
   // A frame that comes a second time to a port 0 without a link circulates and is taken off the line (ETG.1000.4 clause
@@ -160,7 +162,7 @@ Segment::Passage Segment::enter_back(Travel& travel) {
       time += slaves_[i].backward;
     }
   }
-  return {Exit::secondary, travel.time};
+  return {travel.time, Exit::secondary};
 }
 
 void Segment::set_cable(std::size_t cable, bool connected) {

@@ -27,8 +27,8 @@ class Segment {
     payload,   // the content of a UDP packet
   };
   struct Passage {
+    Time leaves{0};  // when the first bit is back at the master
     Exit exit = Exit::lost;
-    Time leaves{0};                        // when the first bit is back at the master
     FrameKind kind = FrameKind::ethercat;  // what came
   };
 
@@ -52,13 +52,13 @@ class Segment {
   enum class Way : std::uint8_t { open, turns, ends };
   struct Travel;
 
-  Way way_behind(std::size_t slave) const;
+  Way way_behind(const Esc& esc, const Esc* next) const;
   Way way_before(std::size_t slave) const;
   Passage enter_front(Travel& travel);
   Passage enter_back(Travel& travel);
   // From `first` on through the processing units. Returns where it turned or ended.
   void run_forward(std::size_t first, Travel& travel);
-  void pass_damaged(std::size_t slave, Travel& travel);
+  static unsigned pass_damaged(Slave& slave, Travel& travel);
   void latch_returning(std::size_t first, const Travel& travel);
   void count_returning_error(const Travel& travel);
   void update_links();

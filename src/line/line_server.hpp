@@ -26,8 +26,8 @@ namespace servodrome::line {
 // in the thread that calls run().
 //
 // In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a millisecond
-// while anybody listens to a CAN bus, else every four. Whoever asks finds it at the present all the same. What it cannot
-// catch up with is given up (RealPace, Line::lag).
+// while anybody listens to a CAN bus, else every four. Whoever asks finds it at the present all the same. What it
+// cannot catch up with is given up (RealPace, Line::lag).
 class LineServer final : private links::LineHost {
  public:
   // Opens everything, or throws (links::LinkError, std::runtime_error) with nothing left open.

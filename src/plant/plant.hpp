@@ -142,8 +142,8 @@ class Plant {
   std::int64_t position_ = 0;    // counts; true position = position_ + fraction_
   double fraction_ = 0.0;
   double single_turn_ = 0.0;  // counts, whole ones
-  double counts_per_speed_;  // counts in a tick per rad/s
-  double turns_per_count_;   // electrical
+  double counts_per_speed_;   // counts in a tick per rad/s
+  double turns_per_count_;    // electrical
   double commutation_offset_turns_;
   double overcurrent_squared_;
   double bus_overcurrent_a_;

@@ -375,6 +375,48 @@ TEST(Fmmus, TopOfTheLogicalSpace) {
   EXPECT_EQ(line.send(Command::lwr, 0, {7, 8}).counter, 0U);
 }
 
+struct BuffersOfFour : Line {
+  BuffersOfFour() : Line(1) {
+    set_sync_manager(0, 2, 0x1100, 4, 0x64);
+    set_sync_manager(0, 3, 0x1300, 4, 0x20);
+    map(0);
+    const auto buffer = escs[0]->open_for_writing(3);
+    std::fill(buffer.begin(), buffer.end(), std::uint8_t{0xA5});
+    escs[0]->close_writing(3);
+  }
+  void map(std::uint32_t logical) {
+    set_fmmu(0, 0, logical, 4, 0x1100, 2);
+    set_fmmu(0, 1, logical + 4, 4, 0x1300, 1);
+  }
+};
+
+TEST(Fmmus, WholeBuffersDoNotGoOnAtTheBottomOfTheLogicalSpace) {
+  BuffersOfFour line;
+  const Answer answer = line.send(Command::lrw, 0xFFFFFFF8, counting(40));
+  EXPECT_EQ(answer.counter, 0U);
+  EXPECT_EQ(answer.data, counting(40));
+  EXPECT_EQ(line.send(Command::lrw, 0, counting(40)).counter, 3U);
+}
+
+// Where the buffers lay in a frame is remembered for the next one.
+TEST(Fmmus, WholeBuffersAreLookedForWhereTheyAreNow) {
+  BuffersOfFour line;
+  Bytes expected = counting(40);
+  std::fill_n(expected.begin() + 4, 4, std::uint8_t{0xA5});
+  for (int cycle = 0; cycle < 3; ++cycle) EXPECT_EQ(line.send(Command::lrw, 0, counting(40)).data, expected);
+  line.map(16);
+  expected = counting(40);
+  std::fill_n(expected.begin() + 20, 4, std::uint8_t{0xA5});
+  for (int cycle = 0; cycle < 3; ++cycle) EXPECT_EQ(line.send(Command::lrw, 0, counting(40)).data, expected);
+  const auto outputs = line.escs[0]->open_for_reading(2);
+  EXPECT_EQ(Bytes(outputs.begin(), outputs.end()), counting(4, 17));
+  EXPECT_EQ(line.send(Command::lrw, 0, counting(16)).counter, 0U);
+  EXPECT_EQ(line.send(Command::lrw, 1, counting(40)).data[19], 0xA5);
+  EXPECT_EQ(line.send(Command::lrw, 0, {}).counter, 0U);
+  line.write(0, reg::fmmu + 12, {0});  // without outputs
+  EXPECT_EQ(line.send(Command::lrw, 0, counting(40)).counter, 1U);
+}
+
 // ---- Watchdogs ----
 
 TEST(Watchdogs, ProcessData) {

@@ -10,6 +10,39 @@ bool Esc::addressed(std::uint16_t station) const {
   return alias_enabled && station == load_u16(&memory_[reg::station_alias]);
 }
 
+// The two of every cycle, which process() takes in.
+
+// An LRW of a slave with one buffer in each direction, both of them all within the datagram, or nothing of them. False:
+// it is not so simple, and nothing was done.
+[[gnu::always_inline]] inline bool Esc::exchange_buffers(Datagram& datagram) {
+  if (datagram.logical() != fit_.logical || datagram.length != fit_.length) [[unlikely]] {
+    const Fits fits = fit(datagram);
+    if (fits != Fits::whole) return fits == Fits::not_at_all;
+  }
+  const Mapping& writing = writing_[0];
+  const Mapping& reading = reading_[0];
+  SyncManager& outputs = sync_managers_[writing.sync_manager];
+  SyncManager& inputs = sync_managers_[reading.sync_manager];
+  if (!inputs.valid) return false;
+  copy_few(&memory_[outputs.write_whole()], datagram.data + fit_.outputs, writing.length);
+  if (outputs.triggers_watchdog) process_data_came();
+  copy_few(datagram.data + fit_.inputs, &memory_[inputs.read_whole()], reading.length);
+  attention_ |= fit_.events;
+  datagram.count(gain(true, true, true));
+  return true;
+}
+
+// A broadcast read of 16 bits that reading neither computes nor acknowledges, as of AL status. False: they are not of
+// that kind, and nothing was done.
+[[gnu::always_inline]] inline bool Esc::combine_word(Datagram& datagram) {
+  const std::uint32_t address = datagram.offset();
+  if (datagram.length != 2 || address % 16 == 15 || address >= reg::process_memory) return false;
+  if (live_register_blocks[address / 16] || ecat_events_ != 0) return false;
+  store_u16(datagram.data, load_u16(datagram.data) | load_u16(&memory_[address]));
+  datagram.count(gain(true, false, false));
+  return true;
+}
+
 // ETG.1000.4 clause 5.4: position addresses and broadcasts count up in every slave; a slave whose turn it is finds 0.
 void Esc::execute(Datagram& datagram) {
   const auto pass = [&datagram] {
@@ -37,15 +70,8 @@ void Esc::execute(Datagram& datagram) {
     case Command::fprw:
       if (addressed(datagram.position())) exchange(datagram, true, true, false);
       break;
-    case Command::brd:
-      pass();
-      if (!combine_plain_registers(datagram)) exchange(datagram, true, false, true);
-      break;
     case Command::bwr: pass(), exchange(datagram, false, true, false); break;
     case Command::brw: pass(), exchange(datagram, true, true, true); break;
-    case Command::lrw:
-      if (!one_buffer_each_ || !exchange_buffers(datagram)) exchange_logical(datagram, true, true);
-      break;
     case Command::lrd: exchange_logical(datagram, true, false); break;
     case Command::lwr: exchange_logical(datagram, false, true); break;
     case Command::armw: {
@@ -65,13 +91,22 @@ void Esc::execute(Datagram& datagram) {
 unsigned Esc::process(Frame& frame, Time now) {
   now_ = now;
   ++frames_;
-  effects_ = 0;
+  effects_ = processes_only() ? effect_marks : 0U;
   const std::uint16_t event_mask = load_u16(&memory_[reg::ecat_event_mask]);
   for (Datagram& datagram : frame.datagrams()) {
-    execute(datagram);
+    // By far the most frequent first.
+    if (datagram.command == Command::lrw) {
+      if (!exchange_buffers(datagram)) exchange_logical(datagram, true, true);
+    } else if (datagram.command == Command::brd) {
+      datagram.set_position(datagram.position() + 1U);
+      if (!combine_word(datagram)) exchange(datagram, true, false, true);
+    } else {
+      execute(datagram);
+    }
     if (event_mask != 0) datagram.raise_interrupt(ecat_event_request() & event_mask);
   }
   if (frame_end_work_) end_frame();
+  if ((effects_ & effect_receive_times) != 0) latch_port_time(0, now);
   return effects_;
 }
 
@@ -103,7 +138,7 @@ void Esc::configure_ports() {
       default: loop_closed_[port] = true;
     }
   }
-  unsigned status = (sii_.loaded() ? 0x01U : 0U) | (pdi_watchdog_.expired ? 0U : 0x02U) | 0x5000U;
+  unsigned status = (sii_.loaded() ? 0x01U : 0U) | (pdi_watchdog_.expired() ? 0U : 0x02U) | 0x5000U;
   for (unsigned port = 0; port < ports; ++port) {
     status |= link_[port] ? 0x10U << port : 0U;
     status |= loop_closed_[port] ? 0x100U << 2 * port : 0U;

@@ -36,7 +36,9 @@ class Esc {
   // ---- The line ----
 
   // What a frame did that concerns the segment.
-  static constexpr unsigned effect_receive_times = 1;  // port receive times are to be latched: 0900h was written
+  static constexpr unsigned effect_receive_times =
+      1;                                       // 0900h was written: the times of the other ports are to be latched
+  static constexpr unsigned effect_marks = 2;  // the frame's source address is to be changed: processes_only()
 
   // A frame passes the processing unit at `now`; its datagrams are executed. Returns effects.
   unsigned process(Frame& frame, Time now);
@@ -44,6 +46,8 @@ class Esc {
   // A cable with a working partner at its other end.
   void set_link(unsigned port, bool link);
   bool link(unsigned port) const { return link_[port]; }
+  // Frames of the slave before it get in: a link, and no closed loop at port 0.
+  bool takes_frames() const { return link_[0] && !loop_closed_[0]; }
   // A closed loop turns frames back inside the controller (DL control, ETG.1000.4 table 33).
   bool loop_closed(unsigned port) const { return loop_closed_[port]; }
   // Closed because its link is gone, rather than by hand.
@@ -132,12 +136,22 @@ class Esc {
     std::uint8_t sync_manager;  // that holds all of it, or none
   };
   static constexpr std::uint8_t no_sync_manager = 0xFF;
+  // Where both buffers lie in a datagram with all of them. Masters send the same one in every cycle.
+  struct Fit {
+    std::uint32_t logical = 0;   // of the datagram
+    std::uint32_t length = ~0U;  // likewise; none is as long as that
+    std::uint32_t outputs = 0;   // first byte in its data
+    std::uint32_t inputs = 0;
+    std::uint32_t events = 0;  // of the two sync managers
+  };
 
   void execute(Datagram& datagram);
+  enum class Fits : std::uint8_t { whole, not_at_all, in_part };
+  Fits fit(const Datagram& datagram);
   bool addressed(std::uint16_t station) const;
   void exchange(Datagram& datagram, bool reads, bool writes, bool combines);
   void exchange_logical(Datagram& datagram, bool reads, bool writes);
-  bool combine_plain_registers(Datagram& datagram);
+  bool combine_word(Datagram& datagram);
   bool exchange_buffers(Datagram& datagram);
   void exchange_bits(Datagram& datagram, bool reads, bool writes);
   bool read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
@@ -162,7 +176,9 @@ class Esc {
   void block_written(std::uint32_t block, std::uint32_t first, std::uint32_t length);
   void written_by_master(unsigned n) {
     attention_ |= reg::al_event::sync_manager0 << n;
-    if (!sync_managers_[n].triggers_watchdog) return;
+    if (sync_managers_[n].triggers_watchdog) process_data_came();
+  }
+  void process_data_came() {
     if (process_data_watchdog_.check(now_)) attention_ |= reg::al_event::watchdog_process_data;
     process_data_watchdog_.trigger(now_);
   }
@@ -193,6 +209,7 @@ class Esc {
   bool whole_bytes_ = true;
   // There is one of each, and they are a whole three-buffer channel of few bytes: what most slaves are in operation.
   bool one_buffer_each_ = false;
+  Fit fit_;
 
   DistributedClock clock_;
   SiiInterface sii_;

@@ -7,11 +7,6 @@ namespace servodrome::ethercat {
 
 namespace {
 
-// What a working counter gains (ETG.1000.4 table 11).
-constexpr unsigned gain(bool read, bool written, bool both_wanted) {
-  return (read ? 1U : 0U) + (written ? both_wanted ? 2U : 1U : 0U);
-}
-
 struct Overlap {
   std::uint32_t in_frame;  // first byte of the datagram's data
   std::uint32_t in_area;   // first byte of the area
@@ -167,22 +162,6 @@ void Esc::exchange(Datagram& datagram, bool reads, bool writes, bool combines) {
   datagram.count(gain(read, written, reads && writes));
 }
 
-// A broadcast read of registers that reading neither computes nor acknowledges. False: they are not of that kind.
-bool Esc::combine_plain_registers(Datagram& datagram) {
-  const std::uint32_t address = datagram.offset();
-  const std::uint32_t length = datagram.length;
-  const std::uint32_t block = address / 16;
-  if (address % 16 + length > 16 || block >= live_register_blocks.size()) return false;
-  if (live_register_blocks[block] || ecat_events_ != 0 || length == 0) return false;
-  if (length == 2) {  // of AL status
-    store_u16(datagram.data, load_u16(datagram.data) | load_u16(&memory_[address]));
-  } else {
-    for (std::uint32_t i = 0; i < length; ++i) datagram.data[i] |= memory_[address + i];
-  }
-  datagram.count(1);
-  return true;
-}
-
 bool Esc::read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length) {
   const Overlap part = overlap(logical, length, mapping.logical, mapping.length);
   if (part.length == 0) return false;
@@ -219,27 +198,6 @@ bool Esc::write_mapped(const Mapping& mapping, const Datagram& datagram, std::ui
   if (place < 0) return false;
   std::memcpy(&memory_[static_cast<std::size_t>(place)], data, part.length);
   if (channel.wrote(within, part.length)) written_by_master(mapping.sync_manager);
-  return true;
-}
-
-// An LRW of a slave with one buffer in each direction, both of them all within the datagram. False: it is not so
-// simple, and nothing was done.
-bool Esc::exchange_buffers(Datagram& datagram) {
-  const Mapping& writing = writing_[0];
-  const Mapping& reading = reading_[0];
-  const std::uint32_t logical = datagram.logical();
-  const std::uint32_t out = writing.logical - logical;
-  const std::uint32_t in = reading.logical - logical;
-  if (std::uint64_t{out} + writing.length > datagram.length) return false;
-  if (std::uint64_t{in} + reading.length > datagram.length) return false;
-  SyncManager& outputs = sync_managers_[writing.sync_manager];
-  SyncManager& inputs = sync_managers_[reading.sync_manager];
-  if (!inputs.valid) return false;
-  copy_few(&memory_[outputs.write_whole()], datagram.data + out, writing.length);
-  written_by_master(writing.sync_manager);
-  copy_few(datagram.data + in, &memory_[inputs.read_whole()], reading.length);
-  read_by_master(reading.sync_manager);
-  datagram.count(gain(true, true, true));
   return true;
 }
 
@@ -362,6 +320,21 @@ void Esc::configure_mappings() {
   };
   one_buffer_each_ = whole_bytes_ && writing_count_ == 1 && reading_count_ == 1 && is_buffer(writing_[0], true) &&
                      is_buffer(reading_[0], false);
+  fit_ = {};
+}
+
+Esc::Fits Esc::fit(const Datagram& datagram) {
+  if (!one_buffer_each_) return Fits::in_part;
+  const std::uint32_t logical = datagram.logical();
+  const std::uint32_t length = clipped(logical, datagram.length);
+  const Overlap outputs = overlap(logical, length, writing_[0].logical, writing_[0].length);
+  const Overlap inputs = overlap(logical, length, reading_[0].logical, reading_[0].length);
+  if (outputs.length == 0 && inputs.length == 0) return Fits::not_at_all;
+  if (outputs.length != writing_[0].length || inputs.length != reading_[0].length) return Fits::in_part;
+  const std::uint32_t events = reg::al_event::sync_manager0 << writing_[0].sync_manager |
+                               reg::al_event::sync_manager0 << reading_[0].sync_manager;
+  fit_ = {logical, datagram.length, outputs.in_frame, inputs.in_frame, events};
+  return Fits::whole;
 }
 
 }  // namespace servodrome::ethercat

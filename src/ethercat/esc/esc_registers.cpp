@@ -136,9 +136,9 @@ void Esc::refresh_block(std::uint32_t block) {
     case reg::al_event_request: store_u32(&memory_[reg::al_event_request], al_event_request()); break;
     case reg::watchdog_status:
       expire_watchdogs();
-      memory_[reg::watchdog_status] = process_data_watchdog_.expired ? 0 : 1;
-      memory_[reg::watchdog_process_data_count] = process_data_watchdog_.count;
-      memory_[reg::watchdog_pdi_count] = pdi_watchdog_.count;
+      memory_[reg::watchdog_status] = process_data_watchdog_.expired() ? 0 : 1;
+      memory_[reg::watchdog_process_data_count] = process_data_watchdog_.count();
+      memory_[reg::watchdog_pdi_count] = pdi_watchdog_.count();
       break;
     case reg::sii_configuration:
       for (std::uint8_t i = 0; i < 16; ++i) memory_[reg::sii_configuration + i] = sii_.byte(i, now_);
@@ -315,7 +315,10 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
     case reg::watchdog_pdi:
     case reg::watchdog_process_data: configure_watchdogs(); break;
     case reg::watchdog_status:
-      if (wrote(reg::watchdog_process_data_count, 2)) process_data_watchdog_.count = pdi_watchdog_.count = 0;
+      if (wrote(reg::watchdog_process_data_count, 2)) {
+        process_data_watchdog_.clear_count();
+        pdi_watchdog_.clear_count();
+      }
       break;
     case reg::sii_configuration:
       frame_end_work_ = true;
@@ -376,8 +379,8 @@ void Esc::configure_sync_manager(unsigned n) {
 
 void Esc::configure_watchdogs() {
   const std::uint16_t divider = load_u16(&memory_[reg::watchdog_divider]);
-  process_data_watchdog_.period = Watchdog::period_of(divider, load_u16(&memory_[reg::watchdog_process_data]));
-  pdi_watchdog_.period = Watchdog::period_of(divider, load_u16(&memory_[reg::watchdog_pdi]));
+  process_data_watchdog_.set_period(Watchdog::period_of(divider, load_u16(&memory_[reg::watchdog_process_data])));
+  pdi_watchdog_.set_period(Watchdog::period_of(divider, load_u16(&memory_[reg::watchdog_pdi])));
 }
 
 // Bit 4 of 0981h: the upper half follows from the present time. Bit 3: the start time, once it is whole, activates.

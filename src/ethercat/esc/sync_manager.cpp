@@ -19,6 +19,9 @@ void SyncManager::configure(const std::uint8_t* registers, std::uint32_t memory_
   guards = (registers[6] & activate_enable) != 0 && length != 0 && start >= reg::process_memory &&
            start + size <= memory_end;
   active = guards && (registers[7] & pdi_disable) == 0;
+  write_buffer = start;
+  last_buffer = static_cast<std::uint16_t>(start + length);
+  read_buffer = static_cast<std::uint16_t>(start + 2U * length);
 }
 
 std::uint8_t SyncManager::status() const {
@@ -26,7 +29,8 @@ std::uint8_t SyncManager::status() const {
   if (mode == Mode::mailbox) {
     value |= full ? 0x08U : 0U;
   } else {
-    value |= (valid ? full ? last_buffer : read_buffer : 3U) << 4;
+    const unsigned newest = full ? last_buffer : read_buffer;
+    value |= (valid ? (newest - start) / length : 3U) << 4;
   }
   value |= (read_open ? 0x40U : 0U) | (write_open ? 0x80U : 0U);
   return static_cast<std::uint8_t>(value);

@@ -40,8 +40,8 @@ struct SyncManager {
 
   // The same for a whole buffer of three at once: where it is; then it is closed.
   std::uint32_t write_whole() {
-    const std::uint32_t at = start + write_buffer * std::uint32_t{length};
-    std::swap(write_buffer, last_buffer);
+    const std::uint16_t at = write_buffer;
+    write_buffer = std::exchange(last_buffer, at);
     write_open = interrupt_read = false;
     full = valid = interrupt_write = true;
     return at;
@@ -50,7 +50,7 @@ struct SyncManager {
     if (full) std::swap(read_buffer, last_buffer);
     full = read_open = interrupt_write = false;
     interrupt_read = true;
-    return start + read_buffer * std::uint32_t{length};
+    return read_buffer;
   }
 
   // A mailbox that was read is full again with what it held: the answer to a repeat request.
@@ -69,20 +69,17 @@ struct SyncManager {
   bool interrupts_application = false;
   bool triggers_watchdog = false;
 
-  bool full = false;   // mailbox: written and not read; buffered: a buffer the reader has not seen
+  // What a whole buffer changes lies together.
   bool valid = false;  // buffered: written at least once
   bool write_open = false;
-  bool read_open = false;
+  bool full = false;             // mailbox: written and not read; buffered: a buffer the reader has not seen
   bool interrupt_write = false;  // status bit 0
   bool interrupt_read = false;   // status bit 1
-  std::uint8_t write_buffer = 0;
-  std::uint8_t last_buffer = 1;  // last one that was completely written
-  std::uint8_t read_buffer = 2;
-
- private:
-  std::int32_t place(std::uint8_t buffer, std::uint32_t offset) const {
-    return static_cast<std::int32_t>(start + buffer * std::uint32_t{length} + offset);
-  }
+  bool read_open = false;
+  // Addresses in the memory; of a mailbox there is only the first.
+  std::uint16_t write_buffer = 0;
+  std::uint16_t last_buffer = 0;  // last one that was completely written
+  std::uint16_t read_buffer = 0;
 };
 
 // In the path of every process data frame, hence here.
@@ -92,12 +89,12 @@ inline std::int32_t SyncManager::writing_at(std::uint32_t offset) {
     if (full || (!write_open && offset != 0)) return -1;
     if (offset == 0) interrupt_read = false;
     write_open = true;
-    return place(0, offset);
+    return static_cast<std::int32_t>(start + offset);
   }
   if (!write_open && offset != 0) return -1;
   write_open = true;
   if (offset == 0) interrupt_read = false;
-  return place(write_buffer, offset);
+  return static_cast<std::int32_t>(write_buffer + offset);
 }
 
 inline std::int32_t SyncManager::reading_at(std::uint32_t offset) {
@@ -106,7 +103,7 @@ inline std::int32_t SyncManager::reading_at(std::uint32_t offset) {
     if (!full || (!read_open && offset != 0)) return -1;
     if (offset == 0) interrupt_write = false;
     read_open = true;
-    return place(0, offset);
+    return static_cast<std::int32_t>(start + offset);
   }
   if (!valid || (!read_open && offset != 0)) return -1;
   if (offset == 0) {
@@ -115,7 +112,7 @@ inline std::int32_t SyncManager::reading_at(std::uint32_t offset) {
     interrupt_write = false;
     read_open = true;
   }
-  return place(read_buffer, offset);
+  return static_cast<std::int32_t>(read_buffer + offset);
 }
 
 inline bool SyncManager::wrote(std::uint32_t offset, std::uint32_t bytes) {

@@ -7,32 +7,54 @@
 namespace servodrome::ethercat {
 
 // A watchdog of a slave controller (ETG.1000.4 clause 6.3): runs from its first trigger on.
-struct Watchdog {
+class Watchdog {
+ public:
   // 0400h: the base is divider + 2 periods of 40 ns; the watchdog's time counts bases, 0 switches it off.
   static constexpr Time period_of(std::uint16_t divider, std::uint16_t time) { return Time{40} * (divider + 2) * time; }
 
-  // To be checked before: a trigger that comes too late does not make an expiry undone.
-  void trigger(Time now) {
-    last = now;
-    running = true;
-    expired = false;
+  // Of one that runs as well.
+  void set_period(Time period) {
+    period_ = period;
+    if (running_) run();
   }
   // True when it has expired since the last call.
   bool check(Time now) {
-    if (!running || period == Time{0} || now - last < period) return false;
-    running = false;
-    expired = true;
-    if (count < 255) ++count;
+    if (now < deadline_) return false;
+    expire();
     return true;
   }
-  void stop() { running = expired = false; }
-  Time deadline() const { return running && period != Time{0} ? last + period : never; }
+  // To be checked before: a trigger that comes too late does not make an expiry undone.
+  void trigger(Time now) {
+    last_ = now;
+    running_ = true;
+    expired_ = false;
+    run();
+  }
+  void stop() {
+    running_ = expired_ = false;
+    deadline_ = never;
+  }
+  void clear_count() { count_ = 0; }
 
-  Time period{0};
-  Time last{0};
-  bool running = false;
-  bool expired = false;
-  std::uint8_t count = 0;
+  bool expired() const { return expired_; }
+  std::uint8_t count() const { return count_; }  // of expiries, up to 255
+  Time deadline() const { return deadline_; }    // never: it does not run
+
+ private:
+  void run() { deadline_ = period_ != Time{0} ? last_ + period_ : never; }
+  void expire() {
+    running_ = false;
+    expired_ = true;
+    deadline_ = never;
+    if (count_ < 255) ++count_;
+  }
+
+  Time deadline_ = never;
+  Time period_{0};
+  Time last_{0};
+  bool running_ = false;
+  bool expired_ = false;
+  std::uint8_t count_ = 0;
 };
 
 }  // namespace servodrome::ethercat

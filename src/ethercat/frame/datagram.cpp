@@ -18,51 +18,53 @@ unsigned network_u16(const std::uint8_t* place) { return static_cast<unsigned>(p
 
 }  // namespace
 
-FrameKind parse_payload(std::span<std::uint8_t> bytes, Frame& frame) {
+[[gnu::always_inline]] inline FrameKind parse(std::uint8_t* bytes, std::size_t size, Frame& frame) {
   frame.count_ = 0;
-  if (bytes.size() < 2 || bytes.size() > max_payload) return FrameKind::malformed;
+  if (size < 2 || size > max_payload) return FrameKind::malformed;
   if (bytes[1] >> 4 != datagram_type) return FrameKind::foreign;
-  std::size_t at = 2;
-  for (bool more = true; more;) {
-    if (bytes.size() - at < datagram_overhead) return FrameKind::malformed;
-    std::uint8_t* header = bytes.data() + at;
-    const std::uint16_t flags = load_u16(header + 6);
-    const std::uint16_t length = flags & length_mask;
-    if (bytes.size() - at < datagram_overhead + length) return FrameKind::malformed;
-    frame.store_[frame.count_++] = {header, header + datagram_header_size, length, static_cast<Command>(header[0])};
-    at += datagram_overhead + length;
-    more = (flags & more_bit) != 0;
+  Datagram* datagram = frame.store_.data();
+  for (std::size_t at = 2;; ++datagram) {
+    std::uint8_t* const header = bytes + at;
+    if (at + datagram_overhead > size) return FrameKind::malformed;
+    const unsigned flags = load_u16(header + 6);
+    at += datagram_overhead + (flags & length_mask);
+    if (at > size) return FrameKind::malformed;
+    datagram->header = header;
+    datagram->data = header + datagram_header_size;
+    datagram->length = static_cast<std::uint16_t>(flags & length_mask);
+    datagram->command = static_cast<Command>(header[0]);
+    ++frame.count_;
+    if ((flags & more_bit) == 0) return FrameKind::ethercat;
   }
-  return FrameKind::ethercat;
+}
+
+FrameKind parse_payload(std::span<std::uint8_t> bytes, Frame& frame) {
+  return parse(bytes.data(), bytes.size(), frame);
 }
 
 FrameKind parse_ethernet(std::span<std::uint8_t> bytes, Frame& frame) {
   frame.count_ = 0;
   frame.source_address = nullptr;
   frame.udp_checksum = nullptr;
-  std::size_t at = addresses_size;
-  if (bytes.size() < at + 2) return FrameKind::malformed;
+  std::size_t at = addresses_size + 2;
+  if (bytes.size() < at) return FrameKind::malformed;
   frame.source_address = bytes.data() + 6;
-  unsigned type = network_u16(bytes.data() + at);
-  at += 2;
+  unsigned type = network_u16(bytes.data() + addresses_size);
   if (type == type_vlan) {
     if (bytes.size() < at + 4) return FrameKind::malformed;
     type = network_u16(bytes.data() + at + 2);
     at += 4;
   }
-  if (type == type_ipv4) {
-    if (bytes.size() < at + ipv4_header_size + udp_header_size) return FrameKind::foreign;
-    const std::uint8_t* ip = bytes.data() + at;
-    if (ip[0] != ipv4_without_options || ip[9] != protocol_udp) return FrameKind::foreign;
-    std::uint8_t* udp = bytes.data() + at + ipv4_header_size;
-    if (network_u16(udp + 2) != type_ethercat) return FrameKind::foreign;
-    at += ipv4_header_size + udp_header_size;
-    const FrameKind kind = parse_payload(bytes.subspan(at), frame);
-    if (kind != FrameKind::foreign) frame.udp_checksum = udp + 6;
-    return kind;
-  }
-  if (type != type_ethercat) return FrameKind::foreign;
-  return parse_payload(bytes.subspan(at), frame);
+  if (type == type_ethercat) return parse(bytes.data() + at, bytes.size() - at, frame);
+  if (type != type_ipv4 || bytes.size() < at + ipv4_header_size + udp_header_size) return FrameKind::foreign;
+  const std::uint8_t* ip = bytes.data() + at;
+  if (ip[0] != ipv4_without_options || ip[9] != protocol_udp) return FrameKind::foreign;
+  std::uint8_t* udp = bytes.data() + at + ipv4_header_size;
+  if (network_u16(udp + 2) != type_ethercat) return FrameKind::foreign;
+  at += ipv4_header_size + udp_header_size;
+  const FrameKind kind = parse_payload(bytes.subspan(at), frame);
+  if (kind != FrameKind::foreign) frame.udp_checksum = udp + 6;
+  return kind;
 }
 
 }  // namespace servodrome::ethercat

@@ -42,6 +42,11 @@ inline constexpr std::uint16_t length_mask = 0x07FF;
 inline constexpr std::uint16_t circulating_bit = 0x4000;
 inline constexpr std::uint16_t more_bit = 0x8000;
 
+// What a working counter gains (ETG.1000.4 table 11).
+constexpr unsigned gain(bool read, bool written, bool both_wanted) {
+  return (read ? 1U : 0U) + (written ? both_wanted ? 2U : 1U : 0U);
+}
+
 struct Datagram {
   std::uint8_t* header;
   std::uint8_t* data;

@@ -189,7 +189,7 @@ void Slave::hold_process_data_back() {
 // Safe-Operational to Operational: once there are outputs, and pulses if they are to time them. Outputs that stopped
 // coming, by the watchdog, are none.
 void Slave::await_operational(Time now) {
-  const bool outputs = outputs_.bytes() == 0 || (outputs_seen_ && !esc_.process_data_watchdog().expired);
+  const bool outputs = outputs_.bytes() == 0 || (outputs_seen_ && !esc_.process_data_watchdog().expired());
   const bool pulses = sync_type_ != SyncType::dc_sync0 || sync_seen_;
   if (outputs && pulses) {
     missed_ = 0;
