@@ -22,8 +22,9 @@ using namespace std::chrono_literals;
 constexpr Time longest_sleep = 1ms;  // what the axes send by themselves is at most this late
 constexpr Time longest_nap = 4ms;    // likewise, while nobody is there to hear it
 constexpr auto log_flush_time = 100ms;
-// While frames come on an Ethernet interface: how late other links, the API and what a CAN bus does by itself can be.
-constexpr Time time_between_turns = 250us;
+// While frames are waited for on an Ethernet interface: how late the API can be, and what else Asio waits for ...
+constexpr Time longest_between_turns = 1ms;
+constexpr Time attentive_between_turns = 250us;  // ... while anybody is connected to another bus
 constexpr auto attention_period = 20ms;
 constexpr auto breath = 1ms;           // between two looks whether the stream has been read
 constexpr auto pacing_period = 5ms;    // between two passages of virtual time that passes by itself
@@ -129,7 +130,12 @@ void LineServer::run() {
   real_pace_.begin(std::chrono::steady_clock::now(), line_.now());
   epoch_ = wall_clock() - line_.now();
   real_ = line_.clock_mode() == ClockMode::real;
-  if (real_) schedule();
+  const auto looks = [](const auto& link) { return link->busy(); };
+  takes_turns_ = !watch_.empty() ||
+                 std::any_of(line_.ethercat_buses().begin(), line_.ethercat_buses().end(), [looks](const auto& bus) {
+                   return std::any_of(bus->links.begin(), bus->links.end(), looks);
+                 });
+  schedule();
   const auto keep_serving = boost::asio::make_work_guard(io_);
   serve_frames();
   io_.run();
@@ -178,25 +184,29 @@ void LineServer::serve_frames() {
       if (link->busy()) busy.push_back(link.get());
     }
   }
-  if (!busy.empty()) return serve_busy(busy);
-  if (watch_.empty()) return;
+  if (!takes_turns_) return;
+  if (!busy.empty()) return serve_busy(busy, busy.size() == all.size());
   Vigil vigil;
-  watch_.tick_every(time_between_turns);
+  Time between{};
   while (!io_.stopped()) {
+    if (const Time wanted = time_between_turns(); wanted != between) watch_.tick_every(between = wanted);
     if (watch_.wait()) {
       catch_up();
       io_.poll();
     } else {
       vigil.served(std::chrono::steady_clock::now());
-      if (vigil.worthwhile()) stay_awake(all, vigil);
+      if (!vigil.worthwhile()) continue;
+      stay_awake(all, vigil);
+      between = Time{};
     }
   }
 }
 
 // Looks for frames as long as they keep coming, and lends the processor to others in between: the master may be on it.
 void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil) {
+  watch_.tick_every(Time{});  // it has its own eye on the clock
   auto present = std::chrono::steady_clock::now();
-  auto next_turn = present + time_between_turns;
+  auto next_turn = present + time_between_turns();
   while (vigil.worthwhile() && !io_.stopped()) {
     std::this_thread::yield();
     const auto before = std::exchange(present, std::chrono::steady_clock::now());
@@ -206,44 +216,62 @@ void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigi
     if (any) vigil.served(present = std::chrono::steady_clock::now());
     if (vigil.over(present)) return vigil.in_vain();
     if (present < next_turn) continue;
-    next_turn = present + time_between_turns;
-    catch_up();
-    io_.poll();
-    watch_.wait(Time{});  // an interface that is gone
+    take_turn();
     present = std::chrono::steady_clock::now();
+    next_turn = present + time_between_turns();
   }
 }
 
-// The line is kept up with real time meanwhile, so that a frame finds nothing left to be caught up with.
-void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy) {
+// The line is kept up with real time meanwhile, so that a frame finds no more than a tick left to be caught up with.
+// `alone`: nothing else is to be had from interfaces.
+void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone) {
   constexpr auto looks_between = 20us;
   constexpr unsigned frames_between = 32;
-  auto next_look = std::chrono::steady_clock::now();
+  auto next_tick = std::chrono::steady_clock::now();
+  auto next_turn = next_tick;
   unsigned frames = 0;
-  watch_.tick_every(time_between_turns);
   while (!io_.stopped()) {
     bool any = false;
     for (links::EthercatLink* link : busy) any = link->poll() || any;
     if (any && ++frames < frames_between) continue;
     frames = 0;
     const auto present = std::chrono::steady_clock::now();
-    if (present < next_look) continue;
-    next_look = present + looks_between;
-    catch_up();
-    io_.poll();
-    watch_.wait(Time{});  // an interface that is gone; links beside the busy ones
+    if (present >= next_tick) {
+      catch_up();
+      next_tick = real_ ? real_pace_.moment_of((line_.now() / tick_length + 1) * tick_length) : present + tick_length;
+    }
+    if (present < next_turn) continue;
+    next_turn = present + (alone ? time_between_turns() : Time{looks_between});
+    take_turn();
   }
 }
 
-// Is anybody connected to a CAN bus? On other buses no axis sends before it is asked.
-bool LineServer::heard() const {
-  const auto has_clients = [](const auto& link) { return link->counters().clients > 0; };
-  return std::any_of(line_.buses().begin(), line_.buses().end(),
-                     [&](const auto& bus) { return std::any_of(bus->links.begin(), bus->links.end(), has_clients); });
+// Everything that is neither a frame nor a tick: what Asio waits for, an interface that is gone.
+void LineServer::take_turn() {
+  catch_up();
+  io_.poll();
+  watch_.wait(Time{});
+}
+
+namespace {
+template <typename Buses>
+bool has_clients(const Buses& buses) {
+  const auto has_client = [](const auto& link) { return link->counters().clients > 0; };
+  return std::any_of(buses.begin(), buses.end(), [has_client](const auto& bus) {
+    return std::any_of(bus->links.begin(), bus->links.end(), has_client);
+  });
+}
+}  // namespace
+
+Time LineServer::time_between_turns() const {
+  const bool attentive = has_clients(line_.buses()) || has_clients(line_.serial_buses());
+  return attentive ? attentive_between_turns : longest_between_turns;
 }
 
 void LineServer::schedule() {
-  const Time longest = heard() ? longest_sleep : longest_nap;
+  if (!real_ || takes_turns_) return;
+  // On other buses than CAN no axis sends before it is asked.
+  const Time longest = has_clients(line_.buses()) ? longest_sleep : longest_nap;
   timer_.expires_at(real_pace_.moment_of(std::min(line_.next_bus_event(), line_.now() + longest)));
   timer_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;  // scheduled anew

@@ -102,8 +102,9 @@ class LineServer final : private links::LineHost {
   void carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply);
   void serve_frames();
   void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil);
-  void serve_busy(const std::vector<links::EthercatLink*>& busy);
-  bool heard() const;
+  void serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone);
+  void take_turn();
+  Time time_between_turns() const;
   void schedule();
   Time due();
   void flush_logs();
@@ -131,7 +132,8 @@ class LineServer final : private links::LineHost {
   bool real_ = false;   // real time has begun
   bool woken_ = false;  // catching up is on its way
   bool attending_ = false;
-  double pace_ = 0;                                   // of virtual time that passes by itself
+  bool takes_turns_ = false;  // frames are waited for beside Asio, which keeps up with time as well
+  double pace_ = 0;           // of virtual time that passes by itself
   std::chrono::steady_clock::time_point paced_at_{};  // when it was let pass last
 };
 

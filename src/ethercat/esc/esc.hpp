@@ -110,7 +110,7 @@ class Esc {
   unsigned poll(Time now);
   Time next_deadline(Time now) {
     const Time watchdogs = std::min(process_data_watchdog_.deadline(), pdi_watchdog_.deadline());
-    return std::min({watchdogs, dl_control_until_, clock_.next_sync(now)});
+    return std::min(watchdogs, std::min(dl_control_until_, clock_.next_sync(now)));
   }
 
   // The bytes of a register as they are now, for the application and for tests.

@@ -52,7 +52,8 @@ class Slave final : dictionary::Listener {
   // Is there anything for `poll` to do since a frame passed? For a caller with many slaves.
   bool wants_poll() const { return esc_.attention() != 0; }
   Time next_deadline(Time now) {
-    return std::min({esc_.next_deadline(now), operational_until_, shifted_at_, sampled_at_});
+    const Time own = std::min(operational_until_, std::min(shifted_at_, sampled_at_));
+    return std::min(own, esc_.next_deadline(now));
   }
   Time next_deadline() { return next_deadline(esc_.now()); }
 
