@@ -208,13 +208,16 @@ void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigi
   auto present = std::chrono::steady_clock::now();
   auto next_turn = present + time_between_turns();
   while (vigil.worthwhile() && !io_.stopped()) {
-    std::this_thread::yield();
-    const auto before = std::exchange(present, std::chrono::steady_clock::now());
-    vigil.lent(present - before);
     bool any = false;
     for (links::EthercatLink* link : links) any = link->poll() || any;
-    if (any) vigil.served(present = std::chrono::steady_clock::now());
-    if (vigil.over(present)) return vigil.in_vain();
+    if (any) {
+      vigil.answered(present = std::chrono::steady_clock::now());
+    } else {
+      std::this_thread::yield();
+      const auto before = std::exchange(present, std::chrono::steady_clock::now());
+      vigil.lent(present - before);
+      if (vigil.over(present)) return vigil.in_vain();
+    }
     if (present < next_turn) continue;
     take_turn();
     present = std::chrono::steady_clock::now();

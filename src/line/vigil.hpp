@@ -28,6 +28,8 @@ class Vigil {
       score_ = 0;
     }
   }
+  // The same of one who stayed awake for them: they cannot have come late, or it would have been over().
+  void answered(Moment present) { answered_ = present; }
   bool worthwhile() const { return score_ >= proof; }
   // Nothing came for as long as `longest`.
   bool over(Moment present) const { return present - answered_ > longest; }

@@ -49,6 +49,15 @@ TEST_F(Awaiting, AMasterThatPausesHasToProveItAgain) {
   EXPECT_FALSE(vigil.worthwhile());
 }
 
+// To answer many at once may take longer than a frame is waited for.
+TEST_F(Awaiting, WhoIsAwakeIsNotPutToSleepByItsOwnWork) {
+  frames(20, 10us);
+  vigil.answered(now += 5ms);
+  EXPECT_TRUE(vigil.worthwhile());
+  EXPECT_FALSE(vigil.over(now + 100us));
+  EXPECT_TRUE(vigil.over(now + 101us));
+}
+
 TEST_F(Awaiting, WhereOthersComputeWithoutEndItSleeps) {
   frames(20, 10us);
   vigil.lent(1ms);
