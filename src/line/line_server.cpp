@@ -24,7 +24,7 @@ constexpr Time longest_nap = 4ms;    // likewise, while nobody is there to hear 
 constexpr auto log_flush_time = 100ms;
 // While frames are waited for on an Ethernet interface: how late the API can be, and what else Asio waits for ...
 constexpr Time longest_between_turns = 1ms;
-constexpr Time attentive_between_turns = 250us;  // ... while anybody is connected to another bus
+constexpr Time attentive_between_turns = 250us;  // ... while somebody is there for whom that matters
 constexpr auto attention_period = 20ms;
 constexpr auto breath = 1ms;           // between two looks whether the stream has been read
 constexpr auto pacing_period = 5ms;    // between two passages of virtual time that passes by itself
@@ -187,41 +187,51 @@ void LineServer::serve_frames() {
   if (!takes_turns_) return;
   if (!busy.empty()) return serve_busy(busy, busy.size() == all.size());
   Vigil vigil;
-  Time between{};
+  Time between{};  // ticks of the watch
+  auto next_turn = std::chrono::steady_clock::now();
   while (!io_.stopped()) {
-    if (const Time wanted = time_between_turns(); wanted != between) watch_.tick_every(between = wanted);
-    if (watch_.wait()) {
+    const Time wanted = has_clients() || has_master() ? attentive_between_turns : longest_between_turns;
+    if (wanted != between) watch_.tick_every(between = wanted);
+    const bool tick = watch_.wait();
+    const auto present = std::chrono::steady_clock::now();
+    if (!tick) vigil.served(present);
+    if (tick || present >= next_turn) {
       catch_up();
       io_.poll();
-    } else {
-      vigil.served(std::chrono::steady_clock::now());
-      if (!vigil.worthwhile()) continue;
-      stay_awake(all, vigil);
-      between = Time{};
+      next_turn = present + between;
     }
+    if (!vigil.worthwhile()) continue;
+    stay_awake(all, vigil, next_turn);
+    between = Time{};
   }
 }
 
 // Looks for frames as long as they keep coming, and lends the processor to others in between: the master may be on it.
-void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil) {
-  watch_.tick_every(Time{});  // it has its own eye on the clock
-  auto present = std::chrono::steady_clock::now();
-  auto next_turn = present + time_between_turns();
-  while (vigil.worthwhile() && !io_.stopped()) {
+void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil, RealPace::Moment& next_turn) {
+  const auto look = [&links] {
     bool any = false;
     for (links::EthercatLink* link : links) any = link->poll() || any;
-    if (any) {
-      vigil.answered(present = std::chrono::steady_clock::now());
-    } else {
+    return any;
+  };
+  watch_.tick_every(Time{});  // it has its own eye on the clock
+  auto present = std::chrono::steady_clock::now();
+  while (vigil.worthwhile() && !io_.stopped()) {
+    bool any = look();
+    if (!any) {
       std::this_thread::yield();
       const auto before = std::exchange(present, std::chrono::steady_clock::now());
       vigil.lent(present - before);
-      if (vigil.over(present)) return vigil.in_vain();
+      any = look();  // what came meanwhile
+    }
+    if (any) {
+      vigil.answered(present = std::chrono::steady_clock::now());
+    } else if (vigil.over(present)) {
+      vigil.in_vain();
     }
     if (present < next_turn) continue;
     take_turn();
     present = std::chrono::steady_clock::now();
-    next_turn = present + time_between_turns();
+    next_turn = present + (has_clients() ? attentive_between_turns : longest_between_turns);
   }
 }
 
@@ -244,7 +254,7 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool 
       next_tick = real_ ? real_pace_.moment_of((line_.now() / tick_length + 1) * tick_length) : present + tick_length;
     }
     if (present < next_turn) continue;
-    next_turn = present + (alone ? time_between_turns() : Time{looks_between});
+    next_turn = present + (alone ? attentive_between_turns : Time{looks_between});
     take_turn();
   }
 }
@@ -258,23 +268,27 @@ void LineServer::take_turn() {
 
 namespace {
 template <typename Buses>
-bool has_clients(const Buses& buses) {
-  const auto has_client = [](const auto& link) { return link->counters().clients > 0; };
-  return std::any_of(buses.begin(), buses.end(), [has_client](const auto& bus) {
-    return std::any_of(bus->links.begin(), bus->links.end(), has_client);
+bool any_link(const Buses& buses, bool (*is)(const links::LinkCounters& counters)) {
+  return std::any_of(buses.begin(), buses.end(), [is](const auto& bus) {
+    return std::any_of(bus->links.begin(), bus->links.end(), [is](const auto& link) { return is(link->counters()); });
   });
 }
+bool is_connected(const links::LinkCounters& counters) { return counters.clients > 0; }
+bool was_used(const links::LinkCounters& counters) { return counters.to_bus > 0; }
 }  // namespace
 
-Time LineServer::time_between_turns() const {
-  const bool attentive = has_clients(line_.buses()) || has_clients(line_.serial_buses());
-  return attentive ? attentive_between_turns : longest_between_turns;
-}
+bool LineServer::has_can_clients() const { return any_link(line_.buses(), is_connected); }
+
+bool LineServer::has_clients() const { return has_can_clients() || any_link(line_.serial_buses(), is_connected); }
+
+// Nobody connects to a segment: it is enough that frames have come. The less there is to be caught up with when the
+// next one comes, the sooner it is answered.
+bool LineServer::has_master() const { return any_link(line_.ethercat_buses(), was_used); }
 
 void LineServer::schedule() {
   if (!real_ || takes_turns_) return;
   // On other buses than CAN no axis sends before it is asked.
-  const Time longest = has_clients(line_.buses()) ? longest_sleep : longest_nap;
+  const Time longest = has_can_clients() || has_master() ? longest_sleep : longest_nap;
   timer_.expires_at(real_pace_.moment_of(std::min(line_.next_bus_event(), line_.now() + longest)));
   timer_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;  // scheduled anew

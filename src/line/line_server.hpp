@@ -26,8 +26,8 @@ namespace servodrome::line {
 // in the thread that calls run().
 //
 // In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a millisecond
-// while anybody listens to a CAN bus, else every four. Whoever asks finds it at the present all the same. What it
-// cannot catch up with is given up (RealPace, Line::lag).
+// while anybody listens to a CAN bus or has used a segment, else every four. Whoever asks finds it at the present all
+// the same. What it cannot catch up with is given up (RealPace, Line::lag).
 class LineServer final : private links::LineHost {
  public:
   // Opens everything, or throws (links::LinkError, std::runtime_error) with nothing left open.
@@ -101,10 +101,12 @@ class LineServer final : private links::LineHost {
   bench::Response answer(const bench::Request& request);
   void carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply);
   void serve_frames();
-  void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil);
+  void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil, RealPace::Moment& next_turn);
   void serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone);
   void take_turn();
-  Time time_between_turns() const;
+  bool has_can_clients() const;
+  bool has_clients() const;  // of any bus but EtherCAT
+  bool has_master() const;   // of an EtherCAT segment
   void schedule();
   Time due();
   void flush_logs();

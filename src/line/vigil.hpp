@@ -28,12 +28,14 @@ class Vigil {
       score_ = 0;
     }
   }
-  // The same of one who stayed awake for them: they cannot have come late, or it would have been over().
+  // The same by one who is awake: how long that took says nothing about when they came.
   void answered(Moment present) { answered_ = present; }
   bool worthwhile() const { return score_ >= proof; }
   // Nothing came for as long as `longest`.
   bool over(Moment present) const { return present - answered_ > longest; }
-  void in_vain() { score_ = 0; }
+  void in_vain() {
+    if (score_ > 0) score_ = 0;  // a respite goes on
+  }
   // The processor was lent to others, and they kept it for `span`.
   void lent(Moment::duration span) {
     if (span > longest_loan) score_ = -respite;

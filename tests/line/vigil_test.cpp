@@ -63,6 +63,7 @@ TEST_F(Awaiting, WhereOthersComputeWithoutEndItSleeps) {
   vigil.lent(1ms);
   EXPECT_TRUE(vigil.worthwhile());
   vigil.lent(1001us);
+  vigil.in_vain();  // nor did a frame come
   frames(Vigil::respite + Vigil::proof - 1, 10us);
   EXPECT_FALSE(vigil.worthwhile());
   frames(1, 10us);

@@ -1,8 +1,12 @@
 """The interface a segment is plugged to: not there, not allowed, down or gone at run time, and back again."""
 
+import multiprocessing
+import os
 import subprocess
+import time
 
 import pytest
+from frames import BRD, RawLink, content, datagram
 from line import PROGRAM, wait_for
 from master import OP, Master
 from segment import segment
@@ -86,3 +90,40 @@ def test_gone_and_made_anew_at_run_time(line, spare):
     make(spare)
     wait_for(lambda: f'"{spare[1]}" is back' in line.said(), line.said)
     master_reaches_operational(spare)
+
+
+def send_bursts(interface, sent, over):
+    """Twenty frames, each as soon as the one before is back; then a pause; again each half millisecond."""
+    link = RawLink(interface)
+    link.socket.settimeout(None)
+    link.send(content(datagram(BRD, (0, 0x0130), bytes(2))))
+    frame = link.SOURCE.join((b"\xff" * 6, b"\x88\xa4" + link.receive()))
+    while not over.is_set():
+        next_burst = time.monotonic() + 0.0005
+        for _ in range(20):
+            link.socket.send(frame)
+            link.socket.recv(2048)
+        sent.value += 1
+        time.sleep(max(0, next_burst - time.monotonic()))
+
+
+def test_the_api_has_its_turn_beside_bursts_of_frames(line, spare):
+    """A master that cycles fast and sends many frames a cycle leaves a line neither awake nor asleep for long."""
+    requests = 200
+    sent, over = multiprocessing.Value("L", 0), multiprocessing.Event()
+    master = multiprocessing.Process(target=send_bursts, args=(spare[0], sent, over), daemon=True)
+    master.start()
+    try:
+        # On one processor, as what comes next then does not hang on how fast another one wakes up.
+        processor = {max(os.sched_getaffinity(0))}
+        os.sched_setaffinity(line.process.pid, processor)
+        os.sched_setaffinity(master.pid, processor)
+        wait_for(lambda: sent.value > 100, lambda: f"{sent.value} bursts")
+        before = sent.value
+        for _ in range(requests):
+            assert line.bench.get("clock")["mode"] == "real"
+        assert sent.value - before < 10 * requests
+    finally:
+        over.set()
+        master.join(10)
+    assert master.exitcode == 0
