@@ -86,10 +86,14 @@ function Lane({ x, curves, range, onRange, cursors, onCursor, laneHeight = 150, 
 
   useEffect(() => {
     const element = box.current!;
-    const series = (JSON.parse(shape) as [string, number, boolean?][]).map(([name, tone, faint]) => ({
+    const asked = JSON.parse(shape) as [string, number, boolean?][];
+    // Lines of a pixel are drawn as such, wider ones are shapes to be filled: without a GPU sixteen noisy ones would be drawn
+    // 13 times a second.
+    const many = asked.length > tones;
+    const series = asked.map(([name, tone, faint]) => ({
       label: name,
       stroke: look.curves[tone % tones],
-      width: 1, // a wider one is a shape to be filled: sixteen noisy curves would be drawn 13 times a second without a GPU
+      width: faint || many ? 1 : 1.5,
       alpha: faint ? 0.45 : 1,
       dash: tone >= tones ? [6, 4] : [],
       points: { show: false },
