@@ -90,11 +90,13 @@ Channel object_channel(Axis& axis, const dictionary::Entry& object) {
   return {&axis, read_object, &object};
 }
 
-Tap::Tap(const Channel& channel, std::int64_t stride)
-    : Samples(stride, (channel.axis->ticks() / stride + 1) * stride), channel_(channel) {
-  channel_.axis->attach(*this);
+Tap::Tap(std::vector<Channel> channels, std::int64_t stride)
+    : channels_(std::move(channels)),
+      rows_(stride, (channels_.front().axis->ticks() / stride + 1) * stride, channels_.size()) {
+  for (std::size_t column = 0; column < channels_.size(); ++column) samples_.emplace_back(rows_, column);
+  channels_.front().axis->attach(*this);
 }
 
-Tap::~Tap() { channel_.axis->detach(*this); }
+Tap::~Tap() { channels_.front().axis->detach(*this); }
 
 }  // namespace servodrome::line

@@ -40,56 +40,75 @@ std::span<const Signal> signals();
 Channel signal_channel(Axis& axis, std::string_view name);
 Channel object_channel(Axis& axis, const dictionary::Entry& object);
 
-// Values at all ticks that are multiples of a stride. It keeps the latest few, which whoever wants them fetches in
-// time.
-class Samples {
+// Values at all ticks that are multiples of a stride: a row of columns for each, one row behind the other, because what
+// is written together is best kept together. It keeps the latest few, which whoever wants them fetches in time.
+class SampleRows {
  public:
-  static constexpr std::size_t kept = 512;  // values
+  static constexpr std::size_t kept = 512;
 
-  // `stride` in ticks, from 1; `first`, a multiple of it: of the first value there will be.
-  Samples(std::int64_t stride, std::int64_t first)
-      : stride_(stride),
-        first_(first),
-        due_(first),
-        slot_(static_cast<std::size_t>(first / stride) % kept),
-        ring_(kept) {}
-  virtual ~Samples() = default;
-  Samples(const Samples&) = delete;
-  Samples& operator=(const Samples&) = delete;
+  // `stride` in ticks, from 1; `first`, a multiple of it: of the first row there will be.
+  SampleRows(std::int64_t stride, std::int64_t first, std::size_t columns)
+      : stride_(stride), due_(first), columns_(columns), values_(kept * columns) {}
 
   std::int64_t stride() const { return stride_; }
-  std::int64_t first() const { return first_; }  // tick of the first value there ever was
-  std::int64_t due() const { return due_; }      // tick of the next value
+  std::int64_t due() const { return due_; }  // tick of the next row
   // The value of a tick before `due`: a multiple of the stride, one of the `kept` latest.
-  double at(std::int64_t tick) const { return ring_[static_cast<std::size_t>(tick / stride_) % kept]; }
+  double at(std::int64_t tick, std::size_t column) const { return values_[place(tick) + column]; }
 
-  // The value of tick `due`.
-  void put(double value) {
-    ring_[slot_] = value;
-    slot_ = (slot_ + 1) % kept;
+  // The row of tick `due`, to be written; it is the next one's turn then.
+  std::span<double> put() {
+    const std::span<double> row = std::span(values_).subspan(place(due_), columns_);
     due_ += stride_;
+    return row;
   }
 
  private:
+  std::size_t place(std::int64_t tick) const { return static_cast<std::size_t>(tick / stride_) % kept * columns_; }
+
   std::int64_t stride_;
-  std::int64_t first_;
   std::int64_t due_;
-  std::size_t slot_;
-  std::vector<double> ring_;
+  std::size_t columns_;
+  std::vector<double> values_;
 };
 
-// The values of a channel of a line's axis, from its making on. Nothing is allocated while it runs.
-class Tap final : public Samples {
+// A column of them, as those see it who want its values.
+class Samples {
  public:
-  Tap(const Channel& channel, std::int64_t stride);
-  ~Tap() override;
+  // `rows` outlive it.
+  explicit Samples(const SampleRows& rows, std::size_t column = 0) : rows_(&rows), column_(column) {}
 
-  const Channel& channel() const { return channel_; }
-  // By the axis, at tick `due`.
-  void take() { put(channel_.value()); }
+  std::int64_t stride() const { return rows_->stride(); }
+  std::int64_t due() const { return rows_->due(); }
+  double at(std::int64_t tick) const { return rows_->at(tick, column_); }
 
  private:
-  Channel channel_;
+  const SampleRows* rows_;
+  std::size_t column_;
+};
+
+// The values of channels of one axis, from its making on. Nothing is allocated while it runs.
+class Tap final {
+ public:
+  // At least one channel.
+  Tap(std::vector<Channel> channels, std::int64_t stride);
+  ~Tap();
+  Tap(const Tap&) = delete;
+  Tap& operator=(const Tap&) = delete;
+
+  std::span<const Channel> channels() const { return channels_; }
+  std::span<Samples> samples() { return samples_; }  // of each channel
+  std::int64_t stride() const { return rows_.stride(); }
+  std::int64_t due() const { return rows_.due(); }  // tick of the next values
+  // By the axis, at tick `due`.
+  void take() {
+    double* value = rows_.put().data();
+    for (const Channel& channel : channels_) *value++ = channel.value();
+  }
+
+ private:
+  std::vector<Channel> channels_;
+  SampleRows rows_;
+  std::vector<Samples> samples_;
 };
 
 }  // namespace servodrome::line

@@ -38,7 +38,7 @@ void PolledSamples::note(std::int64_t tick, std::span<const std::byte> bytes) {
   const std::int64_t at = (tick + stride() / 2) / stride() * stride();
   const std::lock_guard lock(mutex_);
   if (read_.empty() || read_.back().tick < at) read_.push_back({at, decode_(bytes)});
-  if (read_.size() > kept) read_.pop_front();
+  if (read_.size() > line::SampleRows::kept) read_.pop_front();
   next_ = std::max(at, tick) / stride() * stride() + stride();
 }
 
@@ -49,7 +49,7 @@ void PolledSamples::advance(std::int64_t end) {
   while (due() < end) {
     while (!read_.empty() && read_.front().tick < due()) read_.pop_front();
     const bool there = !read_.empty() && read_.front().tick == due();
-    put(there ? read_.front().value : not_read);
+    rows_.put().front() = there ? read_.front().value : not_read;
   }
 }
 

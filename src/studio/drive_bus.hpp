@@ -100,7 +100,12 @@ class PolledSamples final : public line::Samples {
   using Decode = std::function<double(std::span<const std::byte> bytes)>;
 
   PolledSamples(std::size_t drive, host::ObjectAddress object, Decode decode, std::int64_t stride, std::int64_t first)
-      : Samples(stride, first), drive_(drive), object_(object), decode_(std::move(decode)), next_(first) {}
+      : Samples(rows_),
+        rows_(stride, first, 1),
+        drive_(drive),
+        object_(object),
+        decode_(std::move(decode)),
+        next_(first) {}
 
   std::size_t drive() const { return drive_; }
   host::ObjectAddress object() const { return object_; }
@@ -120,6 +125,7 @@ class PolledSamples final : public line::Samples {
     double value;
   };
 
+  line::SampleRows rows_;
   std::size_t drive_;
   host::ObjectAddress object_;
   Decode decode_;

@@ -353,7 +353,7 @@ TEST(BenchStream, BoundsWhatAClientMayAskFor) {
 
 TEST(BenchStream, TapsOfAllClientsTogetherAreBounded) {
   Bench bench;
-  std::vector<std::shared_ptr<Tap>> taps;
+  std::vector<std::shared_ptr<Samples>> taps;
   Axis& left = *bench.line.axes()[0];
   std::vector<Channel> channels;
   for (const dictionary::Entry& entry : left.device().dictionary().table()) {

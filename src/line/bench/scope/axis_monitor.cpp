@@ -9,7 +9,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-static_assert(AxisMonitor::samples_before + 1 <= static_cast<std::int64_t>(Samples::kept));
+static_assert(AxisMonitor::samples_before + 1 <= static_cast<std::int64_t>(SampleRows::kept));
 
 // Demand and actual value as the drive has them, where it does.
 constexpr std::array<std::uint16_t, 2> positions{0x6062, 0x6064};
@@ -19,21 +19,26 @@ constexpr std::array moment_signals{"position_counts", "velocity_rpm",    "torqu
 }  // namespace
 
 AxisMonitor::AxisMonitor(Axis& axis, LineSource& source, Publish publish)
-    : axis_(axis),
-      publish_(std::move(publish)),
-      state_(source.signal(axis, "state").open(stride)),
-      fault_code_(source.signal(axis, "fault_code").open(stride)),
-      first_(state_->due()),
-      next_(first_),
-      known_power_(axis.powered()) {
+    : axis_(axis), publish_(std::move(publish)), known_power_(axis.powered()) {
+  std::vector<Channel> looked_at;
   for (const std::uint16_t index : positions) {
     const dictionary::Entry* entry = axis.device().dictionary().find(index, 0);
-    if (entry != nullptr && object_channel(axis, *entry).read != nullptr) {
-      channels_.push_back(source.object(axis, index, 0));
-    }
+    const Channel channel = entry != nullptr ? object_channel(axis, *entry) : Channel{};
+    if (channel.read == nullptr) continue;
+    looked_at.push_back(channel);
+    channels_.push_back(source.object(axis, index, 0));
   }
-  for (const char* name : moment_signals) channels_.push_back(source.signal(axis, name));
-  for (const NamedChannel& channel : channels_) taps_.push_back(channel.open(stride));
+  for (const char* name : moment_signals) {
+    looked_at.push_back(signal_channel(axis, name));
+    channels_.push_back(source.signal(axis, name));
+  }
+  for (const char* name : {"state", "fault_code"}) looked_at.push_back(signal_channel(axis, name));
+  taps_ = source.taps().open(std::move(looked_at), stride);
+  fault_code_ = std::move(taps_.back());
+  taps_.pop_back();
+  state_ = std::move(taps_.back());
+  taps_.pop_back();
+  first_ = next_ = state_->due();
   if (known_power_) known_state_ = static_cast<int>(axis.device().drive().state());
 }
 

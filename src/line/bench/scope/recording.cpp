@@ -62,7 +62,8 @@ bool Recording::take(std::int64_t end) {
   }
   const auto size = static_cast<std::size_t>(plan_.samples);
   for (; next_ < std::min(end, end_); next_ += plan_.stride) {
-    for (std::size_t i = 0; i < taps_.size(); ++i) values_[i * size + slot(next_)] = taps_[i]->at(next_);
+    const std::size_t at = slot(next_);
+    for (std::size_t i = 0; i < taps_.size(); ++i) values_[i * size + at] = taps_[i]->at(next_);
   }
   if (next_ >= end_) {
     state_ = RecordingState::done;

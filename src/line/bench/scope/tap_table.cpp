@@ -1,24 +1,42 @@
 #include "line/bench/scope/tap_table.hpp"
 
+#include <algorithm>
+
 #include "line/bench/error.hpp"
 
 namespace servodrome::line::bench {
 
-std::shared_ptr<Tap> TapTable::open(const Channel& channel, std::int64_t stride) {
-  std::erase_if(taps_, [](const auto& tap) { return tap.expired(); });
-  double load = 1.0 / static_cast<double>(stride);
+std::shared_ptr<Samples> TapTable::open(const Channel& channel, std::int64_t stride) {
   for (const auto& weak : taps_) {
     const auto tap = weak.lock();
-    if (tap->stride() == stride && tap->channel() == channel) return tap;
-    load += 1.0 / static_cast<double>(tap->stride());
+    if (!tap || tap->stride() != stride) continue;
+    const auto channels = tap->channels();
+    const auto found = std::find(channels.begin(), channels.end(), channel);
+    if (found != channels.end()) return {tap, &tap->samples()[static_cast<std::size_t>(found - channels.begin())]};
   }
-  if (load > most_values_per_tick) {
+  return open(std::vector{channel}, stride).front();
+}
+
+std::vector<std::shared_ptr<Samples>> TapTable::open(std::vector<Channel> channels, std::int64_t stride) {
+  std::erase_if(taps_, [](const auto& tap) { return tap.expired(); });
+  if (load() + static_cast<double>(channels.size()) / static_cast<double>(stride) > most_values_per_tick) {
     throw ApiError{409, "the line is looked at as much as it may be", "channels",
                    "choose fewer channels or a lower rate, or end another stream or recording"};
   }
-  auto tap = std::make_shared<Tap>(channel, stride);
+  const auto tap = std::make_shared<Tap>(std::move(channels), stride);
   taps_.push_back(tap);
-  return tap;
+  std::vector<std::shared_ptr<Samples>> samples;
+  for (Samples& column : tap->samples()) samples.emplace_back(tap, &column);
+  return samples;
+}
+
+double TapTable::load() const {
+  double load = 0;
+  for (const auto& weak : taps_) {
+    const auto tap = weak.lock();
+    if (tap) load += static_cast<double>(tap->channels().size()) / static_cast<double>(tap->stride());
+  }
+  return load;
 }
 
 }  // namespace servodrome::line::bench
