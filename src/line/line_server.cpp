@@ -20,7 +20,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Time longest_sleep = 1ms;  // what the axes send by themselves is at most this late
-constexpr Time longest_nap = 4ms;    // likewise, while nobody is there to hear it
+constexpr Time longest_nap = 10ms;   // likewise, while nobody is there to hear it
 constexpr auto log_flush_time = 100ms;
 // While frames are waited for on an Ethernet interface: how late the API can be, and what else Asio waits for ...
 constexpr Time longest_between_turns = 1ms;
@@ -155,7 +155,7 @@ void LineServer::wake() {
 }
 
 Time LineServer::due() {
-  const Time due = real_pace_.due(std::chrono::steady_clock::now(), line_.now());
+  const Time due = real_pace_.due(std::chrono::steady_clock::now(), line_.now(), nap_);
   if (real_pace_.given_up() > Time{}) line_.add_lag(real_pace_.given_up());
   return due;
 }
@@ -288,7 +288,8 @@ bool LineServer::has_master() const { return any_link(line_.ethercat_buses(), wa
 void LineServer::schedule() {
   if (!real_ || takes_turns_) return;
   // On other buses than CAN no axis sends before it is asked.
-  const Time longest = has_can_clients() || has_master() ? longest_sleep : longest_nap;
+  nap_ = has_can_clients() || has_master() ? Time{} : longest_nap;
+  const Time longest = std::max(longest_sleep, nap_);
   timer_.expires_at(real_pace_.moment_of(std::min(line_.next_bus_event(), line_.now() + longest)));
   timer_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;  // scheduled anew

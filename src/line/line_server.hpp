@@ -130,6 +130,7 @@ class LineServer final : private links::LineHost {
   std::vector<bench::RouteGroup> more_routes_;
   std::unique_ptr<bench::HttpServer> http_;
   RealPace real_pace_;
+  Time nap_{};  // how long it sleeps where nobody is there
   std::chrono::steady_clock::time_point next_flush_{};
   bool real_ = false;   // real time has begun
   bool woken_ = false;  // catching up is on its way

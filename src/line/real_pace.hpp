@@ -26,8 +26,9 @@ class RealPace {
   // From `present` on, when the line is at `line_now`.
   void begin(Moment present, Time line_now) { start_ = present - line_now; }
 
-  // The time that the line ought to have, never more than `most_behind` above `line_now`, which it has.
-  Time due(Moment present, Time line_now);
+  // The time that the line ought to have, never more than `most_behind` and the nap above `line_now`, which it has.
+  // `nap`: how long it sleeps of its own will, which is no pause.
+  Time due(Moment present, Time line_now, Time nap = {});
   // What the last due() gave up.
   Time given_up() const { return given_up_; }
 

@@ -45,6 +45,14 @@ TEST_F(Paced, GivesUpWhatIsTooMuch) {
   EXPECT_EQ(pace.moment_of(19ms), start + 106ms);
 }
 
+TEST_F(Paced, ANapIsNoPause) {
+  constexpr Time nap = 10ms;
+  EXPECT_EQ(pace.due(start + 30ms, 5ms, nap), 35ms) << "20 ms too late out of a nap";
+  EXPECT_EQ(pace.given_up(), 0ms);
+  EXPECT_EQ(pace.due(start + 31ms, 5ms, nap), 8ms);
+  EXPECT_EQ(pace.given_up(), 28ms);
+}
+
 TEST_F(Paced, IsNeverFurtherBehindThanSaid) {
   for (Time pause = 0ms; pause < 500ms; pause += 1700us) {
     const Time before = line_now;
