@@ -83,11 +83,11 @@ Axis::~Axis() {
 
 // Stops for those who look on, so that an axis nobody looks at pays nothing per tick.
 void Axis::run_to(std::int64_t tick) {
-  while (samples_due_ <= tick) {
-    run_ticks(samples_due_);
-    take_samples();
+  bool sent = false;
+  while (tick_ < tick && !sent) {
+    sent = run_ticks(std::min(tick, samples_due_));
+    if (tick_ == samples_due_) take_samples();
   }
-  run_ticks(tick);
 }
 
 void Axis::take_samples() {
@@ -109,10 +109,11 @@ void Axis::detach(Tap& tap) {
   for (const Tap* other : taps_) samples_due_ = std::min(samples_due_, other->due());
 }
 
-void Axis::run_ticks(std::int64_t tick) {
+// Up to `tick`, or to one at which a frame was sent: then it returns true.
+bool Axis::run_ticks(std::int64_t tick) {
   if (!powered_) {
     for (; tick_ < tick; ++tick_) plant_.step(actuation_, feedback_);
-    return;
+    return false;
   }
   drive::Drive& drive = device_->drive();
   while (tick_ < tick) {
@@ -124,9 +125,10 @@ void Axis::run_ticks(std::int64_t tick) {
       last_cycle_ = tick_;
       const Time now = tick_ * tick_length;
       device_->cycle(now);
-      send_waiting(now);
+      if (send_waiting(now)) return true;
     }
   }
+  return false;
 }
 
 // What is due up to and including `until` by the slave's own clock. A device that answers a poll with a deadline in the
@@ -141,15 +143,24 @@ void Axis::poll_slave(Time until) {
   }
 }
 
-Time Axis::next_sending(Time now) const {
+bool Axis::operational() const {
+  const canopen::Node* node = powered_ ? device_->can_node() : nullptr;
+  return node != nullptr && node->nmt_state() == canopen::NmtState::operational;
+}
+
+Time Axis::next_cycle() const {
   if (!powered_) return links::never;
   // Until two cycles were seen their distance is not known, and any tick may be one.
   const bool known = last_cycle_ != unknown && cycle_ticks_ != unknown;
-  const std::int64_t cycle = known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1;
+  return (known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1) * tick_length;
+}
+
+Time Axis::next_poll(Time now) const {
+  if (!powered_) return links::never;
   // A device that answers a poll with a deadline in the past is polled again one tick later, not for ever.
   Time deadline = device_->next_deadline();
   if (deadline <= last_poll_) deadline = last_poll_ + tick_length;
-  return std::min(cycle * tick_length, std::max(deadline, now));
+  return std::max(deadline, now);
 }
 
 void Axis::poll(Time now) {
@@ -163,16 +174,21 @@ void Axis::poll(Time now) {
   send_waiting(now);
 }
 
-void Axis::send_waiting(Time now) {
+bool Axis::send_waiting(Time now) {
   canopen::Frame frame;
+  bool sent = false;
   if (bus_ == nullptr) {  // nobody hears them
     while (device_->take(frame)) {
     }
   } else {
-    while (bus_->queue_space(port_) > 0 && device_->take(frame)) bus_->transmit(port_, frame, now);
+    while (bus_->queue_space(port_) > 0 && device_->take(frame)) {
+      bus_->transmit(port_, frame, now);
+      sent = true;
+    }
     follow_bit_rate();
   }
   if (serial_ != nullptr) follow_serial_format();
+  return sent;
 }
 
 void Axis::follow_bit_rate() {
