@@ -132,7 +132,7 @@ void Axis::run_ticks(std::int64_t tick) {
 // What is due up to and including `until` by the slave's own clock. A device that answers a poll with a deadline in the
 // past is polled again one tick later.
 void Axis::poll_slave(Time until) {
-  while (true) {
+  while (until >= ethercat_slave_->quiet_until()) {
     Time due = ethercat_slave_->next_deadline();
     if (due <= last_poll_) due = last_poll_ + tick_length;
     if (due > until) return;

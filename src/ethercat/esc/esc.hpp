@@ -67,7 +67,20 @@ class Esc {
   // What wants the application: bits as in the AL event request, whether or not a mask lets them through, and this.
   static constexpr std::uint32_t attention_reset = 0x80000000;  // the controller was reset over the bus
   std::uint32_t attention() const { return attention_; }
-  void settle(std::uint32_t events) { attention_ &= ~events; }
+  void settle(std::uint32_t events) {
+    attention_ &= ~events;
+    put_off_ &= ~events;
+  }
+  // Is there anything for the application to do at `now`? What it has put off wants it again when it is no longer known
+  // that nothing is due.
+  bool calls(Time now) const { return attention_ != 0 && (attention_ != put_off_ || now >= quiet_until_); }
+  // All that wants the application now can wait until something else does.
+  void put_off() { put_off_ = attention_; }
+  // Nothing is due before, neither here nor for the application, which works that out. Any write to a register makes it
+  // unknown, since it may bring something forward; so does the application.
+  static constexpr Time unknown = Time::min();
+  Time quiet_until() const { return quiet_until_; }
+  void set_quiet_until(Time time) { quiet_until_ = time; }
 
   // Reading acknowledges it: the master can write the next one.
   std::uint16_t take_al_control();
@@ -97,6 +110,7 @@ class Esc {
   void pdi_alive(Time now) {
     pdi_watchdog_.check(now);
     pdi_watchdog_.trigger(now);
+    quiet_until_ = unknown;
   }
   // Ends pulses that 0980h puts into the application's hands, where no master can.
   void stop_own_pulses();
@@ -218,6 +232,8 @@ class Esc {
 
   Time now_{0};  // of the frame or poll at work
   std::uint32_t attention_ = 0;
+  std::uint32_t put_off_ = 0;  // of it, by the application
+  Time quiet_until_ = unknown;
   std::uint16_t ecat_events_ = 0;
   unsigned effects_ = 0;
   bool al_control_pending_ = false;

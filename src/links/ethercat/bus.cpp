@@ -46,7 +46,7 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
 
 void EthercatBus::settle(Time at) {
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
-    if (slaves_[i].esc->attention() != 0 && slaves_[i].powered) stations_[i]->frame_passed(at);
+    if (slaves_[i].esc->calls(at) && slaves_[i].powered) stations_[i]->frame_passed(at);
   }
 }
 
