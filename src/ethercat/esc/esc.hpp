@@ -29,6 +29,8 @@ class Esc {
 
   // `sii` is the content of the slave information memory.
   explicit Esc(std::span<std::uint8_t> sii, SiiInterface::Timing timing = {}) : sii_(sii, timing) {}
+  Esc(const Esc&) = delete;
+  Esc& operator=(const Esc&) = delete;
 
   // Power-on or reset. What is plugged in stays plugged in.
   void power_on(Time now);
@@ -157,16 +159,27 @@ class Esc {
     std::uint32_t outputs = 0;   // first byte in its data
     std::uint32_t inputs = 0;
     std::uint32_t events = 0;  // of the two sync managers
+    SyncManager* writing = nullptr;
+    SyncManager* reading = nullptr;
+  };
+  // The logical addresses in which both buffers lie. Beside it no datagram concerns them.
+  struct Reach {
+    std::uint64_t begin = 0;
+    std::uint64_t end = std::uint64_t{1} << 32;
+    bool touches(const Datagram& datagram) const {
+      return datagram.logical() < end && std::uint64_t{datagram.logical()} + datagram.length > begin;
+    }
   };
 
+  unsigned process_rest(std::span<Datagram> datagrams);
+  bool execute_at_once(Datagram datagram);
   void execute(Datagram& datagram);
-  enum class Fits : std::uint8_t { whole, not_at_all, in_part };
-  Fits fit(const Datagram& datagram);
+  bool fit(const Datagram& datagram);
   bool addressed(std::uint16_t station) const;
   void exchange(Datagram& datagram, bool reads, bool writes, bool combines);
   void exchange_logical(Datagram& datagram, bool reads, bool writes);
-  bool combine_word(Datagram& datagram);
-  bool exchange_buffers(Datagram& datagram);
+  bool combine_word(Datagram datagram);
+  bool exchange_buffers(Datagram datagram);
   void exchange_bits(Datagram& datagram, bool reads, bool writes);
   bool read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
   bool write_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
@@ -224,6 +237,7 @@ class Esc {
   // There is one of each, and they are a whole three-buffer channel of few bytes: what most slaves are in operation.
   bool one_buffer_each_ = false;
   Fit fit_;
+  Reach reach_;
 
   DistributedClock clock_;
   SiiInterface sii_;
