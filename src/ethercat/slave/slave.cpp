@@ -84,7 +84,7 @@ bool Slave::waits_for_sampling(Time now) {
   const std::uint32_t events = esc_.attention();
   if (events == 0 || (events & ~process_data_events) != 0) return false;
   if (sampled_at_ == never) sampled_at_ = (now / sampling_cycle_ + 1) * sampling_cycle_;
-  if (now >= next_deadline(now)) return false;
+  if (now >= sampled_at_ || now >= next_deadline(now)) return false;
   esc_.put_off();
   return true;
 }
