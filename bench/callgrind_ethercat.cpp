@@ -1,6 +1,8 @@
 // Frames through SLAVES slave controllers until N times a slave was passed: an LRW with 16 bytes out and 16 bytes in of
-// each slave, in as many frames as it takes, the first with a BRD of the AL status. The frames come composed and are
-// copied. Instructions per slave and frame: as callgrind_sdo.cpp. Usage: callgrind_ethercat SLAVES N
+// each slave, in as many frames as it takes, the first with a BRD of the AL status. Instructions per slave and cycle:
+// as callgrind_sdo.cpp, with `--toggle-collect='servodrome::ethercat::Segment::process*'`: taking the frames apart and
+// all that slaves and cables do with them. What puts a composed frame into its place is the master's, and not counted.
+// Usage: callgrind_ethercat SLAVES N
 #include <cstdio>
 #include <cstdlib>
 

@@ -147,6 +147,9 @@ class Drive final : public dictionary::Listener {
   enum class Stage : std::uint8_t { off, releasing_brake, on, engaging_brake };
   static constexpr std::size_t edge_capacity = 16;
 
+  // object_access.cpp
+  dictionary::AbortCode check_units(const dictionary::Entry& entry, std::span<const std::byte> value) const;
+
   // power.cpp
   void handle_controlword(std::uint16_t before, std::uint16_t now);
   void handle_command(Command command);

@@ -63,17 +63,7 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
     case 0x6096:
     case 0x6097:
     case 0x60A9:
-    case 0x607E: {
-      if (energised()) return AbortCode::device_state;  // the axis would jump in its own units
-      if (entry.offset < objects_base_ || entry.offset + value.size() > objects_base_ + sizeof(Objects)) break;
-      Objects tried = axis_.objects;
-      std::memcpy(reinterpret_cast<std::byte*>(&tried) + (entry.offset - objects_base_), value.data(), value.size());
-      Units units = axis_.units;
-      if (policy_.units != nullptr && !policy_.units(tried, axis_.configuration.motor, units)) {
-        return AbortCode::parameter_incompatible;
-      }
-      break;
-    }
+    case 0x607E: return check_units(entry, value);
     case 0x60C4:
       if (entry.sub == 2) return legal(number() <= static_cast<std::int64_t>(InterpolatedPosition::capacity));
       break;
@@ -81,6 +71,19 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
     default: break;
   }
   return AbortCode::none;
+}
+
+// Apart, since it alone needs room for all objects.
+[[gnu::noinline]] AbortCode Drive::check_units(const Entry& entry, std::span<const std::byte> value) const {
+  if (energised()) return AbortCode::device_state;  // the axis would jump in its own units
+  if (entry.offset < objects_base_ || entry.offset + value.size() > objects_base_ + sizeof(Objects)) {
+    return AbortCode::none;
+  }
+  Objects tried = axis_.objects;
+  std::memcpy(reinterpret_cast<std::byte*>(&tried) + (entry.offset - objects_base_), value.data(), value.size());
+  Units units = axis_.units;
+  const bool possible = policy_.units == nullptr || policy_.units(tried, axis_.configuration.motor, units);
+  return possible ? AbortCode::none : AbortCode::parameter_incompatible;
 }
 
 void Drive::written(const Entry& entry) {
@@ -122,8 +125,7 @@ void Drive::refresh(const Entry& entry) {
   Objects& objects = axis_.objects;
   const CascadeState& loops = cascade_.state();
   const Units& units = axis_.units;
-  const double sign = units.velocity_inverted ? -1.0 : 1.0;
-  const bool position_loop = axis_.demand.loop == Loop::position;
+  const auto sign = [&units] { return units.velocity_inverted ? -1.0 : 1.0; };
   switch (entry.index) {
     case 0x6041: objects.statusword = statusword(); break;
     case 0x6043:
@@ -148,14 +150,14 @@ void Drive::refresh(const Entry& entry) {
       objects.velocity_actual_value = saturated<std::int32_t>(units.velocity_to_user(axis_.shown_velocity()));
       break;
     case 0x6074:
-      objects.torque_demand = saturated<std::int16_t>(sign * 1000.0 * static_cast<double>(loops.torque_reference));
+      objects.torque_demand = saturated<std::int16_t>(sign() * 1000.0 * static_cast<double>(loops.torque_reference));
       break;
     case 0x6077:
-      objects.torque_actual_value = saturated<std::int16_t>(sign * 1000.0 * static_cast<double>(loops.torque));
+      objects.torque_actual_value = saturated<std::int16_t>(sign() * 1000.0 * static_cast<double>(loops.torque));
       break;
     case 0x6078:
       objects.current_actual_value = saturated<std::int16_t>(
-          sign / units.current * static_cast<double>(loops.current_q_a / axis_.configuration.motor.rated_current_a));
+          sign() / units.current * static_cast<double>(loops.current_q_a / axis_.configuration.motor.rated_current_a));
       break;
     case 0x6079:
       objects.dc_link_circuit_voltage_mv = saturated<std::uint32_t>(1000.0 * static_cast<double>(dc_link_v_));
@@ -185,7 +187,7 @@ void Drive::refresh(const Entry& entry) {
     }
     case 0x60F4:
       objects.following_error_actual_value =
-          position_loop ? wrap_to_32_bits(units.to_user(loops.following_error_counts)) : 0;
+          axis_.demand.loop == Loop::position ? wrap_to_32_bits(units.to_user(loops.following_error_counts)) : 0;
       break;
     case 0x60FA:
       objects.control_effort =

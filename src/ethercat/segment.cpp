@@ -2,17 +2,23 @@
 
 namespace servodrome::ethercat {
 
+enum class Segment::Health : std::uint8_t {
+  good,        // executed by every slave
+  unreadable,  // of another protocol, or malformed
+  corrupted,   // arrives with a wrong FCS
+  destroyed,
+};
+
+// How a frame came through the processing units.
 struct Segment::Travel {
-  Frame frame;
-  FrameKind kind;
-  Time time;
-  Time back;         // through the slaves that were passed, from the last one's port 0
-  std::size_t last;  // slave the processing ended at
-  Way end;           // how it went on there
-  bool executable;
-  bool corrupted = false;
-  bool destroyed = false;
-  bool latches;
+  Slave* at;     // that it came to last
+  Time time;     // when
+  Time back{0};  // through the slaves that were passed, from the last one's port 0
+  Way end{};     // how it went on there
+  Health health;
+  unsigned effects = 0;
+
+  bool lost() const { return health >= Health::corrupted; }
 };
 
 namespace {
@@ -35,100 +41,113 @@ Segment::Way Segment::way_before(std::size_t slave) const {
   return previous.powered && !previous.esc->loop_closed(1) ? Way::open : Way::ends;
 }
 
-// A frame that is not executed: of another protocol, malformed, or arriving with a wrong FCS. Returns effects.
-unsigned Segment::pass_damaged(Slave& slave, Travel& travel) {
+// From where it is on through the processing units, as long as they execute it.
+[[gnu::always_inline]] inline void Segment::run_executed(Frame& frame, Travel& travel) {
+  Slave* const last = &slaves_.back();
+  while (!travel.at->corrupts_next) {
+    Esc& esc = *travel.at->esc;
+    travel.end = way_behind(esc, travel.at == last ? nullptr : travel.at[1].esc);  // before the frame itself changes it
+    travel.back += travel.at->backward;
+    travel.effects |= esc.process(frame, travel.time);
+    if (travel.end != Way::open || travel.at == last) return;
+    ++travel.at;
+    travel.time += travel.at->forward;
+  }
+  travel.health = Health::unreadable;
+}
+
+// A frame that is not executed. Returns how it goes on.
+Segment::Health Segment::pass_damaged(Slave& slave, FrameKind kind, Health health) {
   Esc& esc = *slave.esc;
-  if (travel.corrupted) {
+  if (health == Health::corrupted) {
     esc.count_forwarded_error(0);
-  } else if (slave.corrupts_next) {
+    return Health::corrupted;
+  }
+  if (slave.corrupts_next) {
     slave.corrupts_next = false;
-    travel.corrupted = true;
-    travel.executable = false;
     esc.count_invalid_frame(0);
     esc.count_processing_unit_error();
-  } else if (travel.kind == FrameKind::malformed) {
+    return Health::corrupted;
+  }
+  if (kind == FrameKind::malformed) {
     esc.count_processing_unit_error();
-  } else {
-    travel.destroyed = esc.processes_only();
+    return Health::unreadable;
   }
-  return esc.processes_only() ? Esc::effect_marks : 0U;
+  return esc.processes_only() ? Health::destroyed : Health::unreadable;
 }
 
-[[gnu::always_inline]] inline void Segment::run_forward(std::size_t first, Travel& travel) {
-  Slave* at = &slaves_[first];
+// The same without being executed.
+Segment::Travel Segment::run_damaged(FrameKind kind, Travel travel) {
   Slave* const last = &slaves_.back();
-  unsigned effects = 0;
-  Time time = travel.time;
-  Time back{0};
-  Way way;
-  for (;; ++at, time += at->forward) {
-    Esc& esc = *at->esc;
-    way = way_behind(esc, at == last ? nullptr : at[1].esc);  // before the frame itself changes it
-    back += at->backward;
-    if (travel.executable && !at->corrupts_next) [[likely]] {
-      effects |= esc.process(travel.frame, time);
-    } else {
-      effects |= pass_damaged(*at, travel);
-      if (travel.destroyed) break;
-    }
-    if (way != Way::open || at == last) break;
-  }
-  if (at != last && way == Way::ends && !travel.destroyed) at[1].esc->frame_at_closed_port(0);
-  travel.time = time;
-  travel.back = back;
-  travel.end = way;
-  travel.last = static_cast<std::size_t>(at - slaves_.data());
-  travel.latches = (effects & Esc::effect_receive_times) != 0;
-  if (travel.kind == FrameKind::foreign) return;
-  if (travel.frame.udp_checksum != nullptr) store_u16(travel.frame.udp_checksum, 0);
-  if ((effects & Esc::effect_marks) != 0 && travel.frame.source_address != nullptr) {
-    *travel.frame.source_address |= locally_administered;
+  for (;; ++travel.at, travel.time += travel.at->forward) {
+    Esc& esc = *travel.at->esc;
+    travel.end = way_behind(esc, travel.at == last ? nullptr : travel.at[1].esc);
+    travel.back += travel.at->backward;
+    travel.health = pass_damaged(*travel.at, kind, travel.health);
+    travel.effects |= esc.processes_only() ? Esc::effect_marks : 0U;
+    if (travel.health == Health::destroyed || travel.end != Way::open || travel.at == last) return travel;
   }
 }
 
-// The frame turned at the last slave and comes back through port 1 of those before it.
-void Segment::latch_returning(std::size_t first, const Travel& travel) {
-  Time time = travel.time;
-  for (std::size_t slave = travel.last; slave > first; --slave) {
-    time += slaves_[slave].backward;
-    slaves_[slave - 1].esc->latch_port_time(1, time);
+// From `first` on, where it arrives at `time`.
+[[gnu::always_inline]] inline Segment::Travel Segment::run_forward(Frame& frame, FrameKind kind, std::size_t first,
+                                                                   Time time) {
+  const bool executed = kind == FrameKind::ethercat;
+  Travel travel{.at = &slaves_[first], .time = time, .health = executed ? Health::good : Health::unreadable};
+  if (executed) run_executed(frame, travel);
+  if (travel.health != Health::good) travel = run_damaged(kind, travel);
+  if (travel.end == Way::ends && travel.at != &slaves_.back() && travel.health != Health::destroyed) {
+    travel.at[1].esc->frame_at_closed_port(0);
+  }
+  if (kind == FrameKind::foreign) return travel;
+  if (frame.udp_checksum != nullptr) store_u16(frame.udp_checksum, 0);
+  if ((travel.effects & Esc::effect_marks) != 0 && frame.source_address != nullptr) {
+    *frame.source_address |= locally_administered;
+  }
+  return travel;
+}
+
+// The frame turned at `slave`, at `time`, and comes back through port 1 of those before it.
+void Segment::latch_returning(const Slave* slave, Time time) {
+  for (; slave != slaves_.data(); --slave) {
+    time += slave->backward;
+    slave[-1].esc->latch_port_time(1, time);
   }
 }
 
-// A frame that was marked as damaged turned at the last slave.
-void Segment::count_returning_error(const Travel& travel) {
-  for (std::size_t slave = travel.last; slave > 0; --slave) slaves_[slave - 1].esc->count_forwarded_error(1);
+// A frame that was marked as damaged turned at `slave`.
+void Segment::count_returning_error(const Slave* slave) {
+  for (; slave != slaves_.data(); --slave) slave[-1].esc->count_forwarded_error(1);
 }
 
 Segment::Passage Segment::process(std::span<std::uint8_t> bytes, Time now, Port entry, Encapsulation encapsulation) {
-  Travel travel;
-  travel.time = now;
+  Frame frame;
   const bool whole = encapsulation == Encapsulation::ethernet;
-  travel.kind = whole ? parse_ethernet(bytes, travel.frame) : parse_payload(bytes, travel.frame);
-  travel.executable = travel.kind == FrameKind::ethercat;
+  const FrameKind kind = whole ? parse_ethernet(bytes, frame) : parse_payload(bytes, frame);
   Passage passage;
-  if (!slaves_.empty()) passage = entry == Port::primary ? enter_front(travel) : enter_back(travel);
-  passage.kind = travel.kind;
+  if (!slaves_.empty()) {
+    passage = entry == Port::primary ? enter_front(frame, kind, now) : enter_back(frame, kind, now);
+  }
+  passage.kind = kind;
   return passage;
 }
 
-inline Segment::Passage Segment::enter_front(Travel& travel) {
+[[gnu::always_inline]] inline Segment::Passage Segment::enter_front(Frame& frame, FrameKind kind, Time now) {
   Slave& front = slaves_.front();
   if (!front.cable || !front.powered) return {};
   if (front.esc->loop_closed(0)) {
     front.esc->frame_at_closed_port(0);
     return {};
   }
-  travel.time += front.forward;
-  run_forward(0, travel);
-  if (travel.corrupted && travel.end == Way::turns) count_returning_error(travel);
-  if (travel.corrupted || travel.destroyed || travel.end == Way::ends) return {};
+  const Travel travel = run_forward(frame, kind, 0, now + front.forward);
+  if (travel.health == Health::corrupted && travel.end == Way::turns) count_returning_error(travel.at);
+  if (travel.lost() || travel.end == Way::ends) return {};
   if (travel.end == Way::open) return {travel.time, Exit::secondary};
-  if (travel.latches) latch_returning(0, travel);
+  if ((travel.effects & Esc::effect_receive_times) != 0) latch_returning(travel.at, travel.time);
   return {travel.time + travel.back, Exit::primary};
 }
 
-Segment::Passage Segment::enter_back(Travel& travel) {
+Segment::Passage Segment::enter_back(Frame& frame, FrameKind kind, Time now) {
   // Into port 1 of the last slave, through to port 0 without processing, until a port 0 has its loop closed.
   std::size_t slave = slaves_.size() - 1;
   Slave& back = slaves_[slave];
@@ -137,26 +156,26 @@ Segment::Passage Segment::enter_back(Travel& travel) {
     back.esc->frame_at_closed_port(1);
     return {};
   }
-  const Time entered = travel.time;
+  Time time = now;
   for (Way way = way_before(slave); way != Way::turns; way = way_before(slave)) {
     if (way == Way::ends) return {};
-    travel.time += slaves_[slave].backward;
-    if (slave == 0) return {travel.time, Exit::primary};
+    time += slaves_[slave].backward;
+    if (slave == 0) return {time, Exit::primary};
     --slave;
   }
   // A frame that comes a second time to a port 0 without a link circulates and is taken off the line (ETG.1000.4 clause
   // 5.3.3).
   if (slaves_[slave].esc->closes_loops_itself(0)) {
-    for (Datagram& datagram : travel.frame.datagrams()) {
+    for (Datagram& datagram : frame.datagrams()) {
       if (datagram.circulating()) return {};
       datagram.set_circulating();
     }
   }
   const std::size_t turning = slave;
-  run_forward(turning, travel);
-  if (travel.corrupted || travel.destroyed || travel.end != Way::open) return {};
-  if (travel.latches) {
-    Time time = entered;
+  const Travel travel = run_forward(frame, kind, turning, time);
+  if (travel.lost() || travel.end != Way::open) return {};
+  if ((travel.effects & Esc::effect_receive_times) != 0) {
+    time = now;
     for (std::size_t i = slaves_.size(); i-- > turning;) {
       slaves_[i].esc->latch_port_time(1, time);
       time += slaves_[i].backward;

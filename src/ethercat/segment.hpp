@@ -50,17 +50,19 @@ class Segment {
 
  private:
   enum class Way : std::uint8_t { open, turns, ends };
+  enum class Health : std::uint8_t;
   struct Travel;
 
   Way way_behind(const Esc& esc, const Esc* next) const;
   Way way_before(std::size_t slave) const;
-  Passage enter_front(Travel& travel);
-  Passage enter_back(Travel& travel);
-  // From `first` on through the processing units. Returns where it turned or ended.
-  void run_forward(std::size_t first, Travel& travel);
-  static unsigned pass_damaged(Slave& slave, Travel& travel);
-  void latch_returning(std::size_t first, const Travel& travel);
-  void count_returning_error(const Travel& travel);
+  Passage enter_front(Frame& frame, FrameKind kind, Time now);
+  Passage enter_back(Frame& frame, FrameKind kind, Time now);
+  Travel run_forward(Frame& frame, FrameKind kind, std::size_t first, Time time);
+  void run_executed(Frame& frame, Travel& travel);
+  Travel run_damaged(FrameKind kind, Travel travel);
+  static Health pass_damaged(Slave& slave, FrameKind kind, Health health);
+  void latch_returning(const Slave* slave, Time time);
+  void count_returning_error(const Slave* slave);
   void update_links();
 
   std::span<Slave> slaves_;

@@ -109,6 +109,22 @@ void Axis::detach(Tap& tap) {
   for (const Tap* other : taps_) samples_due_ = std::min(samples_due_, other->due());
 }
 
+// What is due up to and including `until` by the slave's own clock: most often nothing.
+inline void Axis::poll_slave(Time until) {
+  if (until >= ethercat_slave_->quiet_until()) poll_due_slave(until);
+}
+
+// A device that answers a poll with a deadline in the past is polled again one tick later.
+void Axis::poll_due_slave(Time until) {
+  while (until >= ethercat_slave_->quiet_until()) {
+    Time due = ethercat_slave_->next_deadline();
+    if (due <= last_poll_) due = last_poll_ + tick_length;
+    if (due > until) return;
+    last_poll_ = due;
+    device_->poll(due);
+  }
+}
+
 // Up to `tick`, or to one at which a frame was sent: then it returns true.
 bool Axis::run_ticks(std::int64_t tick) {
   if (!powered_) {
@@ -129,18 +145,6 @@ bool Axis::run_ticks(std::int64_t tick) {
     }
   }
   return false;
-}
-
-// What is due up to and including `until` by the slave's own clock. A device that answers a poll with a deadline in the
-// past is polled again one tick later.
-void Axis::poll_slave(Time until) {
-  while (true) {
-    Time due = ethercat_slave_->next_deadline();
-    if (due <= last_poll_) due = last_poll_ + tick_length;
-    if (due > until) return;
-    last_poll_ = due;
-    device_->poll(due);
-  }
 }
 
 bool Axis::operational() const {
@@ -164,11 +168,16 @@ Time Axis::next_poll(Time now) const {
 }
 
 void Axis::poll(Time now) {
-  if (powered_ && ethercat_slave_ != nullptr) {
+  if (!powered_) return;
+  if (ethercat_slave_ != nullptr) {
     poll_slave(now);
-    return;
+  } else {
+    poll_node(now);
   }
-  if (!powered_ || now == last_poll_ || device_->next_deadline() > now) return;
+}
+
+void Axis::poll_node(Time now) {
+  if (now == last_poll_ || device_->next_deadline() > now) return;
   last_poll_ = now;
   device_->poll(now);
   send_waiting(now);

@@ -131,6 +131,8 @@ class Axis final : public links::Receiver {
   bool run_ticks(std::int64_t tick);
   void take_samples();
   void poll_slave(Time until);
+  void poll_due_slave(Time until);
+  void poll_node(Time now);
   void follow_bit_rate();
   void follow_serial_format();
 

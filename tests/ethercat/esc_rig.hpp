@@ -72,7 +72,7 @@ class Line {
     Frame frame;
     parse_ethernet(writer.bytes(), frame);
     const Datagram& datagram = frame.datagrams()[0];
-    answer.data.assign(datagram.data, datagram.data + datagram.length);
+    answer.data.assign(datagram.data(), datagram.data() + datagram.length);
     answer.counter = datagram.working_counter();
     answer.position = datagram.position();
     answer.interrupt = datagram.interrupt();

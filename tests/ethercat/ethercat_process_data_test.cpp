@@ -252,6 +252,54 @@ TEST_F(ProcessData, ThatAreSampledDoNotDelayTheWatchdog) {
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::sync_manager_watchdog}));
 }
 
+// What a bus with many slaves asks after every frame.
+TEST_F(ProcessData, ThatWaitToBeSampledDoNotCallAgain) {
+  const auto calls = [this] { return slave.wants_poll(line.now); };
+  to_operational();
+  slave.sample_process_data_every(100us);
+  run(100us - line.now % 100us);
+  cycle();
+  EXPECT_FALSE(calls());
+  EXPECT_EQ(slave.quiet_until(), line.now + 100us);
+  run(60us);
+  line.send(Command::lwr, 0x1000, Bytes(7));
+  line.send(Command::lrd, 0x1100, Bytes(7));
+  EXPECT_FALSE(calls());
+  EXPECT_FALSE(slave.wants_poll(line.now + 39us));
+  EXPECT_TRUE(slave.wants_poll(line.now + 40us));
+  // Any register may bring something forward; then it is worked out anew.
+  line.put(0, reg::station_address, std::uint16_t{1});
+  EXPECT_TRUE(calls());
+  slave.poll(line.now);
+  EXPECT_FALSE(calls());
+  line.put(0, reg::al_control, std::uint16_t{4});
+  EXPECT_TRUE(calls());
+  slave.poll(line.now);
+  EXPECT_FALSE(calls());
+  EXPECT_EQ(status(), good(4));
+  // Dealt with, they call again.
+  line.send(Command::lrd, 0x1100, Bytes(7));
+  EXPECT_TRUE(calls());
+  slave.poll(line.now);
+  EXPECT_FALSE(calls());
+  slave.sample_process_data_every(Time{0});
+  EXPECT_TRUE(calls());
+}
+
+TEST_F(ProcessData, OutputsThatStartTheWatchdogCallBesideInputsThatWait) {
+  to_safe_operational();
+  line.put(0, reg::watchdog_divider, std::uint16_t{0});
+  line.put(0, reg::watchdog_process_data, std::uint16_t{250});  // of 80 ns
+  slave.sample_process_data_every(100us);
+  run(100us - line.now % 100us);
+  send(Command::lrd, 0x1100, Bytes(7));
+  EXPECT_FALSE(slave.wants_poll(line.now));
+  line.send(Command::lwr, 0x1000, Bytes(7));
+  EXPECT_TRUE(slave.wants_poll(line.now));
+  slave.poll(line.now);
+  EXPECT_EQ(slave.quiet_until(), line.now + 20us);
+}
+
 // ---- Distributed clock ----
 
 class Synchronous : public SlaveRig {

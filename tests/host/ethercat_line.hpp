@@ -115,7 +115,7 @@ class EthercatLine {
       const auto passage = line_.segment->process(bytes, line_.now, ethercat::Segment::Port::primary,
                                                   ethercat::Segment::Encapsulation::payload);
       for (EthercatDevice& device : line_.devices) {
-        if (device.slave.wants_poll()) device.slave.poll(line_.now);
+        if (device.slave.wants_poll(line_.now)) device.slave.poll(line_.now);
       }
       if (passage.exit != ethercat::Segment::Exit::primary || line_.lost_back()) return;
       const Time at = passage.leaves + frame_time + line_.delay_back();

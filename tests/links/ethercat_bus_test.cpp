@@ -48,6 +48,30 @@ TEST(EthercatBus, StationsAreToldAfterTheFrameOnlyWhenTheyAreSettled) {
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(5us));
 }
 
+TEST(EthercatBus, WhatAStationHasPutOffIsNotToldUntilSomethingMayBeDue) {
+  EthercatRig rig(1);
+  ethercat::Esc& esc = rig.stations[0]->esc();
+  const auto pass = [&rig](Command command, std::uint16_t offset, Time at) {
+    OneDatagram frame(command, of_first(offset), {2, 0});
+    rig.bus.pass(frame.bytes, at, Port::primary, EthercatBus::Encapsulation::ethernet);
+  };
+  pass(Command::apwr, al_control, 5us);
+  esc.put_off();
+  esc.set_quiet_until(9us);
+  rig.bus.settle(5us);
+  rig.bus.settle(8us);
+  EXPECT_TRUE(rig.stations[0]->passed.empty());
+  rig.bus.settle(9us);
+  EXPECT_THAT(rig.stations[0]->passed, ElementsAre(9us));
+  // Any register that is written may bring something forward.
+  pass(Command::apwr, al_control, 10us);
+  esc.put_off();
+  esc.set_quiet_until(20us);
+  pass(Command::apwr, ethercat::reg::station_address, 11us);
+  rig.bus.settle(11us);
+  EXPECT_THAT(rig.stations[0]->passed, ElementsAre(9us, 11us));
+}
+
 TEST(EthercatBus, CutCablesAndMissingPowerMakeTheTailSilent) {
   EthercatRig rig(3);
   rig.bus.set_cable(2, false);

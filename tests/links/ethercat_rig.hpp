@@ -60,7 +60,7 @@ struct OneDatagram {
   unsigned counter() { return frame.datagrams()[0].working_counter(); }
   Bytes data() {
     const auto& datagram = frame.datagrams()[0];
-    return Bytes(datagram.data, datagram.data + datagram.length);
+    return Bytes(datagram.data(), datagram.data() + datagram.length);
   }
 };
 

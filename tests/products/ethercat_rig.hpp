@@ -57,8 +57,8 @@ class EthercatRig : public Rig<DeviceType> {
     ethercat::Frame frame;
     ethercat::parse_ethernet(writer.bytes(), frame);
     const ethercat::Datagram& datagram = frame.datagrams()[0];
-    Answer answer{Bytes(datagram.data, datagram.data + datagram.length), datagram.working_counter()};
-    if (device.slave().wants_poll()) device.poll(now());
+    Answer answer{Bytes(datagram.data(), datagram.data() + datagram.length), datagram.working_counter()};
+    if (device.slave().wants_poll(now())) device.poll(now());
     return answer;
   }
   unsigned write(std::uint16_t offset, const Bytes& data) {

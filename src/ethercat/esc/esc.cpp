@@ -10,23 +10,16 @@ bool Esc::addressed(std::uint16_t station) const {
   return alias_enabled && station == load_u16(&memory_[reg::station_alias]);
 }
 
-// The two of every cycle, which process() takes in.
-
-// An LRW of a slave with one buffer in each direction, both of them all within the datagram, or nothing of them. False:
-// it is not so simple, and nothing was done.
-[[gnu::always_inline]] inline bool Esc::exchange_buffers(Datagram& datagram) {
-  if (datagram.logical() != fit_.logical || datagram.length != fit_.length) [[unlikely]] {
-    const Fits fits = fit(datagram);
-    if (fits != Fits::whole) return fits == Fits::not_at_all;
-  }
-  const Mapping& writing = writing_[0];
-  const Mapping& reading = reading_[0];
-  SyncManager& outputs = sync_managers_[writing.sync_manager];
-  SyncManager& inputs = sync_managers_[reading.sync_manager];
+// An LRW of a slave with one buffer in each direction that is like the one before, or beside what is mapped. False: it
+// is not so simple, and nothing was done.
+[[gnu::always_inline]] inline bool Esc::exchange_buffers(Datagram datagram) {
+  if (datagram.logical() != fit_.logical || datagram.length != fit_.length) return !reach_.touches(datagram);
+  SyncManager& outputs = *fit_.writing;
+  SyncManager& inputs = *fit_.reading;
   if (!inputs.valid) return false;
-  copy_few(&memory_[outputs.write_whole()], datagram.data + fit_.outputs, writing.length);
+  copy_few(&memory_[outputs.write_whole()], datagram.data() + fit_.outputs, outputs.length);
   if (outputs.triggers_watchdog) process_data_came();
-  copy_few(datagram.data + fit_.inputs, &memory_[inputs.read_whole()], reading.length);
+  copy_few(datagram.data() + fit_.inputs, &memory_[inputs.read_whole()], inputs.length);
   attention_ |= fit_.events;
   datagram.count(gain(true, true, true));
   return true;
@@ -34,13 +27,24 @@ bool Esc::addressed(std::uint16_t station) const {
 
 // A broadcast read of 16 bits that reading neither computes nor acknowledges, as of AL status. False: they are not of
 // that kind, and nothing was done.
-[[gnu::always_inline]] inline bool Esc::combine_word(Datagram& datagram) {
+[[gnu::always_inline]] inline bool Esc::combine_word(Datagram datagram) {
   const std::uint32_t address = datagram.offset();
   if (datagram.length != 2 || address % 16 == 15 || address >= reg::process_memory) return false;
   if (live_register_blocks[address / 16] || ecat_events_ != 0) return false;
-  store_u16(datagram.data, load_u16(datagram.data) | load_u16(&memory_[address]));
+  datagram.set_position(datagram.position() + 1U);
+  store_u16(datagram.data(), load_u16(datagram.data()) | load_u16(&memory_[address]));
   datagram.count(gain(true, false, false));
   return true;
+}
+
+// Those of every cycle, and what passes by on its way to another slave. False: nothing was done.
+[[gnu::always_inline]] inline bool Esc::execute_at_once(Datagram datagram) {
+  switch (datagram.command) {
+    case Command::lrw: return exchange_buffers(datagram);
+    case Command::brd: return combine_word(datagram);
+    case Command::fprd: return !addressed(datagram.position());
+    default: return false;
+  }
 }
 
 // ETG.1000.4 clause 5.4: position addresses and broadcasts count up in every slave; a slave whose turn it is finds 0.
@@ -70,10 +74,14 @@ void Esc::execute(Datagram& datagram) {
     case Command::fprw:
       if (addressed(datagram.position())) exchange(datagram, true, true, false);
       break;
+    case Command::brd: pass(), exchange(datagram, true, false, true); break;
     case Command::bwr: pass(), exchange(datagram, false, true, false); break;
     case Command::brw: pass(), exchange(datagram, true, true, true); break;
     case Command::lrd: exchange_logical(datagram, true, false); break;
     case Command::lwr: exchange_logical(datagram, false, true); break;
+    case Command::lrw:
+      if (!fit(datagram) || !exchange_buffers(datagram)) exchange_logical(datagram, true, true);
+      break;
     case Command::armw: {
       const bool reads = pass();
       exchange(datagram, reads, !reads, false);
@@ -88,25 +96,29 @@ void Esc::execute(Datagram& datagram) {
   }
 }
 
+// Without a call as long as it goes at once, so that nothing is to be put away for one.
 unsigned Esc::process(Frame& frame, Time now) {
   now_ = now;
   ++frames_;
   effects_ = processes_only() ? effect_marks : 0U;
+  const std::span<Datagram> datagrams = frame.datagrams();
+  Datagram* at = datagrams.data();
+  Datagram* const end = at + datagrams.size();
+  if (load_u16(&memory_[reg::ecat_event_mask]) == 0) {
+    while (at != end && execute_at_once(*at)) ++at;
+    if (at == end) return effects_;
+  }
+  return process_rest({at, end});
+}
+
+unsigned Esc::process_rest(std::span<Datagram> datagrams) {
   const std::uint16_t event_mask = load_u16(&memory_[reg::ecat_event_mask]);
-  for (Datagram& datagram : frame.datagrams()) {
-    // By far the most frequent first.
-    if (datagram.command == Command::lrw) {
-      if (!exchange_buffers(datagram)) exchange_logical(datagram, true, true);
-    } else if (datagram.command == Command::brd) {
-      datagram.set_position(datagram.position() + 1U);
-      if (!combine_word(datagram)) exchange(datagram, true, false, true);
-    } else {
-      execute(datagram);
-    }
+  for (Datagram& datagram : datagrams) {
+    if (!execute_at_once(datagram)) execute(datagram);
     if (event_mask != 0) datagram.raise_interrupt(ecat_event_request() & event_mask);
   }
   if (frame_end_work_) end_frame();
-  if ((effects_ & effect_receive_times) != 0) latch_port_time(0, now);
+  if ((effects_ & effect_receive_times) != 0) latch_port_time(0, now_);
   return effects_;
 }
 

@@ -29,6 +29,8 @@ class Esc {
 
   // `sii` is the content of the slave information memory.
   explicit Esc(std::span<std::uint8_t> sii, SiiInterface::Timing timing = {}) : sii_(sii, timing) {}
+  Esc(const Esc&) = delete;
+  Esc& operator=(const Esc&) = delete;
 
   // Power-on or reset. What is plugged in stays plugged in.
   void power_on(Time now);
@@ -67,7 +69,20 @@ class Esc {
   // What wants the application: bits as in the AL event request, whether or not a mask lets them through, and this.
   static constexpr std::uint32_t attention_reset = 0x80000000;  // the controller was reset over the bus
   std::uint32_t attention() const { return attention_; }
-  void settle(std::uint32_t events) { attention_ &= ~events; }
+  void settle(std::uint32_t events) {
+    attention_ &= ~events;
+    put_off_ &= ~events;
+  }
+  // Is there anything for the application to do at `now`? What it has put off wants it again when it is no longer known
+  // that nothing is due.
+  bool calls(Time now) const { return attention_ != 0 && (attention_ != put_off_ || now >= quiet_until_); }
+  // All that wants the application now can wait until something else does.
+  void put_off() { put_off_ = attention_; }
+  // Nothing is due before, neither here nor for the application, which works that out. Any write to a register makes it
+  // unknown, since it may bring something forward; so does the application.
+  static constexpr Time unknown = Time::min();
+  Time quiet_until() const { return quiet_until_; }
+  void set_quiet_until(Time time) { quiet_until_ = time; }
 
   // Reading acknowledges it: the master can write the next one.
   std::uint16_t take_al_control();
@@ -97,6 +112,7 @@ class Esc {
   void pdi_alive(Time now) {
     pdi_watchdog_.check(now);
     pdi_watchdog_.trigger(now);
+    quiet_until_ = unknown;
   }
   // Ends pulses that 0980h puts into the application's hands, where no master can.
   void stop_own_pulses();
@@ -143,16 +159,27 @@ class Esc {
     std::uint32_t outputs = 0;   // first byte in its data
     std::uint32_t inputs = 0;
     std::uint32_t events = 0;  // of the two sync managers
+    SyncManager* writing = nullptr;
+    SyncManager* reading = nullptr;
+  };
+  // The logical addresses in which both buffers lie. Beside it no datagram concerns them.
+  struct Reach {
+    std::uint64_t begin = 0;
+    std::uint64_t end = std::uint64_t{1} << 32;
+    bool touches(const Datagram& datagram) const {
+      return datagram.logical() < end && std::uint64_t{datagram.logical()} + datagram.length > begin;
+    }
   };
 
+  unsigned process_rest(std::span<Datagram> datagrams);
+  bool execute_at_once(Datagram datagram);
   void execute(Datagram& datagram);
-  enum class Fits : std::uint8_t { whole, not_at_all, in_part };
-  Fits fit(const Datagram& datagram);
+  bool fit(const Datagram& datagram);
   bool addressed(std::uint16_t station) const;
   void exchange(Datagram& datagram, bool reads, bool writes, bool combines);
   void exchange_logical(Datagram& datagram, bool reads, bool writes);
-  bool combine_word(Datagram& datagram);
-  bool exchange_buffers(Datagram& datagram);
+  bool combine_word(Datagram datagram);
+  bool exchange_buffers(Datagram datagram);
   void exchange_bits(Datagram& datagram, bool reads, bool writes);
   bool read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
   bool write_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
@@ -210,6 +237,7 @@ class Esc {
   // There is one of each, and they are a whole three-buffer channel of few bytes: what most slaves are in operation.
   bool one_buffer_each_ = false;
   Fit fit_;
+  Reach reach_;
 
   DistributedClock clock_;
   SiiInterface sii_;
@@ -218,6 +246,8 @@ class Esc {
 
   Time now_{0};  // of the frame or poll at work
   std::uint32_t attention_ = 0;
+  std::uint32_t put_off_ = 0;  // of it, by the application
+  Time quiet_until_ = unknown;
   std::uint16_t ecat_events_ = 0;
   unsigned effects_ = 0;
   bool al_control_pending_ = false;

@@ -134,7 +134,7 @@ bool Esc::write_memory(std::uint32_t address, std::uint32_t length, Get get) {
 void Esc::exchange(Datagram& datagram, bool reads, bool writes, bool combines) {
   const std::uint32_t address = datagram.offset();
   const std::uint32_t length = datagram.length;
-  std::uint8_t* data = datagram.data;
+  std::uint8_t* data = datagram.data();
   if (length == 0) return;
   std::array<std::uint8_t, max_payload> original;  // what a command that does both writes
   if (reads && writes) std::memcpy(original.data(), data, length);
@@ -165,7 +165,7 @@ void Esc::exchange(Datagram& datagram, bool reads, bool writes, bool combines) {
 bool Esc::read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length) {
   const Overlap part = overlap(logical, length, mapping.logical, mapping.length);
   if (part.length == 0) return false;
-  std::uint8_t* data = datagram.data + part.in_frame;
+  std::uint8_t* data = datagram.data() + part.in_frame;
   const std::uint32_t address = mapping.physical + part.in_area;
   if (mapping.sync_manager == no_sync_manager) {
     return read_memory(address, part.length,
@@ -185,7 +185,7 @@ bool Esc::read_mapped(const Mapping& mapping, const Datagram& datagram, std::uin
 bool Esc::write_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length) {
   const Overlap part = overlap(logical, length, mapping.logical, mapping.length);
   if (part.length == 0) return false;
-  const std::uint8_t* data = datagram.data + part.in_frame;
+  const std::uint8_t* data = datagram.data() + part.in_frame;
   const std::uint32_t address = mapping.physical + part.in_area;
   if (mapping.sync_manager == no_sync_manager) {
     return write_memory(address, part.length, [data](std::uint32_t offset, std::uint8_t* bytes, std::uint32_t count) {
@@ -226,7 +226,7 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
   std::array<std::uint8_t, max_payload> original;
   std::array<std::uint8_t, max_payload + 1> bytes;
   std::array<std::uint8_t, max_payload + 1> mask;
-  std::memcpy(original.data(), datagram.data, datagram.length);
+  std::memcpy(original.data(), datagram.data(), datagram.length);
   const std::uint64_t frame_bit = std::uint64_t{datagram.logical()} * 8;
 
   // Calls with the first bit in the frame, in the memory, and the number of bits.
@@ -258,7 +258,7 @@ void Esc::exchange_bits(Datagram& datagram, bool reads, bool writes) {
         const std::uint32_t from = in_memory + i - first * 8;
         if (mask[from / 8] == 0) continue;
         const std::uint32_t to = in_frame + i;
-        std::uint8_t& byte = datagram.data[to / 8];
+        std::uint8_t& byte = datagram.data()[to / 8];
         byte = static_cast<std::uint8_t>((byte & ~(1U << to % 8)) | (bytes[from / 8] >> from % 8 & 1U) << to % 8);
       }
       return any;
@@ -321,20 +321,32 @@ void Esc::configure_mappings() {
   one_buffer_each_ = whole_bytes_ && writing_count_ == 1 && reading_count_ == 1 && is_buffer(writing_[0], true) &&
                      is_buffer(reading_[0], false);
   fit_ = {};
+  reach_ = {};
+  if (!one_buffer_each_) return;
+  const auto end = [](const Mapping& mapping) { return std::uint64_t{mapping.logical} + mapping.length; };
+  reach_.begin = std::min(writing_[0].logical, reading_[0].logical);
+  reach_.end = std::max(end(writing_[0]), end(reading_[0]));
 }
 
-Esc::Fits Esc::fit(const Datagram& datagram) {
-  if (!one_buffer_each_) return Fits::in_part;
+// Are both buffers within the datagram, as a whole? Then it is remembered where.
+bool Esc::fit(const Datagram& datagram) {
+  if (!one_buffer_each_) return false;
   const std::uint32_t logical = datagram.logical();
   const std::uint32_t length = clipped(logical, datagram.length);
-  const Overlap outputs = overlap(logical, length, writing_[0].logical, writing_[0].length);
-  const Overlap inputs = overlap(logical, length, reading_[0].logical, reading_[0].length);
-  if (outputs.length == 0 && inputs.length == 0) return Fits::not_at_all;
-  if (outputs.length != writing_[0].length || inputs.length != reading_[0].length) return Fits::in_part;
-  const std::uint32_t events = reg::al_event::sync_manager0 << writing_[0].sync_manager |
-                               reg::al_event::sync_manager0 << reading_[0].sync_manager;
-  fit_ = {logical, datagram.length, outputs.in_frame, inputs.in_frame, events};
-  return Fits::whole;
+  const Mapping& writing = writing_[0];
+  const Mapping& reading = reading_[0];
+  const Overlap outputs = overlap(logical, length, writing.logical, writing.length);
+  const Overlap inputs = overlap(logical, length, reading.logical, reading.length);
+  if (outputs.length != writing.length || inputs.length != reading.length) return false;
+  fit_.logical = logical;
+  fit_.length = datagram.length;
+  fit_.outputs = outputs.in_frame;
+  fit_.inputs = inputs.in_frame;
+  fit_.writing = &sync_managers_[writing.sync_manager];
+  fit_.reading = &sync_managers_[reading.sync_manager];
+  fit_.events = reg::al_event::sync_manager0 << writing.sync_manager | reg::al_event::sync_manager0
+                                                                           << reading.sync_manager;
+  return true;
 }
 
 }  // namespace servodrome::ethercat

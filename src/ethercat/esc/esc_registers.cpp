@@ -76,7 +76,8 @@ void Esc::power_on(Time now) {
   memory_.fill(0);
   sync_managers_ = {};
   fmmus_ = {};
-  attention_ = 0;
+  settle(~0U);
+  quiet_until_ = unknown;
   ecat_events_ = 0;
   al_control_pending_ = sync_active_ = false;
   frame_end_work_ = registers_unlocked_ = memory_unlocked_ = reset_pending_ = false;
@@ -255,6 +256,7 @@ bool Esc::take_register_bytes(std::uint32_t address, std::span<const std::uint8_
     block.end = static_cast<std::uint8_t>(within + 1);
   }
   if (!any) return false;
+  quiet_until_ = unknown;
   for (std::uint32_t i = 0; i < blocks; ++i) {
     const Taken part = taken[i];
     if (part.end == 0) continue;

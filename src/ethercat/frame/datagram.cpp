@@ -19,36 +19,36 @@ unsigned network_u16(const std::uint8_t* place) { return static_cast<unsigned>(p
 }  // namespace
 
 [[gnu::always_inline]] inline FrameKind parse(std::uint8_t* bytes, std::size_t size, Frame& frame) {
-  frame.count_ = 0;
-  if (size < 2 || size > max_payload) return FrameKind::malformed;
-  if (bytes[1] >> 4 != datagram_type) return FrameKind::foreign;
   Datagram* datagram = frame.store_.data();
-  for (std::size_t at = 2;; ++datagram) {
+  const auto ended = [&](FrameKind kind) {
+    frame.count_ = static_cast<std::size_t>(datagram - frame.store_.data());
+    return kind;
+  };
+  if (size < 2 || size > max_payload) return ended(FrameKind::malformed);
+  if (bytes[1] >> 4 != datagram_type) return ended(FrameKind::foreign);
+  for (std::size_t at = 2;;) {
     std::uint8_t* const header = bytes + at;
-    if (at + datagram_overhead > size) return FrameKind::malformed;
+    if (at + datagram_overhead > size) return ended(FrameKind::malformed);
     const unsigned flags = load_u16(header + 6);
     at += datagram_overhead + (flags & length_mask);
-    if (at > size) return FrameKind::malformed;
-    datagram->header = header;
-    datagram->data = header + datagram_header_size;
-    datagram->length = static_cast<std::uint16_t>(flags & length_mask);
-    datagram->command = static_cast<Command>(header[0]);
-    ++frame.count_;
-    if ((flags & more_bit) == 0) return FrameKind::ethercat;
+    if (at > size) return ended(FrameKind::malformed);
+    *datagram++ = {header, static_cast<std::uint16_t>(flags & length_mask), static_cast<Command>(header[0])};
+    if ((flags & more_bit) == 0) return ended(FrameKind::ethercat);
   }
 }
 
 FrameKind parse_payload(std::span<std::uint8_t> bytes, Frame& frame) {
+  frame.source_address = nullptr;
+  frame.udp_checksum = nullptr;
   return parse(bytes.data(), bytes.size(), frame);
 }
 
-FrameKind parse_ethernet(std::span<std::uint8_t> bytes, Frame& frame) {
+namespace {
+
+// Within a VLAN tag, UDP, or both.
+FrameKind parse_wrapped(std::span<std::uint8_t> bytes, Frame& frame) {
   frame.count_ = 0;
-  frame.source_address = nullptr;
-  frame.udp_checksum = nullptr;
   std::size_t at = addresses_size + 2;
-  if (bytes.size() < at) return FrameKind::malformed;
-  frame.source_address = bytes.data() + 6;
   unsigned type = network_u16(bytes.data() + addresses_size);
   if (type == type_vlan) {
     if (bytes.size() < at + 4) return FrameKind::malformed;
@@ -62,9 +62,25 @@ FrameKind parse_ethernet(std::span<std::uint8_t> bytes, Frame& frame) {
   std::uint8_t* udp = bytes.data() + at + ipv4_header_size;
   if (network_u16(udp + 2) != type_ethercat) return FrameKind::foreign;
   at += ipv4_header_size + udp_header_size;
-  const FrameKind kind = parse_payload(bytes.subspan(at), frame);
+  const FrameKind kind = parse(bytes.data() + at, bytes.size() - at, frame);
   if (kind != FrameKind::foreign) frame.udp_checksum = udp + 6;
   return kind;
+}
+
+}  // namespace
+
+FrameKind parse_ethernet(std::span<std::uint8_t> bytes, Frame& frame) {
+  constexpr std::size_t header = addresses_size + 2;
+  if (bytes.size() < header) {
+    frame.source_address = frame.udp_checksum = nullptr;
+    frame.count_ = 0;
+    return FrameKind::malformed;
+  }
+  frame.source_address = bytes.data() + 6;
+  frame.udp_checksum = nullptr;
+  if (network_u16(bytes.data() + addresses_size) != type_ethercat) [[unlikely]]
+    return parse_wrapped(bytes, frame);
+  return parse(bytes.data() + header, bytes.size() - header, frame);
 }
 
 }  // namespace servodrome::ethercat

@@ -49,10 +49,10 @@ constexpr unsigned gain(bool read, bool written, bool both_wanted) {
 
 struct Datagram {
   std::uint8_t* header;
-  std::uint8_t* data;
   std::uint16_t length;  // bytes of data
   Command command;
 
+  std::uint8_t* data() const { return header + datagram_header_size; }
   std::uint16_t position() const { return load_u16(header + 2); }  // ADP
   void set_position(unsigned value) { store_u16(header + 2, value); }
   std::uint16_t offset() const { return load_u16(header + 4); }  // ADO
@@ -61,8 +61,8 @@ struct Datagram {
   void set_circulating() { store_u16(header + 6, load_u16(header + 6) | circulating_bit); }
   std::uint16_t interrupt() const { return load_u16(header + 8); }
   void raise_interrupt(unsigned events) { store_u16(header + 8, interrupt() | events); }
-  std::uint16_t working_counter() const { return load_u16(data + length); }
-  void count(unsigned step) { store_u16(data + length, working_counter() + step); }
+  std::uint16_t working_counter() const { return load_u16(data() + length); }
+  void count(unsigned step) { store_u16(data() + length, working_counter() + step); }
 };
 
 enum class FrameKind : std::uint8_t {
@@ -75,8 +75,8 @@ enum class FrameKind : std::uint8_t {
 struct Frame {
   std::span<Datagram> datagrams() { return std::span(store_.data(), count_); }
 
-  std::uint8_t* source_address = nullptr;  // of the Ethernet header; nullptr without one
-  std::uint8_t* udp_checksum = nullptr;    // nullptr unless EtherCAT over UDP
+  std::uint8_t* source_address;  // of the Ethernet header; nullptr without one
+  std::uint8_t* udp_checksum;    // nullptr unless EtherCAT over UDP
 
   std::array<Datagram, max_datagrams> store_;  // the first `count_` of them
   std::size_t count_ = 0;

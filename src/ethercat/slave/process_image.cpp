@@ -110,8 +110,9 @@ AbortCode ProcessImage::add_pdo(std::uint16_t index) {
     if (count_ == objects_.size()) return AbortCode::out_of_memory;
     MappedObject& object = objects_[count_];
     if (const AbortCode abort = resolve_entry(mapping, object); abort != AbortCode::none) return abort;
-    object.bit = static_cast<std::uint16_t>(bits_);
-    object.whole = object.whole && bits_ % 8 == 0;
+    object.byte = static_cast<std::uint16_t>(bits_ / 8);
+    object.bit = static_cast<std::uint8_t>(bits_ % 8);
+    object.whole = object.whole && object.bit == 0;
     bits_ += object.bits;
     if (bits_ > greatest_bits()) return AbortCode::mapping_exceeds_pdo_length;
     if (object.entry != nullptr) ++count_;
@@ -139,7 +140,7 @@ AbortCode ProcessImage::resolve() {
 void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
   if (image.size() < bytes()) return;
   for (MappedObject& object : objects_.first(count_)) {
-    const std::uint8_t* from = image.data() + object.bit / 8;
+    const std::uint8_t* from = image.data() + object.byte;
     if (object.plain && object.whole) {
       copy_number(object.place, from, object.bytes);
       continue;
@@ -148,7 +149,7 @@ void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
     object.tell = false;
     std::uint64_t apart = 0;
     if (!object.whole) {
-      apart = bits_at(image, object.bit, object.bits);
+      apart = bits_at(image.subspan(object.byte), object.bit, object.bits);
       if (dictionary::is_signed(entry.type)) apart = sign_extended(apart, object.bits);
       if (!holds(entry.type, apart)) continue;
       from = reinterpret_cast<const std::uint8_t*>(&apart);
@@ -170,7 +171,7 @@ void ProcessImage::read_objects(std::span<std::uint8_t> image) {
   for (const MappedObject& object : objects_.first(count_)) {
     if (object.owner != nullptr) object.owner->refresh(*object.entry);
     if (object.whole) {
-      copy_number(image.data() + object.bit / 8, object.place, object.bytes);
+      copy_number(image.data() + object.byte, object.place, object.bytes);
       continue;
     }
     std::uint64_t value = 0;
@@ -180,7 +181,7 @@ void ProcessImage::read_objects(std::span<std::uint8_t> image) {
       value = static_cast<std::uint64_t>(object.entry->default_value);
     }
     if (dictionary::is_signed(object.entry->type)) value = sign_extended(value, object.bytes * 8U);
-    put_bits(image, object.bit, object.bits, value);
+    put_bits(image.subspan(object.byte), object.bit, object.bits, value);
   }
 }
 

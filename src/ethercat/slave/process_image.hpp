@@ -14,7 +14,8 @@ struct MappedObject {
   const dictionary::Entry* entry = nullptr;
   std::byte* place = nullptr;  // nullptr: no storage
   dictionary::Listener* owner = nullptr;
-  std::uint16_t bit = 0;   // first one in the process data
+  std::uint16_t byte = 0;  // of the process data in which it begins,
+  std::uint8_t bit = 0;    // with this bit
   std::uint8_t bits = 0;   // in the process data
   std::uint8_t bytes = 0;  // in memory
   bool plain = true;       // no owner to tell and no range to check

@@ -53,6 +53,7 @@ void Slave::start(Time now) {
 void Slave::poll(Time now) {
   if (sampling_cycle_ != Time{0} && waits_for_sampling(now)) return;
   sampled_at_ = never;
+  esc_.set_quiet_until(Esc::unknown);
   esc_.poll(now);
   const std::uint32_t events = esc_.attention();
   esc_.settle(events);
@@ -83,7 +84,9 @@ bool Slave::waits_for_sampling(Time now) {
   const std::uint32_t events = esc_.attention();
   if (events == 0 || (events & ~process_data_events) != 0) return false;
   if (sampled_at_ == never) sampled_at_ = (now / sampling_cycle_ + 1) * sampling_cycle_;
-  return now < next_deadline(now);
+  if (now >= sampled_at_ || now >= next_deadline(now)) return false;
+  esc_.put_off();
+  return true;
 }
 
 void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {

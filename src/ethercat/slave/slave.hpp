@@ -50,17 +50,24 @@ class Slave final : dictionary::Listener {
   // After every frame, and no later than `next_deadline`.
   void poll(Time now);
   // Is there anything for `poll` to do since a frame passed? For a caller with many slaves.
-  bool wants_poll() const { return esc_.attention() != 0; }
+  bool wants_poll(Time now) const { return esc_.calls(now); }
   Time next_deadline(Time now) {
     const Time own = std::min(operational_until_, std::min(shifted_at_, sampled_at_));
-    return std::min(own, esc_.next_deadline(now));
+    const Time due = std::min(own, esc_.next_deadline(now));
+    esc_.set_quiet_until(due);
+    return due;
   }
   Time next_deadline() { return next_deadline(esc_.now()); }
+  // At most `next_deadline`, without working it out.
+  Time quiet_until() const { return esc_.quiet_until(); }
 
   // Process data are dealt with at the next multiple of `cycle`, as by an application that looks for them in its
   // control loop, instead of when their frame has passed; 0 goes back to that. Only frames closer than that see a
   // difference, and cost less. Everything else is dealt with at once, and the process data before it with it.
-  void sample_process_data_every(Time cycle) { sampling_cycle_ = cycle; }
+  void sample_process_data_every(Time cycle) {
+    sampling_cycle_ = cycle;
+    esc_.set_quiet_until(Esc::unknown);
+  }
 
   // The objects have new values: they go into the inputs in free run, where no signal of the bus asks for them.
   void process_image_updated();

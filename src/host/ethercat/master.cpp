@@ -133,7 +133,7 @@ bool EthercatMaster::take_answer(std::span<EthercatDatagram> datagrams, std::vec
   match->back = true;
   for (std::size_t i = 0; i < match->count; ++i) {
     EthercatDatagram& datagram = datagrams[match->first + i];
-    std::copy_n(back[i].data, back[i].length, datagram.data.begin());
+    std::copy_n(back[i].data(), back[i].length, datagram.data.begin());
     datagram.counter = back[i].working_counter();
     datagram.answered = true;
   }

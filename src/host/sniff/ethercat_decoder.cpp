@@ -135,7 +135,7 @@ Decoded EthercatDecoder::decode_datagram(const Datagram& datagram, const Sent* s
   Decoded decoded;
   decoded.time = time;
   decoded.kind = FrameKind::registers;
-  const std::span<const std::uint8_t> data(datagram.data, datagram.length);
+  const std::span<const std::uint8_t> data(datagram.data(), datagram.length);
   const Command command = datagram.command;
   const char* word = name(command);
   if (word == nullptr) {
@@ -236,7 +236,7 @@ void EthercatDecoder::describe_memory(Slave& slave, std::uint16_t offset, std::s
 void EthercatDecoder::describe_logical(const Datagram& datagram, Decoded& decoded) {
   const std::uint64_t begin = std::uint64_t{datagram.logical()} * 8;
   const std::uint64_t end = begin + datagram.length * 8U;
-  const std::span<const std::uint8_t> data(datagram.data, datagram.length);
+  const std::span<const std::uint8_t> data(datagram.data(), datagram.length);
   for (const auto& [station, slave] : slaves_) {
     for (const auto& [number, fmmu] : slave.fmmus) {
       const std::uint64_t first = fmmu.logical_bit();

@@ -45,8 +45,9 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
 }
 
 void EthercatBus::settle(Time at) {
-  for (std::size_t i = 0; i < slaves_.size(); ++i) {
-    if (slaves_[i].esc->attention() != 0 && slaves_[i].powered) stations_[i]->frame_passed(at);
+  for (const ethercat::Segment::Slave& slave : slaves_) {
+    if (!slave.esc->calls(at) || !slave.powered) continue;
+    stations_[static_cast<std::size_t>(&slave - slaves_.data())]->frame_passed(at);
   }
 }
 

@@ -19,7 +19,7 @@ class EthercatStation {
   virtual ~EthercatStation() = default;
   // The controller that frames pass; the same as long as the station is attached.
   virtual ethercat::Esc& esc() = 0;
-  // A frame passed that left something to do (Esc::attention). Called once per frame at most, with the frame's time.
+  // A frame passed that left something to do (Esc::calls). Called once per frame at most, with the frame's time.
   virtual void frame_passed(Time at) = 0;
 };
 
