@@ -83,9 +83,10 @@ Axis::~Axis() {
 
 // Stops for those who look on, so that an axis nobody looks at pays nothing per tick.
 void Axis::run_to(std::int64_t tick) {
-  bool sent = false;
-  while (tick_ < tick && !sent) {
-    sent = run_ticks(std::min(tick, samples_due_));
+  const Time end = tick * tick_length;
+  bool stops = false;
+  while (tick_ < tick && !stops) {
+    stops = run_ticks(std::min(tick, samples_due_), end);
     if (tick_ == samples_due_) take_samples();
   }
 }
@@ -125,8 +126,8 @@ void Axis::poll_due_slave(Time until) {
   }
 }
 
-// Up to `tick`, or to one at which a frame was sent: then it returns true.
-bool Axis::run_ticks(std::int64_t tick) {
+// Up to `tick`, or to one at which it has to stop, being on its way to `end`: then it returns true.
+bool Axis::run_ticks(std::int64_t tick, Time end) {
   if (!powered_) {
     for (; tick_ < tick; ++tick_) plant_.step(actuation_, feedback_);
     return false;
@@ -141,7 +142,8 @@ bool Axis::run_ticks(std::int64_t tick) {
       last_cycle_ = tick_;
       const Time now = tick_ * tick_length;
       device_->cycle(now);
-      if (send_waiting(now)) return true;
+      const bool sent = send_waiting(now);
+      if (bus_ != nullptr && (sent || device_->next_deadline() < end)) return true;
     }
   }
   return false;

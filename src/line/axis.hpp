@@ -43,8 +43,8 @@ class Axis final : public links::Receiver {
   Axis(const Axis&) = delete;
   Axis& operator=(const Axis&) = delete;
 
-  // Runs every tick up to and including number `tick`, but stops at one at which it sends: the others may have run
-  // further then, and wait for it.
+  // Runs every tick up to and including number `tick`, but stops at one at which it sends, or finds that it is to be
+  // polled on the way: the others may have run further then, and wait for it.
   void run_to(std::int64_t tick);
   std::int64_t ticks() const { return tick_; }  // up to which it has run
   // A tap is looked after from its next tick on; not while the axis runs.
@@ -128,7 +128,7 @@ class Axis final : public links::Receiver {
     Axis& axis_;
   };
 
-  bool run_ticks(std::int64_t tick);
+  bool run_ticks(std::int64_t tick, Time end);
   void take_samples();
   void poll_slave(Time until);
   void poll_due_slave(Time until);
