@@ -83,12 +83,11 @@ Axis::~Axis() {
 
 // Stops for those who look on, so that an axis nobody looks at pays nothing per tick.
 void Axis::run_to(std::int64_t tick) {
-  const Time end = tick * tick_length;
-  bool stops = false;
-  while (tick_ < tick && !stops) {
-    stops = run_ticks(std::min(tick, samples_due_), end);
-    if (tick_ == samples_due_) take_samples();
+  while (samples_due_ <= tick) {
+    run_ticks(samples_due_);
+    take_samples();
   }
+  run_ticks(tick);
 }
 
 void Axis::take_samples() {
@@ -126,11 +125,10 @@ void Axis::poll_due_slave(Time until) {
   }
 }
 
-// Up to `tick`, or to one at which it has to stop, being on its way to `end`: then it returns true.
-bool Axis::run_ticks(std::int64_t tick, Time end) {
+void Axis::run_ticks(std::int64_t tick) {
   if (!powered_) {
     for (; tick_ < tick; ++tick_) plant_.step(actuation_, feedback_);
-    return false;
+    return;
   }
   drive::Drive& drive = device_->drive();
   while (tick_ < tick) {
@@ -142,31 +140,20 @@ bool Axis::run_ticks(std::int64_t tick, Time end) {
       last_cycle_ = tick_;
       const Time now = tick_ * tick_length;
       device_->cycle(now);
-      const bool sent = send_waiting(now);
-      if (bus_ != nullptr && (sent || device_->next_deadline() < end)) return true;
+      send_waiting(now);
     }
   }
-  return false;
 }
 
-bool Axis::operational() const {
-  const canopen::Node* node = powered_ ? device_->can_node() : nullptr;
-  return node != nullptr && node->nmt_state() == canopen::NmtState::operational;
-}
-
-Time Axis::next_cycle() const {
+Time Axis::next_sending(Time now) const {
   if (!powered_) return links::never;
   // Until two cycles were seen their distance is not known, and any tick may be one.
   const bool known = last_cycle_ != unknown && cycle_ticks_ != unknown;
-  return (known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1) * tick_length;
-}
-
-Time Axis::next_poll(Time now) const {
-  if (!powered_) return links::never;
+  const std::int64_t cycle = known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1;
   // A device that answers a poll with a deadline in the past is polled again one tick later, not for ever.
   Time deadline = device_->next_deadline();
   if (deadline <= last_poll_) deadline = last_poll_ + tick_length;
-  return std::max(deadline, now);
+  return std::min(cycle * tick_length, std::max(deadline, now));
 }
 
 void Axis::poll(Time now) {
@@ -185,21 +172,16 @@ void Axis::poll_node(Time now) {
   send_waiting(now);
 }
 
-bool Axis::send_waiting(Time now) {
+void Axis::send_waiting(Time now) {
   canopen::Frame frame;
-  bool sent = false;
   if (bus_ == nullptr) {  // nobody hears them
     while (device_->take(frame)) {
     }
   } else {
-    while (bus_->queue_space(port_) > 0 && device_->take(frame)) {
-      bus_->transmit(port_, frame, now);
-      sent = true;
-    }
+    while (bus_->queue_space(port_) > 0 && device_->take(frame)) bus_->transmit(port_, frame, now);
     follow_bit_rate();
   }
   if (serial_ != nullptr) follow_serial_format();
-  return sent;
 }
 
 void Axis::follow_bit_rate() {

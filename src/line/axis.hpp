@@ -43,8 +43,7 @@ class Axis final : public links::Receiver {
   Axis(const Axis&) = delete;
   Axis& operator=(const Axis&) = delete;
 
-  // Runs every tick up to and including number `tick`, but stops at one at which it sends, or finds that it is to be
-  // polled on the way: the others may have run further then, and wait for it.
+  // Runs every tick up to and including number `tick`.
   void run_to(std::int64_t tick);
   std::int64_t ticks() const { return tick_; }  // up to which it has run
   // A tap is looked after from its next tick on; not while the axis runs.
@@ -52,18 +51,13 @@ class Axis final : public links::Receiver {
   void detach(Tap& tap);
   // May it send without having received? A slave on EtherCAT never does.
   bool sends() const { return ethercat_ == nullptr; }
-  // It may send PDOs, and act on those of others. Before that a drive hears nobody but masters, and tells nothing but
-  // its emergencies in the cycle of its own.
-  bool operational() const;
-  // When an axis that sends does so next, from `now` on: at the end of a position-loop cycle, or when it is to be
-  // polled. Other axes must not be run beyond it first, or they would miss the frame.
-  Time next_cycle() const;
-  Time next_poll(Time now) const;
+  // Of an axis that does, the earliest time from `now` on at which it may: the next position-loop cycle, or the next
+  // poll. Other axes must not be run beyond it first, or they would miss the frame.
+  Time next_sending(Time now) const;
   // Polls the device if that is due.
   void poll(Time now);
   // Puts on the bus what the device has to send, after something outside of time (an object written by the bench).
-  // True: that was a frame at least.
-  bool send_waiting(Time now);
+  void send_waiting(Time now);
 
   void power_off(Time now);
   void power_on(Time now);
@@ -128,7 +122,7 @@ class Axis final : public links::Receiver {
     Axis& axis_;
   };
 
-  bool run_ticks(std::int64_t tick, Time end);
+  void run_ticks(std::int64_t tick);
   void take_samples();
   void poll_slave(Time until);
   void poll_due_slave(Time until);

@@ -36,18 +36,10 @@ Time Line::next_bus_event() const {
   return next;
 }
 
-// Between two instants no axis sends what another acts on, and nothing arrives, so that each axis may run all its ticks
-// before the next. As long as none is Operational that is for long: what they send by themselves are emergencies and
-// what they are polled for. The more ticks of an axis come in a row, the less they cost.
+// Between two instants no axis can send and nothing arrives, so that each axis may run all its ticks before the next.
 Time Line::next_instant(Time latest) const {
   Time instant = std::min(latest, next_bus_event());
-  const bool by_cycle = !masters_outside_ || std::any_of(senders_.begin(), senders_.end(),
-                                                         [](const Axis* axis) { return axis->operational(); });
-  if (!by_cycle) instant = std::min(instant, now_ + longest_stretch);
-  for (const Axis* axis : senders_) {
-    instant = std::min(instant, axis->next_poll(now_));
-    if (by_cycle) instant = std::min(instant, axis->next_cycle());
-  }
+  for (const Axis* axis : senders_) instant = std::min(instant, axis->next_sending(now_));
   for (const Follower* follower : followers_) instant = std::min(instant, follower->next_deadline());
   return std::max(instant, now_);
 }
@@ -55,11 +47,7 @@ Time Line::next_instant(Time latest) const {
 void Line::run_to_instant(Time instant) {
   if (const std::int64_t tick = instant / tick_length; tick != tick_) {
     tick_ = tick;
-    for (const auto& axis : axes_) {
-      axis->run_to(tick);
-      tick_ = std::min(tick_, axis->ticks());
-    }
-    if (tick_ != tick) instant = tick_ * tick_length;  // an emergency: the instant is then
+    for (const auto& axis : axes_) axis->run_to(tick);
   }
   now_ = instant;
   for (const auto& bus : buses_) bus->bus.advance(instant);

@@ -68,10 +68,6 @@ class Line final : public links::VirtualClock {
   // before it is given the frame. A target in the past does nothing.
   void run_until(Time target) override;
 
-  // Masters act between two calls of run_until only, not at the instant at which they hear a frame: true of those at
-  // the other end of a link. Axes may then run further ahead of each other, which costs less.
-  void set_masters_outside() { masters_outside_ = true; }
-
   Time now() const override { return now_; }
   // From now on; not from within Follower::reached. A follower changes nothing by being there.
   void add_follower(Follower& follower) { followers_.push_back(&follower); }
@@ -113,8 +109,6 @@ class Line final : public links::VirtualClock {
   }
 
  private:
-  static constexpr Time longest_stretch = std::chrono::milliseconds(10);
-
   Time next_instant(Time latest) const;
   void run_to_instant(Time instant);
 
@@ -125,11 +119,10 @@ class Line final : public links::VirtualClock {
   std::vector<std::unique_ptr<Axis>> axes_;
   std::vector<const Axis*> senders_;  // on CAN or alone, see Axis::sends
   std::vector<Follower*> followers_;
-  std::int64_t tick_ = 0;  // up to which all axes have run; some may have run further
+  std::int64_t tick_ = 0;  // up to which all axes have run
   Time now_{};
   Lag lag_;
   double speed_ = 0;
-  bool masters_outside_ = false;
 };
 
 }  // namespace servodrome::line

@@ -53,7 +53,6 @@ LineServer::LineServer(const LineSettings& settings)
       access_{bench::make_token()},
       line_(settings),
       page_(settings.api.page) {
-  line_.set_masters_outside();
   for (const auto& bus : line_.buses()) {
     for (const std::string& link : bus->settings.links) {
       const links::CanLinkName name = links::parse_can_link(link);

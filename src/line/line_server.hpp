@@ -26,7 +26,7 @@ namespace servodrome::line {
 // in the thread that calls run().
 //
 // In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a millisecond
-// while anybody listens to a CAN bus or has used a segment, else every four. Whoever asks finds it at the present all
+// while anybody listens to a CAN bus or has used a segment, else every ten. Whoever asks finds it at the present all
 // the same. What it cannot catch up with is given up (RealPace, Line::lag).
 class LineServer final : private links::LineHost {
  public:

@@ -278,38 +278,6 @@ TEST(Line, EachCanProductOfTheRegistryRunsAndDescribesItself) {
   EXPECT_EQ(find_product(all_products(), "toaster"), nullptr);
 }
 
-// The frames of a line whose left axis has one fault after the other, with an inhibit time between its emergencies.
-std::string faults(Time inhibit, bool masters_outside) {
-  Line line(settings_of(two_axes));
-  if (masters_outside) line.set_masters_outside();
-  Recorder recorder(line.buses()[0]->bus);
-  links::MemoryPort master(line.buses()[0]->bus);
-  const auto write = [&](std::uint16_t index, std::uint32_t value, unsigned size) {
-    master.send(sdo_write(1, index, 0, value, size), line.now());
-    line.run_until(line.now() + 60ms);
-  };
-  line.run_until(20ms);
-  write(0x1015, static_cast<std::uint32_t>(inhibit / 100us), 2);
-  write(0x6060, 3, 1);
-  write(0x60FF, 100000, 4);
-  for (const std::uint32_t controlword : {6U, 7U, 15U}) write(0x6040, controlword, 2);
-  for (const auto fault : {plant::Injection::encoder_overheat, plant::Injection::winding_overheat,
-                           plant::Injection::stage_overheat, plant::Injection::encoder_crc}) {
-    line.axes()[0]->plant().inject(fault, true);
-    line.run_until(line.now() + 5ms);
-  }
-  line.run_until(line.now() + 200ms);
-  return recorder.text();
-}
-
-TEST(Line, EmergenciesComeAtTheirTimeHoweverFarAxesRunAhead) {
-  const auto emergencies = [](const std::string& frames) { return frames.find(" 081#", frames.find(" 081#") + 1); };
-  EXPECT_NE(emergencies(faults(1ms, false)), std::string::npos) << "two at least";
-  for (Time inhibit = 0ms; inhibit < 30ms; inhibit += 700us) {
-    EXPECT_EQ(faults(inhibit, true), faults(inhibit, false)) << inhibit.count();
-  }
-}
-
 TEST(Line, AnIdealBusTakesNoTime) {
   Line line(settings_of("[[bus]]\nname='can0'\nideal=true\n[[axis]]\nname='x'\nproduct='ismc'\n"));
   links::MemoryPort master(line.buses()[0]->bus);

@@ -45,6 +45,7 @@ SlcanLink::~SlcanLink() {
 void SlcanLink::wait_for_client() {
   if (pty_.has_client()) {
     counters_.clients = 1;
+    host_.wake();  // from now on what drives send is heard
     read();
     watch_input();
     return;

@@ -258,6 +258,7 @@ void SocketcandServer::accept() {
       clients_.push_back(std::make_shared<Client>(*this, std::move(socket), last_client_number_));
       counters_.clients = static_cast<std::uint32_t>(clients_.size());
       clients_.back()->start();
+      host_.wake();  // from now on what drives send is heard
     }
     accept();
   });
