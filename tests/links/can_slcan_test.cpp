@@ -63,6 +63,14 @@ TEST_F(SlcanLinkTest, ReplacesAStaleLinkButNothingElse) {
   EXPECT_THROW(open_can_link(SlcanName{"/nonexistent/x"}, rig.bus, rig.io, rig), LinkError);
 }
 
+TEST_F(SlcanLinkTest, WhoeverOpensThePtyWakesTheLine) {
+  rig.io.poll();
+  EXPECT_EQ(rig.wakes, 0);
+  const RawClient client = open_tty();
+  EXPECT_TRUE(rig.until([&] { return link->counters().clients == 1; }));
+  EXPECT_EQ(rig.wakes, 1);
+}
+
 TEST_F(SlcanLinkTest, FramesBothWays) {
   RawClient client = open_channel();
   client.write("t60521122\r");

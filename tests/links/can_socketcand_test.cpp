@@ -42,6 +42,7 @@ TEST_F(SocketcandTest, GreetsOpensAndSwitchesToRawMode) {
   client.write("< echo >");
   ASSERT_TRUE(rig.until([&] { return client.text() == "< hi >< ok >< ok >< echo >"; }));
   EXPECT_EQ(link->counters().clients, 1U);
+  EXPECT_EQ(rig.wakes, 1) << "a line that naps hears that there is somebody now";
   client.close();
   EXPECT_TRUE(rig.until([&] { return link->counters().clients == 0; }));
 }
@@ -49,6 +50,7 @@ TEST_F(SocketcandTest, GreetsOpensAndSwitchesToRawMode) {
 TEST_F(SocketcandTest, FramesBothWaysWithTimestampOfTheirEnd) {
   RawClient client = raw_client();
   const Time start = rig.time;
+  rig.wakes = 0;
   client.write("< send 605 2 11 22 >");
   ASSERT_TRUE(rig.until([&] { return client.has(">"); }));
   ASSERT_EQ(rig.received.size(), 1U);
