@@ -1,11 +1,12 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <cstdint>
 
-// Clarke and Park transforms, amplitude-invariant, and the sine they need. Angles are electrical, in turns: 0 is the d
-// axis on phase U, 1 a full electrical turn. Of two windings in quadrature the first is U, the second V, and there is
-// no W: they are the axes of the stationary frame themselves.
+// Clarke and Park transforms, amplitude-invariant, and the sine they need. Angles are electrical: 0 is the d axis on
+// phase U. Of two windings in quadrature the first is U, the second V, and there is no W: they are the axes of the
+// stationary frame themselves.
 namespace servodrome::drive {
 
 struct SinCos {
@@ -13,18 +14,29 @@ struct SinCos {
   float cosine;
 };
 
-// Sine and cosine of `turns` in [0, 1); absolute error below 1e-6. Folded to an eighth of a turn and evaluated as a
-// polynomial: no table, no branch on the sign, the same bits on every machine with IEEE floats.
-constexpr SinCos sin_cos_turns(float turns) {
-  const auto quadrant = static_cast<std::int32_t>(turns * 4.0F + 0.5F);
-  const float x = (turns - 0.25F * static_cast<float>(quadrant)) * 6.2831853071795864F;  // -pi/4 .. pi/4
-  const float x2 = x * x;
-  const float s = x * (1.0F + x2 * (-1.6666654611e-1F + x2 * (8.3321608736e-3F + x2 * -1.9515295891e-4F)));
+// An angle in 2^-32 turns: what exceeds a turn falls off by itself, and below zero is the end of the turn before.
+using Phase = std::uint32_t;
+
+// For |turns| < 2^31.
+template <std::floating_point Real>
+constexpr Phase phase_of(Real turns) {
+  return static_cast<Phase>(static_cast<std::int64_t>(turns * Real{0x1p32}));
+}
+
+// Absolute error below 2e-7. Folded to an eighth of a turn and evaluated as a polynomial: no branch, the same bits on
+// every machine with IEEE floats. Its powers are formed side by side, since a tick waits for it.
+constexpr SinCos sin_cos(Phase phase) {
+  const std::uint32_t quadrant = (phase + 0x2000'0000U) >> 30;
+  const float x =
+      static_cast<float>(static_cast<std::int32_t>(phase - (quadrant << 30))) * (6.2831853071795864F * 0x1p-32F);
+  const float x2 = x * x;  // of -pi/4 .. pi/4
+  const float x4 = x2 * x2;
+  const float s = x + x * x2 * ((-1.6666654611e-1F + x2 * 8.3321608736e-3F) + x4 * -1.9515295891e-4F);
   const float c =
-      1.0F + x2 * (-0.5F + x2 * (4.166664568298827e-2F + x2 * (-1.388731625493765e-3F + x2 * 2.443315711809948e-5F)));
-  const float sine = (quadrant & 1) != 0 ? c : s;
-  const float cosine = (quadrant & 1) != 0 ? s : c;
-  return {(quadrant & 2) != 0 ? -sine : sine, ((quadrant + 1) & 2) != 0 ? -cosine : cosine};
+      (1.0F - 0.5F * x2) + x4 * ((4.166664568298827e-2F + x2 * -1.388731625493765e-3F) + x4 * 2.443315711809948e-5F);
+  constexpr std::array<SinCos, 4> quarters{{{0.0F, 1.0F}, {1.0F, 0.0F}, {0.0F, -1.0F}, {-1.0F, 0.0F}}};
+  const SinCos turn = quarters[quadrant];
+  return {s * turn.cosine + c * turn.sine, c * turn.cosine - s * turn.sine};
 }
 
 struct DirectQuadrature {
@@ -49,7 +61,7 @@ constexpr DirectQuadrature to_rotor_frame(const std::array<float, 3>& phase, Sin
   if constexpr (Phases == 2) {
     return {phase[0] * angle.cosine + phase[1] * angle.sine, phase[1] * angle.cosine - phase[0] * angle.sine};
   } else {
-    const float alpha = (2.0F * phase[0] - phase[1] - phase[2]) * (1.0F / 3.0F);
+    const float alpha = (2.0F * phase[0] - (phase[1] + phase[2])) * (1.0F / 3.0F);
     const float beta = (phase[1] - phase[2]) * one_over_sqrt3;
     return {alpha * angle.cosine + beta * angle.sine, beta * angle.cosine - alpha * angle.sine};
   }

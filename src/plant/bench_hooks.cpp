@@ -178,7 +178,7 @@ double Plant::torque_nm() const { return torque_nm_; }
 double Plant::current_a() const { return windings_.quadrature_a * parameters_.encoder.direction; }
 double Plant::direct_current_a() const { return windings_.direct_a; }
 double Plant::electrical_angle_turns() const {
-  const double turns = (single_turn_ + fraction_) * turns_per_count_ + commutation_offset_turns_;
+  const double turns = electrical_phase() / phases_in_turn;
   return turns - std::floor(turns);
 }
 double Plant::dc_link_v() const { return dc_link_.volts(); }

@@ -15,12 +15,13 @@ constexpr double largest_fraction = 0x1.fffffffffffffp-1;
 
 constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
 
-// Largest integer not above a value within +-2^51. Without SSE 4.1 std::floor is a call, and the way to an integer and
-// back takes three times as long, in the middle of what the next tick waits for.
+// Largest integer not above a value within +-2^51 that is not -0. Without SSE 4.1 std::floor is a call, and the way to
+// an integer and back takes three times as long, in the middle of what the next tick waits for. Nor is there a branch:
+// the fraction of a count would take it by chance.
 double floor_of(double value) {
   constexpr double no_fraction = 0x1.8p52;  // what is added to it is rounded to an integer
   const double nearest = (value + no_fraction) - no_fraction;
-  return nearest - (nearest > value ? 1.0 : 0.0);
+  return (nearest - 0.5) + std::copysign(0.5, value - nearest);
 }
 
 const Parameters& valid(const Parameters& parameters) {
@@ -32,9 +33,8 @@ const Parameters& valid(const Parameters& parameters) {
 }  // namespace
 
 // Of every tick; here so that step() may take them in.
-[[gnu::always_inline]] inline void Plant::update_angle() {
-  const double turns = (single_turn_ + fraction_) * turns_per_count_ + commutation_offset_turns_;
-  const drive::SinCos angle = drive::sin_cos_turns(static_cast<float>(turns - floor_of(turns)));
+[[gnu::always_inline]] inline void Plant::update_angle(double phase) {
+  const drive::SinCos angle = drive::sin_cos(static_cast<drive::Phase>(static_cast<std::int64_t>(phase)));
   sine_ = static_cast<double>(angle.sine);
   cosine_ = static_cast<double>(angle.cosine);
 }
@@ -71,8 +71,9 @@ Plant::Plant(const Parameters& parameters)
     : windings_(valid(parameters).motor, parameters.encoder.direction),
       half_angle_per_speed_(0.5 * h * windings_.pole_pairs()),
       counts_per_speed_(h * parameters.encoder.counts_per_revolution / two_pi),
-      turns_per_count_(windings_.pole_pairs() / parameters.encoder.counts_per_revolution),
-      commutation_offset_turns_(parameters.encoder.commutation_offset_turns),
+      phase_per_count_(phases_in_turn * windings_.pole_pairs() / parameters.encoder.counts_per_revolution),
+      phase_per_speed_(counts_per_speed_ * phase_per_count_),
+      commutation_phase_(phases_in_turn * parameters.encoder.commutation_offset_turns),
       overcurrent_squared_(parameters.supply.overcurrent_a * parameters.supply.overcurrent_a),
       bus_overcurrent_a_(parameters.supply.bus_overcurrent_a),
       cogging_(parameters.motor.cogging_torque_nm > 0.0),
@@ -95,7 +96,7 @@ void Plant::place(std::int64_t position_counts) {
   fraction_ = 0.0;
   travel_.place(position_);
   wrap_single_turn();
-  update_angle();
+  update_angle(electrical_phase());
 }
 
 void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
@@ -133,6 +134,7 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
     turn_cosine = std::cos(half_angle);
     mean_factor = turn_sine / half_angle;
   }
+  const double phase = electrical_phase();
   const double sine = sine_ * turn_cosine + cosine_ * turn_sine;
   const double cosine = cosine_ * turn_cosine - sine_ * turn_sine;
 
@@ -144,7 +146,7 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   const double sum = u + v + w;
   const bool usual = actuation.pwm_enabled && !actuation.short_circuit && (unusual_ & ~encoder_frozen) == 0 &&
                      range <= link_v && sum - sum == 0.0;  // finite
-  const double alpha = (2.0 * u - v - w) * (mean_factor * (1.0 / 3.0));
+  const double alpha = (2.0 * u - (v + w)) * (mean_factor * (1.0 / 3.0));
   const double beta = (v - w) * (mean_factor * 0.57735026918962576);
   const double direct_v = alpha * cosine + beta * sine;
   const double quadrature_v = beta * cosine - alpha * sine;
@@ -187,9 +189,9 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   const double fraction = std::min(moved - whole, largest_fraction);
   if (whole != 0.0 || fraction != fraction_) {
     fraction_ = fraction;
+    update_angle(phase + shaft.mean * phase_per_speed_);
     single_turn_ += whole;
     if (single_turn_ < 0.0 || single_turn_ >= counts_per_revolution_) wrap_single_turn();
-    update_angle();
   }
   rests_ = rested && at_rest();
 
@@ -405,9 +407,7 @@ StopDistance Plant::stop_distance() const {
 double Plant::cogging_torque_nm() const {
   const double counts = single_turn_ + fraction_ + 0.5 * counts_per_speed_ * shaft_.speed_rad_s();
   const double turns = counts / counts_per_revolution_ * parameters_.motor.cogging_periods_per_revolution;
-  const double within = turns - floor_of(turns);
-  return -parameters_.motor.cogging_torque_nm *
-         static_cast<double>(drive::sin_cos_turns(static_cast<float>(within)).sine);
+  return -parameters_.motor.cogging_torque_nm * static_cast<double>(drive::sin_cos(drive::phase_of(turns)).sine);
 }
 
 void Plant::wrap_single_turn() {

@@ -77,6 +77,8 @@ class Plant {
   Energy energy() const;
 
  private:
+  static constexpr double phases_in_turn = 0x1p32;  // of drive::Phase
+
   enum class Bridge : std::uint8_t { driven, freewheeling, open_phase };
 
   // What a tick of three sound phases and a sound encoder does not know, in unusual_: one bit for each open phase U, V,
@@ -124,7 +126,9 @@ class Plant {
   void update_heat(bool pwm);
   void update_resistance();
   void update_readings();
-  void update_angle();
+  // The electrical angle in units of drive::Phase.
+  double electrical_phase() const { return (single_turn_ + fraction_) * phase_per_count_ + commutation_phase_; }
+  void update_angle(double phase);
   bool at_rest() const;
   void rest(const drive::Actuation& actuation, drive::Feedback& feedback);
   void wrap_single_turn();
@@ -143,8 +147,9 @@ class Plant {
   double fraction_ = 0.0;
   double single_turn_ = 0.0;  // counts, whole ones
   double counts_per_speed_;   // counts in a tick per rad/s
-  double turns_per_count_;    // electrical
-  double commutation_offset_turns_;
+  double phase_per_count_;    // drive::Phase per count
+  double phase_per_speed_;    // drive::Phase in a tick per rad/s
+  double commutation_phase_;
   double overcurrent_squared_;
   double bus_overcurrent_a_;
   double current_squared_sum_ = 0.0;  // since the last heat step

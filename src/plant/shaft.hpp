@@ -48,7 +48,7 @@ class Shaft {
   // that response no longer belongs to it.
   bool slide(double torque_nm, ShaftTick& tick) const {
     if (direction_ != 0) [[likely]] {
-      const double end = (momentum_ * speed_ + torque_nm - friction_nm_) * admittance_;
+      const double end = (momentum_ * speed_ - friction_nm_ + torque_nm) * admittance_;
       if (end * direction_ > 0.0) [[likely]] {
         tick.end = limited(end);
         tick.mean = old_weight_ * speed_ + new_weight_ * tick.end;

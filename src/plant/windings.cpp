@@ -23,6 +23,8 @@ Windings::Windings(const Motor& motor, int direction)
       pole_pairs_(direction * motor.pole_pairs),
       torque_per_flux_(phase_factor_ * pole_pairs_),
       flux_(flux_linkage_vs(motor)),
+      torque_constant_(torque_per_flux_ * flux_),
+      torque_saliency_(torque_per_flux_ * (motor.direct_inductance_h - motor.quadrature_inductance_h)),
       direct_inductance_(motor.direct_inductance_h),
       quadrature_inductance_(motor.quadrature_inductance_h),
       saliency_(motor.direct_inductance_h - motor.quadrature_inductance_h),

@@ -57,14 +57,14 @@ class Windings {
     const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
     const double coupling = pole_pairs_ * shaft.slope * effective_flux;
     const double direct = direct_v + direct_memory_ * direct_a;
-    const double quadrature = quadrature_v + quadrature_memory_ * quadrature_a - speed * flux_ + coupling * torque_nm;
+    const double quadrature = quadrature_v + (quadrature_memory_ * quadrature_a - speed * flux_ + coupling * torque_nm);
     const double direct_impedance = direct_memory_ + resistance_;
     const double quadrature_impedance = quadrature_memory_ + resistance_ + coupling * torque_per_flux_ * effective_flux;
     const double direct_reactance = speed * direct_inductance_;
     const double quadrature_reactance = speed * quadrature_inductance_;
     const double inverse = 1.0 / (direct_impedance * quadrature_impedance + direct_reactance * quadrature_reactance);
-    const double mean_d = (direct * quadrature_impedance + quadrature_reactance * quadrature) * inverse;
-    const double mean_q = (quadrature * direct_impedance - direct_reactance * direct) * inverse;
+    const double mean_d = direct * (quadrature_impedance * inverse) + quadrature * (quadrature_reactance * inverse);
+    const double mean_q = quadrature * (direct_impedance * inverse) - direct * (direct_reactance * inverse);
     return {.mean_direct_a = mean_d,
             .mean_quadrature_a = mean_q,
             .end_direct_a = direct_a + (mean_d - direct_a) * inverse_direct_weight_,
@@ -86,9 +86,8 @@ class Windings {
 
   // Whether the speed that made the currents is the speed their torque makes, to 1e-7 electrical rad in the tick.
   bool settled(const WindingTick& tick, const ShaftResponse& shaft, const Guess& guess) const {
-    const double missed =
-        std::abs(tick.torque_nm - guess.torque_nm) +
-        std::abs(torque_per_flux_ * saliency_ * (tick.mean_direct_a - guess.direct_a) * tick.mean_quadrature_a);
+    const double missed = std::abs(tick.torque_nm - guess.torque_nm) +
+                          std::abs(torque_saliency_ * (tick.mean_direct_a - guess.direct_a) * tick.mean_quadrature_a);
     return saliency_ == 0.0 || std::abs(pole_pairs_ * shaft.slope) * missed * drive::tick_seconds < 1.0e-7;
   }
 
@@ -98,7 +97,7 @@ class Windings {
   }
 
   double torque_nm_of(double direct, double quadrature) const {
-    return torque_per_flux_ * (flux_ + saliency_ * direct) * quadrature;
+    return (torque_constant_ + torque_saliency_ * direct) * quadrature;
   }
   double magnetic_j() const {
     return 0.5 * phase_factor_ *
@@ -118,6 +117,8 @@ class Windings {
   double pole_pairs_;
   double torque_per_flux_;  // n/2 p
   double flux_;
+  double torque_constant_;  // Nm per A of amplitude, and by how much of it each A of direct current changes it
+  double torque_saliency_;
   double direct_inductance_;
   double quadrature_inductance_;
   double saliency_;  // Ld - Lq

@@ -427,8 +427,8 @@ TEST(CyclicPosition, SynchronousTargetsOfOneToFourMilliseconds) {
       axis.run_ms(period_ms);
       EXPECT_EQ(axis.get(0x60FC), final);
     }
-    axis.run_ms(1000);  // the last counts against friction
-    EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), static_cast<double>(final), 1.0);
+    axis.run_ms(1000);  // the last counts against friction, which may keep two (drive/loops/rest.hpp)
+    EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), static_cast<double>(final), 2.0);
     EXPECT_EQ(axis.status() & (limited | 0x106F), 0x1027);
   }
 }

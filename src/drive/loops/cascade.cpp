@@ -59,8 +59,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
 
   phase_scale_ = (std::uint64_t{motor.pole_pairs} << 48) / motor.counts_per_revolution;
   if (motor.phase_order_reversed) phase_scale_ = 0 - phase_scale_;
-  const float offset = motor.commutation_offset_turns - std::floor(motor.commutation_offset_turns);
-  commutation_phase_ = static_cast<std::uint32_t>(static_cast<std::int64_t>(offset * 4294967296.0F));
+  commutation_phase_ = phase_of(motor.commutation_offset_turns);
   flux_linkage_vs_ = motor.torque_constant_nm_per_a / (phase_factor(motor.phases) * pole_pairs);
   electrical_rad_per_count_ = sense * 2.0F * pi * pole_pairs / counts;
   half_tick_turns_ = sense * 0.5F * tick_s * pole_pairs / counts;
@@ -254,11 +253,10 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
     }
   }
 
-  const auto phase =
-      static_cast<std::uint32_t>((feedback.single_turn_counts * phase_scale_) >> 16) + commutation_phase_;
+  const Phase phase = static_cast<Phase>((feedback.single_turn_counts * phase_scale_) >> 16) + commutation_phase_;
   if (phase != phase_) {
     phase_ = phase;
-    angle_ = sin_cos_turns(static_cast<float>(phase >> 8) * (1.0F / 16777216.0F));
+    angle_ = sin_cos(phase);
   }
   const SinCos angle = angle_;
   const DirectQuadrature current = to_rotor_frame<Phases>(feedback.phase_current_a, angle);
@@ -317,7 +315,7 @@ void Cascade::measure_velocity(Counts position) {
     return;
   }
   const float turns = clip(velocity * half_tick_turns_, -0.25F, 0.25F);
-  half_tick_ = sin_cos_turns(turns < 0.0F ? turns + 1.0F : turns);
+  half_tick_ = sin_cos(phase_of(turns));
 }
 
 float Cascade::filtered_velocity(float measured) {
@@ -446,10 +444,10 @@ float Cascade::torque_controller() {
 
 // Apart from the tick, whose registers it would take.
 template <unsigned Phases>
-[[gnu::noinline]] void Cascade::run_locked(const Feedback& feedback, std::uint32_t phase, Actuation& actuation) {
+[[gnu::noinline]] void Cascade::run_locked(const Feedback& feedback, Phase phase, Actuation& actuation) {
   if (!locked_) lock_phase_ = phase;
   locked_ = true;
-  const SinCos angle = sin_cos_turns(static_cast<float>(lock_phase_ >> 8) * (1.0F / 16777216.0F));
+  const SinCos angle = sin_cos(lock_phase_);
   run_current_loop<Phases>(to_rotor_frame<Phases>(feedback.phase_current_a, angle), {demand_.lock_current_a, 0.0F},
                            0.0F, angle, feedback.dc_link_v, actuation);
 }
@@ -459,9 +457,9 @@ void Cascade::run_current_loop(DirectQuadrature current, DirectQuadrature refere
                                float dc_link_v, Actuation& actuation) {
   const float error_d = reference.d - current.d;
   const float error_q = reference.q - current.q;
-  const float wanted_d = direct_.kp * error_d + direct_.integral_v - rad_per_s * quadrature_.inductance_h * current.q;
-  const float wanted_q = quadrature_.kp * error_q + quadrature_.integral_v +
-                         rad_per_s * (direct_.inductance_h * current.d + flux_linkage_vs_);
+  const float wanted_d = direct_.kp * error_d + (direct_.integral_v - rad_per_s * quadrature_.inductance_h * current.q);
+  const float wanted_q = quadrature_.kp * error_q + (rad_per_s * direct_.inductance_h * current.d +
+                                                     (quadrature_.integral_v + rad_per_s * flux_linkage_vs_));
 
   // A sinusoidal phase voltage of what the DC link gives; d first, which keeps the field where it belongs.
   const float available = dc_link_v * voltage_share(Phases);

@@ -125,7 +125,7 @@ class Cascade {
   template <unsigned Phases>
   void run_tick(const Feedback& feedback, Actuation& actuation);
   template <unsigned Phases>
-  void run_locked(const Feedback& feedback, std::uint32_t phase, Actuation& actuation);
+  void run_locked(const Feedback& feedback, Phase phase, Actuation& actuation);
   // In a frame that turns with `rad_per_s`; the voltage is applied at `angle` of that frame.
   template <unsigned Phases>
   void run_current_loop(DirectQuadrature current, DirectQuadrature reference, float rad_per_s, SinCos angle,
@@ -144,11 +144,11 @@ class Cascade {
   std::uint32_t tick_ = 0;
   bool enabled_ = false;
   bool locked_ = false;
-  std::uint32_t lock_phase_ = 0;  // 2^-32 turns: the electrical angle of the locked current
-  bool measuring_ = false;        // edge_position_ is valid
-  std::uint8_t notch_end_ = 0;    // behind the last notch that is on
-  bool moved_ = false;            // the encoder counted in the last velocity period
-  bool rests_ = false;            // nothing moved, and while the encoder is at rest_position_ nothing will
+  Phase lock_phase_ = 0;        // the electrical angle of the locked current
+  bool measuring_ = false;      // edge_position_ is valid
+  std::uint8_t notch_end_ = 0;  // behind the last notch that is on
+  bool moved_ = false;          // the encoder counted in the last velocity period
+  bool rests_ = false;          // nothing moved, and while the encoder is at rest_position_ nothing will
   Counts rest_position_ = 0;
   Counts edge_position_ = 0;  // the edge of a count last crossed
   float torque_sum_ = 0.0F;   // of the measured torque in this position-loop cycle
@@ -169,7 +169,7 @@ class Cascade {
   float current_reference_a_ = 0.0F;
   float electrical_rad_per_s_ = 0.0F;
   SinCos half_tick_{0.0F, 1.0F};  // what the rotor turns by in half a tick
-  std::uint32_t phase_ = 0;       // 2^-32 turns: the electrical angle, with its sine and cosine
+  Phase phase_ = 0;               // the electrical angle, with its sine and cosine
   SinCos angle_{0.0F, 1.0F};
   CurrentController direct_;
   CurrentController quadrature_;
@@ -184,8 +184,8 @@ class Cascade {
   std::uint32_t velocity_mask_ = 1;
   std::uint32_t position_mask_ = 7;
   float per_position_cycle_ = 0.125F;
-  std::uint64_t phase_scale_ = 0;        // electrical turns per count, in 2^-48
-  std::uint32_t commutation_phase_ = 0;  // 2^-32 turns
+  std::uint64_t phase_scale_ = 0;  // electrical turns per count, in 2^-48
+  Phase commutation_phase_ = 0;
   float flux_linkage_vs_ = 0.0F;
   float sense_ = 1.0F;              // -1 with the phases reversed: angle against counts, torque against the q current
   float torque_per_ampere_ = 0.0F;  // fraction of rated per A, with its sense

@@ -252,7 +252,7 @@ void ProfileTorque::step(Axis& axis) {
     // The steepest point of the sin2 ramp has the slope 6087h.
     const float duration = std::abs(span) / slope * 1.57079633F;
     phase_ = duration > 0.0F ? std::min(1.0F, phase_ + cycle / duration) : 1.0F;
-    const float s = sin_cos_turns(phase_ * 0.25F).sine;
+    const float s = sin_cos(phase_of(phase_ * 0.25F)).sine;
     demand_ = start_ + span * s * s;
   } else {
     const float step = slope * cycle;

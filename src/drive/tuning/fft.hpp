@@ -51,7 +51,7 @@ class Fft {
     const std::size_t within = next_ & (half - 1);
     const std::size_t upper = ((next_ >> stage_) << (stage_ + 1)) + within;
     const std::size_t lower = upper + half;
-    const SinCos turn = sin_cos_turns(static_cast<float>(within) / static_cast<float>(2 * half));
+    const SinCos turn = sin_cos(static_cast<Phase>(within) << (31 - stage_));
     const float re = real[lower] * turn.cosine + imaginary[lower] * turn.sine;
     const float im = imaginary[lower] * turn.cosine - real[lower] * turn.sine;
     real[lower] = real[upper] - re;

@@ -65,7 +65,7 @@ float ResonanceAnalysis::exchange(const Sample& sample) {
       state_ = state_ == State::settling ? State::recording : State::transforming;
     }
   }
-  return settings_.amplitude * sin_cos_turns(turns - std::floor(turns)).sine;
+  return settings_.amplitude * sin_cos(phase_of(turns)).sine;
 }
 
 void ResonanceAnalysis::compute(std::size_t steps) {
