@@ -13,6 +13,14 @@ static_assert(std::endian::native == std::endian::little,
               "values are kept as they travel: little endian (CiA 301 7.1.3)");
 
 class Dictionary;
+class Listener;
+
+// What the owner of an entry does about accesses to it. nullptr: nothing.
+struct Handlers {
+  AbortCode (*check)(Listener& owner, const Entry& entry, std::span<const std::byte> value) = nullptr;
+  void (*written)(Listener& owner, const Entry& entry) = nullptr;
+  void (*refresh)(Listener& owner, const Entry& entry) = nullptr;
+};
 
 // Told about accesses to the objects it owns (Entry::owner). Objects without an owner are plain memory.
 class Listener {
@@ -25,6 +33,15 @@ class Listener {
   virtual void refresh(const Entry&) {}
   // The content of a readable DOMAIN without storage.
   virtual std::span<const std::byte> domain(const Entry&) { return {}; }
+
+  // For those who access an entry again and again (process data): its part of the three above, to be called in their
+  // place for as long as the device is there.
+  virtual Handlers handlers(const Entry&) {
+    return {
+        [](Listener& owner, const Entry& entry, std::span<const std::byte> value) { return owner.check(entry, value); },
+        [](Listener& owner, const Entry& entry) { owner.written(entry); },
+        [](Listener& owner, const Entry& entry) { owner.refresh(entry); }};
+  }
 
  protected:
   ~Listener() = default;

@@ -134,6 +134,7 @@ class Drive final : public dictionary::Listener {
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
   void written(const dictionary::Entry& entry) override;
   void refresh(const dictionary::Entry& entry) override;
+  dictionary::Handlers handlers(const dictionary::Entry& entry) override;
 
   // Takes the objects over that have an effect when written, after they were loaded without `written`.
   void objects_loaded();
@@ -148,6 +149,11 @@ class Drive final : public dictionary::Listener {
   static constexpr std::size_t edge_capacity = 16;
 
   // object_access.cpp
+  struct OwnObjects;  // that an access means something of, from `first` to `last`
+  static std::span<const OwnObjects> own_objects();
+  static const dictionary::Handlers* handlers_of(const dictionary::Entry& entry);
+  void show_touch_probe_position(std::size_t slot);
+  void show_digital_inputs();
   dictionary::AbortCode check_units(const dictionary::Entry& entry, std::span<const std::byte> value) const;
 
   // power.cpp

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstring>
 
 #include "drive/with_mode.hpp"
@@ -9,6 +10,9 @@ namespace {
 
 using dictionary::AbortCode;
 using dictionary::Entry;
+using dictionary::Handlers;
+using dictionary::Listener;
+using Value = std::span<const std::byte>;
 
 bool allowed(std::uint32_t values, std::int64_t code) { return code >= 0 && code < 32 && (values >> code & 1u) != 0; }
 
@@ -32,50 +36,41 @@ Integer saturated(double value) {
   return static_cast<Integer>(whole + (rest >= 0.5 ? 1 : rest <= -0.5 ? -1 : 0));
 }
 
+std::int64_t number(const Entry& entry, Value value) { return dictionary::decode_number(entry.type, value); }
+
+AbortCode legal(bool is) { return is ? AbortCode::none : AbortCode::value_invalid; }
+
+// Of 605Ah and 605Dh, which have codes for stopping at once.
+bool allowed_stop(const OptionCodes& codes, std::uint32_t values, std::int64_t code) {
+  return allowed(values, code) || (codes.at_once_from != 0 && code >= codes.at_once_from);
+}
+
+double sign(const Units& units) { return units.velocity_inverted ? -1.0 : 1.0; }
+
+// Handlers that act on the drive they are called with.
+template <auto act>
+constexpr auto check_by =
+    [](Listener& drive, const Entry& entry, Value value) { return act(static_cast<Drive&>(drive), entry, value); };
+template <auto act>
+constexpr auto written_by = [](Listener& drive, const Entry& entry) { act(static_cast<Drive&>(drive), entry); };
+template <auto act>
+constexpr auto refresh_by = [](Listener& drive, const Entry&) { act(static_cast<Drive&>(drive)); };
+
 }  // namespace
 
-AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
-  const auto number = [&] { return dictionary::decode_number(entry.type, value); };  // few want it
-  const OptionCodes& codes = policy_.option_codes;
-  const auto at_once = [&codes](std::int64_t code) { return codes.at_once_from != 0 && code >= codes.at_once_from; };
-  const auto legal = [](bool is) { return is ? AbortCode::none : AbortCode::value_invalid; };
-  switch (entry.index) {
-    case 0x604B:
-    case 0x604C: return legal(number() != 0);
-    case 0x605A: return legal(allowed(codes.quick_stop, number()) || at_once(number()));
-    case 0x605B: return legal(allowed(codes.shutdown, number()));
-    case 0x605C: return legal(allowed(codes.disable_operation, number()));
-    case 0x605D: return legal(allowed(codes.halt, number()) || at_once(number()));
-    case 0x605E: return legal(allowed(codes.fault_reaction, number()));
-    case 0x6060:
-      return legal(number() == 0 ? policy_.mode_none
-                                 : (policy_.supported_modes & mode_bit(static_cast<Mode>(number()))) != 0);
-    case 0x6086: return legal(policy_.zero_values_are_faults || axis_.has_shape(static_cast<std::int16_t>(number())));
-    case 0x6098:
-      return legal(axis_.monitors(Cause::homing_method) || number() == entry.default_value ||
-                   find_method(policy_.homing_methods, static_cast<std::int8_t>(number())) != nullptr);
-    case 0x608F:
-    case 0x6090:
-    case 0x6091:
-    case 0x6092:
-    case 0x6093:
-    case 0x6094:
-    case 0x6096:
-    case 0x6097:
-    case 0x60A9:
-    case 0x607E: return check_units(entry, value);
-    case 0x60C4:
-      if (entry.sub == 2) return legal(number() <= static_cast<std::int64_t>(InterpolatedPosition::capacity));
-      break;
-    case 0x60D0: return legal(number() == 1 || number() == 2 || number() == 5 || number() == 6);
-    default: break;
-  }
-  return AbortCode::none;
-}
+struct Drive::OwnObjects {
+  std::uint16_t first;
+  std::uint16_t last;
+  Handlers handlers;
+
+  constexpr OwnObjects(std::uint16_t only, Handlers its_handlers) : OwnObjects(only, only, its_handlers) {}
+  constexpr OwnObjects(std::uint16_t from, std::uint16_t to, Handlers their_handlers)
+      : first(from), last(to), handlers(their_handlers) {}
+};
 
 // Apart, since it alone needs room for all objects.
 [[gnu::noinline]] AbortCode Drive::check_units(const Entry& entry, std::span<const std::byte> value) const {
-  if (energised()) return AbortCode::device_state;  // the axis would jump in its own units
+  if (energised()) return AbortCode::device_state;
   if (entry.offset < objects_base_ || entry.offset + value.size() > objects_base_ + sizeof(Objects)) {
     return AbortCode::none;
   }
@@ -86,128 +81,229 @@ AbortCode Drive::check(const Entry& entry, std::span<const std::byte> value) {
   return possible ? AbortCode::none : AbortCode::parameter_incompatible;
 }
 
+// By index.
+std::span<const Drive::OwnObjects> Drive::own_objects() {
+  // The axis would jump in its own units, so they change only without power; then it is where it stands in the new
+  // ones.
+  static constexpr Handlers unit{
+      .check = check_by<[](Drive& drive, const Entry& entry, Value value) { return drive.check_units(entry, value); }>,
+      .written = written_by<[](Drive& drive, const Entry&) {
+        drive.set_units();
+        drive.axis_.generator.reset(drive.axis_.position());
+      }>};
+  static constexpr auto table = std::to_array<OwnObjects>({
+      {0x6040, {.written = written_by<[](Drive& drive, const Entry&) {
+                  drive.handle_controlword(drive.controlword_, drive.axis_.objects.controlword);
+                }>}},
+      {0x6041, {.refresh = refresh_by<[](Drive& drive) { drive.axis_.objects.statusword = drive.statusword(); }>}},
+      {0x6043, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.vl_velocity_demand =
+                      saturated<std::int16_t>(VelocityMode::to_vl(drive.axis_, drive.axis_.generator.velocity()));
+                }>}},
+      {0x6044, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.vl_velocity_actual_value =
+                      saturated<std::int16_t>(VelocityMode::to_vl(drive.axis_, drive.axis_.velocity()));
+                }>}},
+      {0x604B,
+       0x604C,
+       {.check = check_by<[](Drive&, const Entry& entry, Value value) { return legal(number(entry, value) != 0); }>}},
+      {0x605A, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+                  return legal(allowed_stop(drive.policy_.option_codes, drive.policy_.option_codes.quick_stop,
+                                            number(entry, value)));
+                }>}},
+      {0x605B, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+                  return legal(allowed(drive.policy_.option_codes.shutdown, number(entry, value)));
+                }>}},
+      {0x605C, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+                  return legal(allowed(drive.policy_.option_codes.disable_operation, number(entry, value)));
+                }>}},
+      {0x605D, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+                  return legal(
+                      allowed_stop(drive.policy_.option_codes, drive.policy_.option_codes.halt, number(entry, value)));
+                }>}},
+      {0x605E, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+                  return legal(allowed(drive.policy_.option_codes.fault_reaction, number(entry, value)));
+                }>}},
+      {0x6060,
+       {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+          const std::int64_t mode = number(entry, value);
+          return legal(mode == 0 ? drive.policy_.mode_none
+                                 : (drive.policy_.supported_modes & mode_bit(static_cast<Mode>(mode))) != 0);
+        }>,
+        .written = written_by<[](Drive& drive, const Entry&) { drive.change_mode(); }>}},
+      {0x6061, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.modes_of_operation_display = static_cast<std::int8_t>(drive.mode_);
+                }>}},
+      {0x6062, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.position_demand_value =
+                      wrap_to_32_bits(drive.axis_.to_user_position(drive.axis_.generator.nearest_position()));
+                }>}},
+      {0x6063, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.position_actual_internal_value = wrap_to_32_bits(drive.axis_.position());
+                }>}},
+      {0x6064, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.position_actual_value =
+                      wrap_to_32_bits(drive.axis_.to_user_position(drive.axis_.position()));
+                }>}},
+      {0x6069, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.velocity_sensor_actual_value =
+                      saturated<std::int32_t>(drive.axis_.shown_velocity() / drive.axis_.units.velocity_sensor);
+                }>}},
+      {0x606B, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.velocity_demand_value =
+                      saturated<std::int32_t>(drive.axis_.units.velocity_to_user(drive.axis_.generator.velocity()));
+                }>}},
+      {0x606C, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.velocity_actual_value =
+                      saturated<std::int32_t>(drive.axis_.units.velocity_to_user(drive.axis_.shown_velocity()));
+                }>}},
+      {0x6074, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.torque_demand = saturated<std::int16_t>(
+                      sign(drive.axis_.units) * 1000.0 * static_cast<double>(drive.cascade_.state().torque_reference));
+                }>}},
+      {0x6077, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.torque_actual_value = saturated<std::int16_t>(
+                      sign(drive.axis_.units) * 1000.0 * static_cast<double>(drive.cascade_.state().torque));
+                }>}},
+      {0x6078, {.refresh = refresh_by<[](Drive& drive) {
+                  const float rated = drive.axis_.configuration.motor.rated_current_a;
+                  drive.axis_.objects.current_actual_value =
+                      saturated<std::int16_t>(sign(drive.axis_.units) / drive.axis_.units.current *
+                                              static_cast<double>(drive.cascade_.state().current_q_a / rated));
+                }>}},
+      {0x6079, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.dc_link_circuit_voltage_mv =
+                      saturated<std::uint32_t>(1000.0 * static_cast<double>(drive.dc_link_v_));
+                }>}},
+      {0x607A, {.written = written_by<[](Drive& drive, const Entry&) { drive.axis_.new_set_point = true; }>}},
+      {0x607E, unit},
+      {0x6086, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+                  return legal(drive.policy_.zero_values_are_faults ||
+                               drive.axis_.has_shape(static_cast<std::int16_t>(number(entry, value))));
+                }>}},
+      {0x608F, unit},
+      {0x6090, 0x6094, unit},
+      {0x6096, 0x6097, unit},
+      {0x6098, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+                  const std::int64_t method = number(entry, value);
+                  return legal(drive.axis_.monitors(Cause::homing_method) || method == entry.default_value ||
+                               find_method(drive.policy_.homing_methods, static_cast<std::int8_t>(method)) != nullptr);
+                }>}},
+      {0x60A9, unit},
+      {0x60B8, {.written = written_by<[](Drive& drive, const Entry&) {
+                  drive.touch_probe_.write_function(drive.axis_.objects.touch_probe_function);
+                }>}},
+      {0x60B9,
+       {.refresh =
+            refresh_by<[](Drive& drive) { drive.axis_.objects.touch_probe_status = drive.touch_probe_.status(); }>}},
+      {0x60BA, {.refresh = refresh_by<[](Drive& drive) { drive.show_touch_probe_position(0); }>}},
+      {0x60BB, {.refresh = refresh_by<[](Drive& drive) { drive.show_touch_probe_position(1); }>}},
+      {0x60BC, {.refresh = refresh_by<[](Drive& drive) { drive.show_touch_probe_position(2); }>}},
+      {0x60BD, {.refresh = refresh_by<[](Drive& drive) { drive.show_touch_probe_position(3); }>}},
+      {0x60C1, {.written = written_by<[](Drive& drive, const Entry& entry) {
+                  if (entry.sub != 1) return;
+                  drive.interpolated_position_.data_record(drive.axis_);
+                  drive.synchronous_interpolation_.data_record();
+                }>}},
+      {0x60C4,
+       {.check = check_by<[](Drive&, const Entry& entry, Value value) {
+          return legal(entry.sub != 2 ||
+                       number(entry, value) <= static_cast<std::int64_t>(InterpolatedPosition::capacity));
+        }>,
+        .written = written_by<[](Drive& drive, const Entry& entry) {
+          if (entry.sub == 6 || entry.sub == 2 || entry.sub == 4) drive.interpolated_position_.clear_buffer();
+        }>,
+        .refresh = refresh_by<[](Drive& drive) {
+          drive.axis_.objects.interpolation_buffer_position =
+              static_cast<std::uint16_t>(drive.interpolated_position_.buffered());
+        }>}},
+      {0x60D0,
+       {.check = check_by<[](Drive&, const Entry& entry, Value value) {
+          const std::int64_t source = number(entry, value);
+          return legal(source == 1 || source == 2 || source == 5 || source == 6);
+        }>,
+        .written = written_by<[](Drive& drive, const Entry& entry) {
+          const std::size_t probe = entry.sub - 1U;
+          drive.touch_probe_.write_source(probe, drive.axis_.objects.touch_probe_source[probe]);
+        }>}},
+      {0x60D5, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.touch_probe_edge_counter[0] = drive.touch_probe_.edge_counter(0);
+                }>}},
+      {0x60D6, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.touch_probe_edge_counter[1] = drive.touch_probe_.edge_counter(1);
+                }>}},
+      {0x60D7, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.touch_probe_edge_counter[2] = drive.touch_probe_.edge_counter(2);
+                }>}},
+      {0x60D8, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.touch_probe_edge_counter[3] = drive.touch_probe_.edge_counter(3);
+                }>}},
+      {0x60F4, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.following_error_actual_value =
+                      drive.axis_.demand.loop == Loop::position
+                          ? wrap_to_32_bits(drive.axis_.units.to_user(drive.cascade_.state().following_error_counts))
+                          : 0;
+                }>}},
+      {0x60FA, {.refresh = refresh_by<[](Drive& drive) {
+                  const auto reference = static_cast<double>(drive.cascade_.state().velocity_reference_counts_per_s);
+                  drive.axis_.objects.control_effort =
+                      saturated<std::int32_t>(drive.axis_.units.velocity_to_user(reference));
+                }>}},
+      {0x60FC, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.position_demand_internal_value =
+                      wrap_to_32_bits(drive.axis_.generator.nearest_position());
+                }>}},
+      {0x60FD, {.refresh = refresh_by<[](Drive& drive) { drive.show_digital_inputs(); }>}},
+      {0x6502, {.refresh = refresh_by<[](Drive& drive) {
+                  drive.axis_.objects.supported_drive_modes = drive.policy_.supported_modes;
+                }>}},
+  });
+  static_assert(std::is_sorted(table.begin(), table.end(),
+                               [](const OwnObjects& a, const OwnObjects& b) { return a.last < b.first; }));
+  return table;
+}
+
+const Handlers* Drive::handlers_of(const Entry& entry) {
+  const auto objects = own_objects();
+  const auto found = std::lower_bound(objects.begin(), objects.end(), entry.index,
+                                      [](const OwnObjects& one, std::uint16_t index) { return one.last < index; });
+  return found != objects.end() && found->first <= entry.index ? &found->handlers : nullptr;
+}
+
+Handlers Drive::handlers(const Entry& entry) {
+  const Handlers* own = handlers_of(entry);
+  return own != nullptr ? *own : Handlers{};
+}
+
+AbortCode Drive::check(const Entry& entry, Value value) {
+  const Handlers* own = handlers_of(entry);
+  return own != nullptr && own->check != nullptr ? own->check(*this, entry, value) : AbortCode::none;
+}
+
 void Drive::written(const Entry& entry) {
-  const Objects& objects = axis_.objects;
-  switch (entry.index) {
-    case 0x6040: handle_controlword(controlword_, objects.controlword); break;
-    case 0x6060: change_mode(); break;
-    case 0x607A: axis_.new_set_point = true; break;
-    case 0x60B8: touch_probe_.write_function(objects.touch_probe_function); break;
-    case 0x60C1:
-      if (entry.sub != 1) break;
-      interpolated_position_.data_record(axis_);
-      synchronous_interpolation_.data_record();
-      break;
-    case 0x60C4:
-      if (entry.sub == 6 || entry.sub == 2 || entry.sub == 4) interpolated_position_.clear_buffer();
-      break;
-    case 0x60D0:
-      touch_probe_.write_source(static_cast<std::size_t>(entry.sub - 1), objects.touch_probe_source[entry.sub - 1U]);
-      break;
-    case 0x608F:
-    case 0x6090:
-    case 0x6091:
-    case 0x6092:
-    case 0x6093:
-    case 0x6094:
-    case 0x6096:
-    case 0x6097:
-    case 0x60A9:
-    case 0x607E:
-      set_units();
-      axis_.generator.reset(axis_.position());
-      break;
-    default: break;
-  }
+  if (const Handlers* own = handlers_of(entry); own != nullptr && own->written != nullptr) own->written(*this, entry);
 }
 
 void Drive::refresh(const Entry& entry) {
-  Objects& objects = axis_.objects;
-  const CascadeState& loops = cascade_.state();
-  const Units& units = axis_.units;
-  const auto sign = [&units] { return units.velocity_inverted ? -1.0 : 1.0; };
-  switch (entry.index) {
-    case 0x6041: objects.statusword = statusword(); break;
-    case 0x6043:
-      objects.vl_velocity_demand = saturated<std::int16_t>(VelocityMode::to_vl(axis_, axis_.generator.velocity()));
-      break;
-    case 0x6044:
-      objects.vl_velocity_actual_value = saturated<std::int16_t>(VelocityMode::to_vl(axis_, axis_.velocity()));
-      break;
-    case 0x6061: objects.modes_of_operation_display = static_cast<std::int8_t>(mode_); break;
-    case 0x6062:
-      objects.position_demand_value = wrap_to_32_bits(axis_.to_user_position(axis_.generator.nearest_position()));
-      break;
-    case 0x6063: objects.position_actual_internal_value = wrap_to_32_bits(axis_.position()); break;
-    case 0x6064: objects.position_actual_value = wrap_to_32_bits(axis_.to_user_position(axis_.position())); break;
-    case 0x6069:
-      objects.velocity_sensor_actual_value = saturated<std::int32_t>(axis_.shown_velocity() / units.velocity_sensor);
-      break;
-    case 0x606B:
-      objects.velocity_demand_value = saturated<std::int32_t>(units.velocity_to_user(axis_.generator.velocity()));
-      break;
-    case 0x606C:
-      objects.velocity_actual_value = saturated<std::int32_t>(units.velocity_to_user(axis_.shown_velocity()));
-      break;
-    case 0x6074:
-      objects.torque_demand = saturated<std::int16_t>(sign() * 1000.0 * static_cast<double>(loops.torque_reference));
-      break;
-    case 0x6077:
-      objects.torque_actual_value = saturated<std::int16_t>(sign() * 1000.0 * static_cast<double>(loops.torque));
-      break;
-    case 0x6078:
-      objects.current_actual_value = saturated<std::int16_t>(
-          sign() / units.current * static_cast<double>(loops.current_q_a / axis_.configuration.motor.rated_current_a));
-      break;
-    case 0x6079:
-      objects.dc_link_circuit_voltage_mv = saturated<std::uint32_t>(1000.0 * static_cast<double>(dc_link_v_));
-      break;
-    case 0x60B9: objects.touch_probe_status = touch_probe_.status(); break;
-    case 0x60BA:
-    case 0x60BB:
-    case 0x60BC:
-    case 0x60BD: {
-      const std::size_t slot = entry.index - 0x60BAU;
-      const bool deviation = axis_.configuration.touch_probe.index_value == TouchProbeCapability::IndexValue::deviation;
-      const Counts counts = touch_probe_.position(slot);
-      objects.touch_probe_position[slot] =
-          wrap_to_32_bits(deviation ? counts : axis_.to_user_position(counts + axis_.offset));
-      break;
-    }
-    case 0x60C4:
-      objects.interpolation_buffer_position = static_cast<std::uint16_t>(interpolated_position_.buffered());
-      break;
-    case 0x60D5:
-    case 0x60D6:
-    case 0x60D7:
-    case 0x60D8: {
-      const std::size_t slot = entry.index - 0x60D5U;
-      objects.touch_probe_edge_counter[slot] = touch_probe_.edge_counter(slot);
-      break;
-    }
-    case 0x60F4:
-      objects.following_error_actual_value =
-          axis_.demand.loop == Loop::position ? wrap_to_32_bits(units.to_user(loops.following_error_counts)) : 0;
-      break;
-    case 0x60FA:
-      objects.control_effort =
-          saturated<std::int32_t>(units.velocity_to_user(static_cast<double>(loops.velocity_reference_counts_per_s)));
-      break;
-    case 0x60FC: objects.position_demand_internal_value = wrap_to_32_bits(axis_.generator.nearest_position()); break;
-    case 0x60FD: {
-      std::uint32_t word = 0;
-      const bool exchanged = policy_.limit_inputs_follow_polarity && units.position_inverted;
-      for (const DigitalInputBit& input : policy_.digital_inputs) {
-        const bool wire = input.source == DigitalInputBit::Source::wire;
-        const std::uint8_t number = wire ? input.number : shown_limit(input.number, exchanged);
-        word |= ((wire ? wires_ : axis_.signals) >> number & 1u) << input.bit;
-      }
-      objects.digital_inputs = word;
-      break;
-    }
-    case 0x6502: objects.supported_drive_modes = policy_.supported_modes; break;
-    default: break;
+  if (const Handlers* own = handlers_of(entry); own != nullptr && own->refresh != nullptr) own->refresh(*this, entry);
+}
+
+void Drive::show_touch_probe_position(std::size_t slot) {
+  const bool deviation = axis_.configuration.touch_probe.index_value == TouchProbeCapability::IndexValue::deviation;
+  const Counts counts = touch_probe_.position(slot);
+  axis_.objects.touch_probe_position[slot] =
+      wrap_to_32_bits(deviation ? counts : axis_.to_user_position(counts + axis_.offset));
+}
+
+void Drive::show_digital_inputs() {
+  std::uint32_t word = 0;
+  const bool exchanged = policy_.limit_inputs_follow_polarity && axis_.units.position_inverted;
+  for (const DigitalInputBit& input : policy_.digital_inputs) {
+    const bool wire = input.source == DigitalInputBit::Source::wire;
+    const std::uint8_t number = wire ? input.number : shown_limit(input.number, exchanged);
+    word |= ((wire ? wires_ : axis_.signals) >> number & 1u) << input.bit;
   }
+  axis_.objects.digital_inputs = word;
 }
 
 }  // namespace servodrome::drive

@@ -74,8 +74,11 @@ AbortCode ProcessImage::resolve_entry(std::uint32_t mapping, MappedObject& objec
   object.place = dictionary_.storage(*entry);
   object.bytes = dictionary::size_of(entry->type);
   object.owner = dictionary_.listener(*entry);
-  object.plain = object.owner == nullptr && (direction_ == Direction::inputs || !entry->has_range);
+  const auto handlers = object.owner != nullptr ? object.owner->handlers(*entry) : dictionary::Handlers{};
+  object.act = direction_ == Direction::outputs ? handlers.written : handlers.refresh;
+  object.plain = handlers.check == nullptr && !entry->has_range;
   object.whole = bits == own && object.place != nullptr;
+  object.tell = object.act != nullptr;
   return AbortCode::none;
 }
 
@@ -140,36 +143,40 @@ AbortCode ProcessImage::resolve() {
 void ProcessImage::write_objects(std::span<const std::uint8_t> image) {
   if (image.size() < bytes()) return;
   for (MappedObject& object : objects_.first(count_)) {
-    const std::uint8_t* from = image.data() + object.byte;
     if (object.plain && object.whole) {
-      copy_number(object.place, from, object.bytes);
-      continue;
+      copy_number(object.place, image.data() + object.byte, object.bytes);
+    } else {
+      object.tell = store_checked(object, image.subspan(object.byte)) && object.act != nullptr;
     }
-    const Entry& entry = *object.entry;
-    object.tell = false;
-    std::uint64_t apart = 0;
-    if (!object.whole) {
-      apart = bits_at(image.subspan(object.byte), object.bit, object.bits);
-      if (dictionary::is_signed(entry.type)) apart = sign_extended(apart, object.bits);
-      if (!holds(entry.type, apart)) continue;
-      from = reinterpret_cast<const std::uint8_t*>(&apart);
-    }
-    const auto value = std::as_bytes(std::span(from, object.bytes));
-    if (entry.has_range && dictionary_.check_range(entry, value) != AbortCode::none) continue;
-    if (object.owner != nullptr && object.owner->check(entry, value) != AbortCode::none) continue;
-    if (object.place != nullptr) copy_number(object.place, from, object.bytes);
-    object.tell = object.owner != nullptr;
   }
   for (const MappedObject& object : objects_.first(count_)) {
-    if (object.tell) object.owner->written(*object.entry);
+    if (object.tell) object.act(*object.owner, *object.entry);
   }
+}
+
+// False: the value is refused.
+bool ProcessImage::store_checked(const MappedObject& object, std::span<const std::uint8_t> image) {
+  const Entry& entry = *object.entry;
+  const std::uint8_t* from = image.data();
+  std::uint64_t apart = 0;
+  if (!object.whole) {
+    apart = bits_at(image, object.bit, object.bits);
+    if (dictionary::is_signed(entry.type)) apart = sign_extended(apart, object.bits);
+    if (!holds(entry.type, apart)) return false;
+    from = reinterpret_cast<const std::uint8_t*>(&apart);
+  }
+  const auto value = std::as_bytes(std::span(from, object.bytes));
+  if (entry.has_range && dictionary_.check_range(entry, value) != AbortCode::none) return false;
+  if (object.owner != nullptr && object.owner->check(entry, value) != AbortCode::none) return false;
+  if (object.place != nullptr) copy_number(object.place, from, object.bytes);
+  return true;
 }
 
 void ProcessImage::read_objects(std::span<std::uint8_t> image) {
   if (image.size() < bytes()) return;
   std::fill(image.begin(), image.end(), std::uint8_t{0});
   for (const MappedObject& object : objects_.first(count_)) {
-    if (object.owner != nullptr) object.owner->refresh(*object.entry);
+    if (object.act != nullptr) object.act(*object.owner, *object.entry);
     if (object.whole) {
       copy_number(image.data() + object.byte, object.place, object.bytes);
       continue;

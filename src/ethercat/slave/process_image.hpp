@@ -14,11 +14,12 @@ struct MappedObject {
   const dictionary::Entry* entry = nullptr;
   std::byte* place = nullptr;  // nullptr: no storage
   dictionary::Listener* owner = nullptr;
+  void (*act)(dictionary::Listener& owner, const dictionary::Entry& entry) = nullptr;  // Handlers::written or refresh
   std::uint16_t byte = 0;  // of the process data in which it begins,
   std::uint8_t bit = 0;    // with this bit
   std::uint8_t bits = 0;   // in the process data
   std::uint8_t bytes = 0;  // in memory
-  bool plain = true;       // no owner to tell and no range to check
+  bool plain = true;       // every value is taken
   bool whole = true;       // whole bytes, as many as in memory, where it has a place
   bool tell = false;       // its owner is to be told of this cycle's value
 };
@@ -52,6 +53,7 @@ class ProcessImage {
  private:
   dictionary::AbortCode add_pdo(std::uint16_t index);
   dictionary::AbortCode resolve_entry(std::uint32_t mapping, MappedObject& object) const;
+  bool store_checked(const MappedObject& object, std::span<const std::uint8_t> image);
   unsigned greatest_bits() const {
     return 8U * (direction_ == Direction::outputs ? profile_.greatest_outputs : profile_.greatest_inputs);
   }
