@@ -17,7 +17,7 @@ struct SinCos {
 // An angle in 2^-32 turns: what exceeds a turn falls off by itself, and below zero is the end of the turn before.
 using Phase = std::uint32_t;
 
-// For |turns| < 2^31.
+// For |turns| < 2^31; towards 0.
 template <std::floating_point Real>
 constexpr Phase phase_of(Real turns) {
   return static_cast<Phase>(static_cast<std::int64_t>(turns * Real{0x1p32}));

@@ -20,7 +20,7 @@ struct MotorData {
   float inductance_d_h = 2.25e-3F;
   float inductance_q_h = 2.25e-3F;
   float inertia_kgm2 = 0.28e-4F;          // rotor and load together, as the drive was told
-  float commutation_offset_turns = 0.0F;  // electrical angle at encoder single-turn position 0
+  float commutation_offset_turns = 0.0F;  // electrical angle at encoder single-turn position 0, within +-2^31
   std::uint32_t index_width_counts = 1;   // of the encoder's index pulse
   bool phase_order_reversed = false;      // the encoder counts down while the phases turn U, V, W
 };
