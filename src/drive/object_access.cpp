@@ -54,7 +54,13 @@ constexpr auto check_by =
 template <auto act>
 constexpr auto written_by = [](Listener& drive, const Entry& entry) { act(static_cast<Drive&>(drive), entry); };
 template <auto act>
-constexpr auto refresh_by = [](Listener& drive, const Entry&) { act(static_cast<Drive&>(drive)); };
+constexpr auto refresh_by = [](Listener& drive, const Entry& entry) {
+  if constexpr (requires(Drive & its) { act(its, entry); }) {  // of a range of objects
+    act(static_cast<Drive&>(drive), entry);
+  } else {
+    act(static_cast<Drive&>(drive));
+  }
+};
 
 }  // namespace
 
@@ -196,10 +202,9 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
       {0x60B9,
        {.refresh =
             refresh_by<[](Drive& drive) { drive.axis_.objects.touch_probe_status = drive.touch_probe_.status(); }>}},
-      {0x60BA, {.refresh = refresh_by<[](Drive& drive) { drive.show_touch_probe_position(0); }>}},
-      {0x60BB, {.refresh = refresh_by<[](Drive& drive) { drive.show_touch_probe_position(1); }>}},
-      {0x60BC, {.refresh = refresh_by<[](Drive& drive) { drive.show_touch_probe_position(2); }>}},
-      {0x60BD, {.refresh = refresh_by<[](Drive& drive) { drive.show_touch_probe_position(3); }>}},
+      {0x60BA, 0x60BD, {.refresh = refresh_by<[](Drive& drive, const Entry& entry) {
+                          drive.show_touch_probe_position(entry.index - 0x60BAU);
+                        }>}},
       {0x60C1, {.written = written_by<[](Drive& drive, const Entry& entry) {
                   if (entry.sub != 1) return;
                   drive.interpolated_position_.data_record(drive.axis_);
@@ -226,18 +231,10 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
           const std::size_t probe = entry.sub - 1U;
           drive.touch_probe_.write_source(probe, drive.axis_.objects.touch_probe_source[probe]);
         }>}},
-      {0x60D5, {.refresh = refresh_by<[](Drive& drive) {
-                  drive.axis_.objects.touch_probe_edge_counter[0] = drive.touch_probe_.edge_counter(0);
-                }>}},
-      {0x60D6, {.refresh = refresh_by<[](Drive& drive) {
-                  drive.axis_.objects.touch_probe_edge_counter[1] = drive.touch_probe_.edge_counter(1);
-                }>}},
-      {0x60D7, {.refresh = refresh_by<[](Drive& drive) {
-                  drive.axis_.objects.touch_probe_edge_counter[2] = drive.touch_probe_.edge_counter(2);
-                }>}},
-      {0x60D8, {.refresh = refresh_by<[](Drive& drive) {
-                  drive.axis_.objects.touch_probe_edge_counter[3] = drive.touch_probe_.edge_counter(3);
-                }>}},
+      {0x60D5, 0x60D8, {.refresh = refresh_by<[](Drive& drive, const Entry& entry) {
+                          const std::size_t slot = entry.index - 0x60D5U;
+                          drive.axis_.objects.touch_probe_edge_counter[slot] = drive.touch_probe_.edge_counter(slot);
+                        }>}},
       {0x60F4, {.refresh = refresh_by<[](Drive& drive) {
                   drive.axis_.objects.following_error_actual_value =
                       drive.axis_.demand.loop == Loop::position
