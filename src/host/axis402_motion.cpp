@@ -113,8 +113,9 @@ void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   objects_.write<std::int32_t>(0x607A, 0, target);
   write_controlword(order | new_set_point);
   // Some drives take the acknowledgement back by themselves: that they took target reached back proves as much.
+  constexpr Time between_looks = std::chrono::milliseconds(1);  // for a statusword that comes with process data
   const Time deadline = objects_.now() + options_.state_timeout;
-  for (;;) {
+  for (;; objects_.wait(between_looks)) {
     const std::uint16_t word = statusword();
     if ((word & set_point_acknowledge) != 0 || (word & statusword_bit::target_reached) == 0) break;
     if (objects_.now() >= deadline) {
