@@ -23,14 +23,17 @@ class DcLink {
     const double keep = chopper_on ? chopper_keep_ : bleeder_keep_;
     const double kept_v = start_v * keep;
     chopped_j_ += half_capacitance_ * (start_v - kept_v) * (start_v + kept_v);
-    const double per_volt = 1.0 / std::max(kept_v, 1.0e-9);
-    const double current_a = power_w * per_volt;
-    const double used = current_a * tick_over_capacitance_ * per_volt;  // half the share of energy taken
-    double free_v;
-    if (std::abs(used) < 0.01) [[likely]] {
-      free_v = kept_v * (1.0 - used - 0.5 * used * used);  // sqrt(1 - 2 used) to 5e-7
-    } else {
-      free_v = std::sqrt(std::max(0.0, kept_v * kept_v - 2.0 * power_w * tick_over_capacitance_));
+    double current_a = 0.0;
+    double free_v = kept_v;
+    if (power_w != 0.0) {  // else nothing waits for a division
+      const double per_volt = 1.0 / std::max(kept_v, 1.0e-9);
+      current_a = power_w * per_volt;
+      const double used = current_a * tick_over_capacitance_ * per_volt;  // half the share of energy taken
+      if (std::abs(used) < 0.01) [[likely]] {
+        free_v = kept_v * (1.0 - used - 0.5 * used * used);  // sqrt(1 - 2 used) to 5e-7
+      } else {
+        free_v = std::sqrt(std::max(0.0, kept_v * kept_v - 2.0 * power_w * tick_over_capacitance_));
+      }
     }
     // With the source connected the link relaxes exponentially to source - resistance * current; the rectifier lets
     // nothing back. A source of 0 V stands for the open relay.
