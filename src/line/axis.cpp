@@ -145,7 +145,7 @@ void Axis::run_ticks(std::int64_t tick) {
   }
 }
 
-Time Axis::next_sending(Time now) const {
+Time Axis::next_appearance(Time now) const {
   if (!powered_) return links::never;
   // Until two cycles were seen their distance is not known, and any tick may be one.
   const bool known = last_cycle_ != unknown && cycle_ticks_ != unknown;
@@ -154,6 +154,16 @@ Time Axis::next_sending(Time now) const {
   Time deadline = device_->next_deadline();
   if (deadline <= last_poll_) deadline = last_poll_ + tick_length;
   return std::min(cycle * tick_length, std::max(deadline, now));
+}
+
+// The line need not be up to the frame: what is not process data finds the axis as it is by then.
+Time Axis::EthercatStation::frame_passed(Time at) {
+  if (!axis_.ethercat_slave_->puts_off(at)) {
+    axis_.run_to(at / tick_length);
+    axis_.last_poll_ = at;
+    axis_.device_->poll(at);
+  }
+  return axis_.device_->next_deadline();
 }
 
 void Axis::poll(Time now) {

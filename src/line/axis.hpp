@@ -51,9 +51,9 @@ class Axis final : public links::Receiver {
   void detach(Tap& tap);
   // May it send without having received? A slave on EtherCAT never does.
   bool sends() const { return ethercat_ == nullptr; }
-  // Of an axis that does, the earliest time from `now` on at which it may: the next position-loop cycle, or the next
-  // poll. Other axes must not be run beyond it first, or they would miss the frame.
-  Time next_sending(Time now) const;
+  // The earliest time from `now` on at which it may do something that shows on its bus: the next position-loop cycle,
+  // or the next poll. Other axes must not be run beyond it before one that sends, or they would miss the frame.
+  Time next_appearance(Time now) const;
   // Polls the device if that is due.
   void poll(Time now);
   // Puts on the bus what the device has to send, after something outside of time (an object written by the bench).
@@ -113,10 +113,7 @@ class Axis final : public links::Receiver {
    public:
     explicit EthercatStation(Axis& axis) : axis_(axis) {}
     ethercat::Esc& esc() override { return *axis_.device_->ethercat_controller(); }
-    void frame_passed(Time at) override {
-      axis_.last_poll_ = at;
-      axis_.device_->poll(at);
-    }
+    Time frame_passed(Time at) override;
 
    private:
     Axis& axis_;

@@ -39,9 +39,16 @@ Time Line::next_bus_event() const {
 // Between two instants no axis can send and nothing arrives, so that each axis may run all its ticks before the next.
 Time Line::next_instant(Time latest) const {
   Time instant = std::min(latest, next_bus_event());
-  for (const Axis* axis : senders_) instant = std::min(instant, axis->next_sending(now_));
+  for (const Axis* axis : senders_) instant = std::min(instant, axis->next_appearance(now_));
   for (const Follower* follower : followers_) instant = std::min(instant, follower->next_deadline());
   return std::max(instant, now_);
+}
+
+Time Line::next_appearance() const {
+  Time next = next_bus_event();
+  for (const auto& axis : axes_) next = std::min(next, axis->next_appearance(now_));
+  for (const Follower* follower : followers_) next = std::min(next, follower->next_deadline());
+  return next;
 }
 
 void Line::run_to_instant(Time instant) {

@@ -77,6 +77,9 @@ class Line final : public links::VirtualClock {
   void step(Time latest = links::never) override;
   // The next such instant, for pacing.
   Time next_bus_event() const;
+  // The earliest time at which anybody outside could see that time has passed: frames of EtherCAT segments before it
+  // may pass without, and change nothing but what EthercatBus::settle says.
+  Time next_appearance() const;
 
   const std::vector<std::unique_ptr<Axis>>& axes() const { return axes_; }
   const std::vector<std::unique_ptr<NamedBus>>& buses() const { return buses_; }

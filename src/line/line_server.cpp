@@ -142,9 +142,10 @@ void LineServer::run() {
   flush_logs();
 }
 
-Time LineServer::now() { return real_ ? due() : line_.now(); }
+Time LineServer::now() { return real_ ? due(std::chrono::steady_clock::now()) : line_.now(); }
 
 void LineServer::wake() {
+  appears_at_ = unknown_;
   if (!real_ || woken_) return;
   woken_ = true;
   boost::asio::post(io_, [this] {
@@ -154,19 +155,33 @@ void LineServer::wake() {
   });
 }
 
-Time LineServer::due() {
-  const Time due = real_pace_.due(std::chrono::steady_clock::now(), line_.now(), nap_);
+Time LineServer::due(RealPace::Moment present) {
+  const Time due = real_pace_.due(present, std::max(line_.now(), frame_at_), nap_);
   if (real_pace_.given_up() > Time{}) line_.add_lag(real_pace_.given_up());
   return due;
 }
 
-Time LineServer::catch_up() {
+Time LineServer::frame_time() {
   if (!real_) return line_.now();
-  line_.run_until(due());
-  if (const auto moment = real_pace_.moment_of(line_.now()); moment >= next_flush_) {
-    next_flush_ = moment + log_flush_time;
-    flush_logs();
-  }
+  frame_at_ = due(looks_at_ ? *looks_at_ : std::chrono::steady_clock::now());
+  keep_up(frame_at_);
+  return frame_at_;
+}
+
+// The line is left behind as long as nobody sees it: many ticks at once cost less than one after the other, each with
+// the drives' memory to be fetched.
+void LineServer::keep_up(Time time) {
+  if (time < appears_at_) return;
+  line_.run_until(time);
+  appears_at_ = line_.next_appearance();
+}
+
+// Whoever calls may do something to the line afterwards.
+Time LineServer::catch_up() {
+  appears_at_ = unknown_;
+  if (!real_) return line_.now();
+  line_.run_until(due(std::chrono::steady_clock::now()));
+  flush_logs_in_time();
   return line_.now();
 }
 
@@ -189,15 +204,14 @@ void LineServer::serve_frames() {
   Vigil vigil;
   Time between{};  // ticks of the watch
   auto next_turn = std::chrono::steady_clock::now();
-  while (!io_.stopped()) {
+  while (!stopped_) {
     const Time wanted = has_clients() || has_master() ? attentive_between_turns : longest_between_turns;
     if (wanted != between) watch_.tick_every(between = wanted);
     const bool tick = watch_.wait();
     const auto present = std::chrono::steady_clock::now();
     if (!tick) vigil.served(present);
     if (tick || present >= next_turn) {
-      catch_up();
-      io_.poll();
+      serve_others(present);
       next_turn = present + between;
     }
     if (!vigil.worthwhile()) continue;
@@ -208,28 +222,25 @@ void LineServer::serve_frames() {
 
 // Looks for frames as long as they keep coming, and lends the processor to others in between: the master may be on it.
 void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil, RealPace::Moment& next_turn) {
-  const auto look = [&links] {
+  auto present = std::chrono::steady_clock::now();
+  const auto look = [&] {
+    looks_at_ = present;
     bool any = false;
     for (links::EthercatLink* link : links) any = link->poll() || any;
+    looks_at_.reset();
+    if (any) vigil.answered(present = std::chrono::steady_clock::now());
     return any;
   };
   watch_.tick_every(Time{});  // it has its own eye on the clock
-  auto present = std::chrono::steady_clock::now();
-  while (vigil.worthwhile() && !io_.stopped()) {
-    bool any = look();
-    if (!any) {
+  while (vigil.worthwhile() && !stopped_) {
+    if (!look()) {
       std::this_thread::yield();
       const auto before = std::exchange(present, std::chrono::steady_clock::now());
       vigil.lent(present - before);
-      any = look();  // what came meanwhile
-    }
-    if (any) {
-      vigil.answered(present = std::chrono::steady_clock::now());
-    } else if (vigil.over(present)) {
-      vigil.in_vain();
+      if (!look() && vigil.over(present)) vigil.in_vain();  // with what came meanwhile
     }
     if (present < next_turn) continue;
-    take_turn();
+    take_turn(present);
     present = std::chrono::steady_clock::now();
     next_turn = present + (has_clients() ? attentive_between_turns : longest_between_turns);
   }
@@ -243,7 +254,7 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool 
   auto next_tick = std::chrono::steady_clock::now();
   auto next_turn = next_tick;
   unsigned frames = 0;
-  while (!io_.stopped()) {
+  while (!stopped_) {
     bool any = false;
     for (links::EthercatLink* link : busy) any = link->poll() || any;
     if (any && ++frames < frames_between) continue;
@@ -255,15 +266,23 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool 
     }
     if (present < next_turn) continue;
     next_turn = present + (alone ? attentive_between_turns : Time{looks_between});
-    take_turn();
+    take_turn(present);
   }
 }
 
 // Everything that is neither a frame nor a tick: what Asio waits for, an interface that is gone.
-void LineServer::take_turn() {
-  catch_up();
-  io_.poll();
+void LineServer::take_turn(RealPace::Moment present) {
+  serve_others(present);
   watch_.wait(Time{});
+}
+
+// What Asio waits for.
+void LineServer::serve_others(RealPace::Moment present) {
+  if (real_) {
+    keep_up(due(present));
+    flush_logs_in_time();
+  }
+  if (io_.poll() > 0) appears_at_ = unknown_;
 }
 
 namespace {
@@ -371,6 +390,13 @@ void LineServer::let_time_pass() {
     flush_logs();
     let_time_pass();
   });
+}
+
+void LineServer::flush_logs_in_time() {
+  const auto moment = real_pace_.moment_of(line_.now());
+  if (moment < next_flush_) return;
+  next_flush_ = moment + log_flush_time;
+  flush_logs();
 }
 
 void LineServer::flush_logs() {

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -60,7 +61,10 @@ class LineServer final : private links::LineHost {
   // Serves until stop(). Real time begins with it.
   void run();
   // To be called from within run().
-  void stop() { io_.stop(); }
+  void stop() {
+    stopped_ = true;
+    io_.stop();
+  }
 
   Line& line() { return line_; }
   boost::asio::io_context& io() { return io_; }
@@ -73,10 +77,13 @@ class LineServer final : private links::LineHost {
  private:
   // links::LineHost
   Time now() override;
-  Time catch_up() override;
+  Time frame_time() override;
+  void expect(Time time) override { appears_at_ = std::min(appears_at_, time); }
   void report(const std::string& message) override;
   void wake() override;
   Time epoch() const override { return epoch_; }
+
+  static constexpr Time unknown_ = Time::min();
 
   // A log of some bus: how to look after it, and how to end it.
   struct Log {
@@ -103,12 +110,16 @@ class LineServer final : private links::LineHost {
   void serve_frames();
   void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil, RealPace::Moment& next_turn);
   void serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone);
-  void take_turn();
+  void take_turn(RealPace::Moment present);
+  void serve_others(RealPace::Moment present);
   bool has_can_clients() const;
   bool has_clients() const;  // of any bus but EtherCAT
   bool has_master() const;   // of an EtherCAT segment
   void schedule();
-  Time due();
+  Time due(RealPace::Moment present);
+  void keep_up(Time time);
+  Time catch_up();
+  void flush_logs_in_time();
   void flush_logs();
   void attend();
   void pace();
@@ -130,9 +141,13 @@ class LineServer final : private links::LineHost {
   std::vector<bench::RouteGroup> more_routes_;
   std::unique_ptr<bench::HttpServer> http_;
   RealPace real_pace_;
-  Time nap_{};  // how long it sleeps where nobody is there
+  std::optional<RealPace::Moment> looks_at_;  // while somebody looks for frames who has just looked at the clock
+  Time frame_at_{};                           // of the last frame that was answered as it was read
+  Time appears_at_ = unknown_;                // Line::next_appearance, with what frames brought forward
+  Time nap_{};                                // how long it sleeps where nobody is there
   std::chrono::steady_clock::time_point next_flush_{};
-  bool real_ = false;   // real time has begun
+  bool real_ = false;  // real time has begun
+  bool stopped_ = false;
   bool woken_ = false;  // catching up is on its way
   bool attending_ = false;
   bool takes_turns_ = false;  // frames are waited for beside Asio, which keeps up with time as well

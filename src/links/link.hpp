@@ -14,8 +14,10 @@ class LineHost {
   virtual ~LineHost() = default;
   // The line's time at this instant: when a frame that has just been read came in.
   virtual Time now() = 0;
-  // The same, and everything the line does until then is done. For a bus whose frames are answered as they are read.
-  virtual Time catch_up() { return now(); }
+  // The same, and a frame finds its bus as it is then. For a bus whose frames are answered as they are read.
+  virtual Time frame_time() { return now(); }
+  // After such a frame: who comes at `time` or later may find something else than now.
+  virtual void expect(Time /*time*/) {}
   // What who runs the line should know: a link was lost, or is back.
   virtual void report(const std::string& /*message*/) {}
   // Something was queued on the bus: its next_event() may be earlier than it was.

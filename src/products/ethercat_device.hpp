@@ -54,7 +54,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   }
   void power_off() override {}
 
-  void cycle(Time) override { slave_.process_image_updated(); }
+  void cycle(Time now) override { slave_.process_image_updated(now); }
   void poll(Time now) override { slave_.poll(now); }
   Time next_deadline() override { return slave_.next_deadline(); }
 

@@ -9,7 +9,7 @@ class ProcessData : public SlaveRig {};
 TEST_F(ProcessData, OutputsInOperationalInputsAlready) {
   to_safe_operational();
   objects.position_actual = 0x01020304;
-  slave.process_image_updated();
+  slave.process_image_updated(line.now);
   EXPECT_EQ(send(Command::lrd, 0x1100, Bytes(7)).data, (Bytes{0, 0, 0, 4, 3, 2, 1}));
   cycle(0x55);
   EXPECT_EQ(objects.target_position, 0);  // outputs are not taken in Safe-Operational
@@ -240,6 +240,72 @@ TEST_F(ProcessData, AreSampledInTheCycleOfTheApplication) {
   EXPECT_EQ(request(8), good(8));
   cycle(8);
   EXPECT_EQ(objects.target_position, 8);
+}
+
+// Closer than 1C32h:05 they are left to the control loop, until they no longer are.
+TEST_F(ProcessData, ThatComeTooFastAreDealtWithInTheControlLoop) {
+  to_operational();
+  slave.sample_process_data_every(50us);
+  run(50us - line.now % 50us);
+  run(1ms);
+  const unsigned before = events.cycles;
+  const auto outputs = [](std::int32_t target) {
+    Bytes bytes(7);
+    store(bytes.data() + 3, target);
+    return bytes;
+  };
+  const auto send_and_wait = [this, outputs](std::int32_t target) {
+    line.send(Command::lwr, 0x1000, outputs(target));
+    if (slave.wants_poll(line.now)) slave.poll(line.now);
+    run(50us);
+  };
+  send_and_wait(1);
+  EXPECT_EQ(events.cycles, before + 1);
+  send_and_wait(2);  // 50 us behind it
+  EXPECT_EQ(events.cycles, before + 2);
+  EXPECT_EQ(objects.target_position, 2);
+  for (int target = 3; target < 10; ++target) {
+    line.send(Command::lwr, 0x1000, outputs(target));
+    EXPECT_FALSE(slave.wants_poll(line.now));
+    run(50us);
+  }
+  EXPECT_EQ(events.cycles, before + 2);
+  slave.process_image_updated(line.now);
+  EXPECT_EQ(events.cycles, before + 3);
+  EXPECT_EQ(objects.target_position, 9);
+  // Any register may bring something forward, a message does: the one does not end it, with the other they are taken.
+  send_and_wait(10);
+  line.put(0, reg::station_address, std::uint16_t{1});
+  slave.poll(line.now);
+  EXPECT_EQ(objects.target_position, 9);
+  EXPECT_EQ(upload(0x607A, 0), (Bytes{10, 0, 0, 0}));
+  EXPECT_EQ(events.cycles, before + 4);
+  send_and_wait(11);
+  EXPECT_EQ(objects.target_position, 10);
+  run(250us);
+  send_and_wait(12);
+  slave.process_image_updated(line.now);  // two in 350 us
+  EXPECT_EQ(objects.target_position, 12);
+  run(100us);
+  send_and_wait(13);
+  EXPECT_EQ(objects.target_position, 13);
+  EXPECT_EQ(events.cycles, before + 6);
+}
+
+TEST_F(ProcessData, TheControlLoopThatNothingCameForEndsTheOverrun) {
+  to_operational();
+  slave.sample_process_data_every(50us);
+  run(1ms);
+  for (int target = 1; target < 4; ++target) cycle(target), run(50us);
+  EXPECT_EQ(objects.target_position, 2);
+  slave.process_image_updated(line.now);
+  EXPECT_EQ(objects.target_position, 3);
+  objects.position_actual = 77;
+  slave.process_image_updated(line.now);
+  EXPECT_EQ(line.send(Command::lrd, 0x1100, Bytes(7)).data[3], 77);  // free run goes on
+  cycle(4);
+  run(50us);
+  EXPECT_EQ(objects.target_position, 4);
 }
 
 TEST_F(ProcessData, ThatAreSampledDoNotDelayTheWatchdog) {

@@ -56,7 +56,7 @@ TEST(EthercatBus, WhatAStationHasPutOffIsNotToldUntilSomethingMayBeDue) {
     rig.bus.pass(frame.bytes, at, Port::primary, EthercatBus::Encapsulation::ethernet);
   };
   pass(Command::apwr, al_control, 5us);
-  esc.put_off();
+  esc.put_off(esc.attention());
   esc.set_quiet_until(9us);
   rig.bus.settle(5us);
   rig.bus.settle(8us);
@@ -65,11 +65,34 @@ TEST(EthercatBus, WhatAStationHasPutOffIsNotToldUntilSomethingMayBeDue) {
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(9us));
   // Any register that is written may bring something forward.
   pass(Command::apwr, al_control, 10us);
-  esc.put_off();
+  esc.put_off(esc.attention());
   esc.set_quiet_until(20us);
   pass(Command::apwr, ethercat::reg::station_address, 11us);
   rig.bus.settle(11us);
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(9us, 11us));
+}
+
+// So that nobody need look at stations that nothing is due for.
+TEST(EthercatBus, SettlingTellsUntilWhenTheStationsMayBeLeftAlone) {
+  EthercatRig rig(2);
+  for (const auto& station : rig.stations) station->esc().set_quiet_until(1ms);
+  const auto settled = [&rig](Command command, std::uint32_t address, Time at) {
+    OneDatagram frame(command, address, {2, 0});
+    rig.bus.pass(frame.bytes, at, Port::primary, EthercatBus::Encapsulation::ethernet);
+    return rig.bus.settle(at);
+  };
+  EXPECT_EQ(settled(Command::brd, of_first(al_control), 5us), never);
+  // A station that was told says so itself.
+  EXPECT_EQ(settled(Command::apwr, of_first(al_control), 6us), 16us);
+  EXPECT_THAT(rig.stations[0]->passed, ElementsAre(6us));
+  // One that was not, but a register of which was written: nobody knows.
+  rig.stations[0]->esc().set_quiet_until(1ms);
+  EXPECT_EQ(settled(Command::apwr, of_first(ethercat::reg::station_address) | 0xFFFF, 7us), ethercat::Esc::unknown);
+  EXPECT_TRUE(rig.stations[1]->passed.empty());
+  rig.stations[1]->esc().set_quiet_until(1ms);
+  EXPECT_EQ(settled(Command::brd, of_first(al_control), 8us), never);
+  rig.bus.set_powered(1, false, 9us);
+  EXPECT_EQ(settled(Command::brd, of_first(al_control), 9us), never);
 }
 
 TEST(EthercatBus, CutCablesAndMissingPowerMakeTheTailSilent) {

@@ -24,10 +24,11 @@ class PlainStation final : public EthercatStation {
  public:
   PlainStation() : esc_(sii_) { esc_.power_on(Time{}); }
   ethercat::Esc& esc() override { return esc_; }
-  void frame_passed(Time at) override {
+  Time frame_passed(Time at) override {
     passed.push_back(at);
     if ((esc_.attention() & ethercat::reg::al_event::al_control) != 0) esc_.set_al_status(esc_.take_al_control(), 0);
     esc_.settle(esc_.attention());
+    return at + 10us;
   }
 
   std::vector<Time> passed;
@@ -75,12 +76,12 @@ class EthercatRig : public LineHost {
   }
 
   Time now() override { return time; }
-  Time catch_up() override { return time += 1us; }
+  Time frame_time() override { return time += 1us; }
   void wake() override {}
   void report(const std::string& message) override { reports.push_back(message); }
 
   EthercatBus::Passage send(OneDatagram& frame, EthercatBus::Port entry = EthercatBus::Port::primary) {
-    return bus.exchange(frame.bytes, catch_up(), entry, EthercatBus::Encapsulation::ethernet);
+    return bus.exchange(frame.bytes, frame_time(), entry, EthercatBus::Encapsulation::ethernet);
   }
   // How many slaves answer; nothing: the frame is lost.
   std::optional<unsigned> broadcast() {

@@ -69,15 +69,13 @@ class Esc {
   // What wants the application: bits as in the AL event request, whether or not a mask lets them through, and this.
   static constexpr std::uint32_t attention_reset = 0x80000000;  // the controller was reset over the bus
   std::uint32_t attention() const { return attention_; }
-  void settle(std::uint32_t events) {
-    attention_ &= ~events;
-    put_off_ &= ~events;
-  }
+  void settle(std::uint32_t events) { attention_ &= ~events; }
   // Is there anything for the application to do at `now`? What it has put off wants it again when it is no longer known
   // that nothing is due.
-  bool calls(Time now) const { return attention_ != 0 && (attention_ != put_off_ || now >= quiet_until_); }
-  // All that wants the application now can wait until something else does.
-  void put_off() { put_off_ = attention_; }
+  bool calls(Time now) const { return (attention_ & ~put_off_) != 0 || (attention_ != 0 && now >= quiet_until_); }
+  // Of these bits, nothing new or old wants the application before something is due or something else wants it; in
+  // place of those it put off before.
+  void put_off(std::uint32_t events) { put_off_ = events; }
   // Nothing is due before, neither here nor for the application, which works that out. Any write to a register makes it
   // unknown, since it may bring something forward; so does the application.
   static constexpr Time unknown = Time::min();
@@ -246,7 +244,7 @@ class Esc {
 
   Time now_{0};  // of the frame or poll at work
   std::uint32_t attention_ = 0;
-  std::uint32_t put_off_ = 0;  // of it, by the application
+  std::uint32_t put_off_ = 0;  // by the application
   Time quiet_until_ = unknown;
   std::uint16_t ecat_events_ = 0;
   unsigned effects_ = 0;

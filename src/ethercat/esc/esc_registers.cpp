@@ -77,6 +77,7 @@ void Esc::power_on(Time now) {
   sync_managers_ = {};
   fmmus_ = {};
   settle(~0U);
+  put_off(0);
   quiet_until_ = unknown;
   ecat_events_ = 0;
   al_control_pending_ = sync_active_ = false;

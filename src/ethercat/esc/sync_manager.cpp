@@ -27,9 +27,9 @@ void SyncManager::configure(const std::uint8_t* registers, std::uint32_t memory_
 std::uint8_t SyncManager::status() const {
   unsigned value = (interrupt_write ? 0x01U : 0U) | (interrupt_read ? 0x02U : 0U);
   if (mode == Mode::mailbox) {
-    value |= full ? 0x08U : 0U;
+    value |= unread != 0 ? 0x08U : 0U;
   } else {
-    const unsigned newest = full ? last_buffer : read_buffer;
+    const unsigned newest = unread != 0 ? last_buffer : read_buffer;
     value |= (valid ? (newest - start) / length : 3U) << 4;
   }
   value |= (read_open ? 0x40U : 0U) | (write_open ? 0x80U : 0U);

@@ -43,18 +43,20 @@ struct SyncManager {
     const std::uint16_t at = write_buffer;
     write_buffer = std::exchange(last_buffer, at);
     write_open = interrupt_read = false;
-    full = valid = interrupt_write = true;
+    valid = interrupt_write = true;
+    ++unread;
     return at;
   }
   std::uint32_t read_whole() {
-    if (full) std::swap(read_buffer, last_buffer);
-    full = read_open = interrupt_write = false;
+    if (unread != 0) std::swap(read_buffer, last_buffer);
+    unread = 0;
+    read_open = interrupt_write = false;
     interrupt_read = true;
     return read_buffer;
   }
 
   // A mailbox that was read is full again with what it held: the answer to a repeat request.
-  void refill() { full = true; }
+  void refill() { unread = 1; }
 
   // Register 0805h + 8n.
   std::uint8_t status() const;
@@ -70,9 +72,9 @@ struct SyncManager {
   bool triggers_watchdog = false;
 
   // What a whole buffer changes lies together.
-  bool valid = false;  // buffered: written at least once
+  std::uint32_t unread = 0;  // written buffers the reader has not begun to read; of a mailbox one, until it is read
+  bool valid = false;        // buffered: written at least once
   bool write_open = false;
-  bool full = false;             // mailbox: written and not read; buffered: a buffer the reader has not seen
   bool interrupt_write = false;  // status bit 0
   bool interrupt_read = false;   // status bit 1
   bool read_open = false;
@@ -86,7 +88,7 @@ struct SyncManager {
 inline std::int32_t SyncManager::writing_at(std::uint32_t offset) {
   if (offset >= length) return -1;
   if (mode == Mode::mailbox) {
-    if (full || (!write_open && offset != 0)) return -1;
+    if (unread != 0 || (!write_open && offset != 0)) return -1;
     if (offset == 0) interrupt_read = false;
     write_open = true;
     return static_cast<std::int32_t>(start + offset);
@@ -100,15 +102,15 @@ inline std::int32_t SyncManager::writing_at(std::uint32_t offset) {
 inline std::int32_t SyncManager::reading_at(std::uint32_t offset) {
   if (offset >= length) return -1;
   if (mode == Mode::mailbox) {
-    if (!full || (!read_open && offset != 0)) return -1;
+    if (unread == 0 || (!read_open && offset != 0)) return -1;
     if (offset == 0) interrupt_write = false;
     read_open = true;
     return static_cast<std::int32_t>(start + offset);
   }
   if (!valid || (!read_open && offset != 0)) return -1;
   if (offset == 0) {
-    if (full) std::swap(read_buffer, last_buffer);
-    full = false;
+    if (unread != 0) std::swap(read_buffer, last_buffer);
+    unread = 0;
     interrupt_write = false;
     read_open = true;
   }
@@ -119,7 +121,7 @@ inline bool SyncManager::wrote(std::uint32_t offset, std::uint32_t bytes) {
   if (offset + bytes < length) return false;
   write_open = false;
   interrupt_write = true;
-  full = true;
+  ++unread;
   if (mode == Mode::buffered) {
     valid = true;
     std::swap(write_buffer, last_buffer);
@@ -131,7 +133,7 @@ inline bool SyncManager::read(std::uint32_t offset, std::uint32_t bytes) {
   if (offset + bytes < length) return false;
   read_open = false;
   interrupt_read = true;
-  if (mode == Mode::mailbox) full = false;
+  if (mode == Mode::mailbox) unread = 0;
   return true;
 }
 

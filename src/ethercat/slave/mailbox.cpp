@@ -17,7 +17,7 @@ void Mailbox::place(std::span<const std::uint8_t> bytes) {
 }
 
 void Mailbox::follow_master() {
-  if (occupied_ && !esc_.sync_manager(in).full) {
+  if (occupied_ && esc_.sync_manager(in).unread == 0) {
     occupied_ = false;
     if (!repeating_) {
       std::copy_n(waiting_memory_.begin(), waiting_length_, last_read_memory_.begin());

@@ -13,7 +13,6 @@ namespace {
 constexpr std::uint32_t mailbox_events = reg::al_event::sync_manager0 << Mailbox::out |
                                          reg::al_event::sync_manager0 << Mailbox::in |
                                          reg::al_event::sync_manager_activation | reg::al_event::al_control;
-constexpr std::uint32_t process_data_events = reg::al_event::sync_manager0 << 2 | reg::al_event::sync_manager0 << 3;
 
 }  // namespace
 
@@ -37,9 +36,10 @@ void Slave::start(Time now) {
   error_ = identifies_ = false;
   code_ = AlStatusCode::none;
   operational_until_ = outputs_at_ = inputs_at_ = shifted_at_ = sampled_at_ = never;
-  measures_cycle_ = false;
+  measures_cycle_ = overrun_ = false;
   reset_mailbox();
   esc_.settle(~0U);
+  esc_.put_off(0);
   open_process_data(false, false);
   report();
   forget_synchronisation();
@@ -51,8 +51,9 @@ void Slave::start(Time now) {
 }
 
 void Slave::poll(Time now) {
-  if (sampling_cycle_ != Time{0} && waits_for_sampling(now)) return;
+  if (puts_off(now)) return;
   sampled_at_ = never;
+  esc_.put_off(0);
   esc_.set_quiet_until(Esc::unknown);
   esc_.poll(now);
   const std::uint32_t events = esc_.attention();
@@ -70,8 +71,7 @@ void Slave::poll(Time now) {
   if ((events & reg::al_event::sync0) != 0) sync0_arrived(now);
   if ((events & reg::al_event::sync_manager0 << 3) != 0 && inputs_run() && sync_type_ == SyncType::sync_manager &&
       outputs_.bytes() == 0) {
-    sync_manager_event(0x1C33, now);
-    exchange(now);  // without outputs, reading the inputs is the signal
+    exchange_event(0x1C33, now);  // without outputs, reading the inputs is the signal
   }
   if ((events & reg::al_event::sync_manager_activation) != 0) follow_configuration(now);
   if ((events & reg::al_event::al_control) != 0) al_control_written(now);
@@ -79,14 +79,23 @@ void Slave::poll(Time now) {
   if ((events & mailbox_events) != 0 && mailbox_runs()) serve_mailbox();
 }
 
-// Nothing but process data has come, and nothing is due.
-bool Slave::waits_for_sampling(Time now) {
+bool Slave::puts_off(Time now) {
+  if (sampling_cycle_ == Time{0}) return false;
   const std::uint32_t events = esc_.attention();
   if (events == 0 || (events & ~process_data_events) != 0) return false;
-  if (sampled_at_ == never) sampled_at_ = (now / sampling_cycle_ + 1) * sampling_cycle_;
+  if (sampled_at_ == never && !overrun_) sampled_at_ = (now / sampling_cycle_ + 1) * sampling_cycle_;
   if (now >= sampled_at_ || now >= next_deadline(now)) return false;
-  esc_.put_off();
+  esc_.put_off(overrun_ ? process_data_events : events);
   return true;
+}
+
+void Slave::process_image_updated(Time now) {
+  if (overrun_) {
+    sampled_at_ = now;
+    overrun_ = false;
+    poll(now);
+  }
+  if (!overrun_ && inputs_run() && sync_type_ == SyncType::free_run) give_inputs();  // else it has just done so
 }
 
 void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {

@@ -62,15 +62,19 @@ class Slave final : dictionary::Listener {
   Time quiet_until() const { return esc_.quiet_until(); }
 
   // Process data are dealt with at the next multiple of `cycle`, as by an application that looks for them in its
-  // control loop, instead of when their frame has passed; 0 goes back to that. Only frames closer than that see a
-  // difference, and cost less. Everything else is dealt with at once, and the process data before it with it.
+  // control loop, instead of when their frame has passed, and with `process_image_updated` as long as they come closer
+  // than 1C32h:05; 0 goes back to that. Only frames closer than `cycle` see a difference, and cost less. Everything
+  // else is dealt with at once, and the process data before it with it.
   void sample_process_data_every(Time cycle) {
     sampling_cycle_ = cycle;
     esc_.set_quiet_until(Esc::unknown);
   }
+  // Nothing but process data has come that wait to be sampled, and nothing is due: `poll` would do nothing.
+  bool puts_off(Time now);
 
-  // The objects have new values: they go into the inputs in free run, where no signal of the bus asks for them.
-  void process_image_updated();
+  // The control loop has been through and the objects have new values: they go into the inputs in free run, where no
+  // signal of the bus asks for them.
+  void process_image_updated(Time now);
 
   AlState state() const { return state_; }
   AlStatusCode status_code() const { return code_; }
@@ -88,6 +92,8 @@ class Slave final : dictionary::Listener {
     std::uint8_t error_register;
     std::array<std::uint8_t, 5> data;
   };
+  static constexpr std::uint32_t process_data_events =
+      reg::al_event::sync_manager0 << 2 | reg::al_event::sync_manager0 << 3;
   // 1C32h sub-index 1.
   enum class SyncType : std::uint16_t { free_run = 0, sync_manager = 1, dc_sync0 = 2, dc_sync1 = 3 };
 
@@ -113,10 +119,9 @@ class Slave final : dictionary::Listener {
   void start_exchange();
   void outputs_arrived(Time now);
   void sync0_arrived(Time now);
-  bool waits_for_sampling(Time now);
   void exchange(Time now);
   void exchange_shifted(Time now);
-  void sync_manager_event(std::uint16_t index, Time now);
+  void exchange_event(std::uint16_t index, Time now);
   void measure_cycle(Time now);
   void cycle_measurement_written(unsigned command);
   void take_outputs();
@@ -176,10 +181,11 @@ class Slave final : dictionary::Listener {
 
   Time sampling_cycle_{0};
   Time sampled_at_ = never;  // when process data that have come are dealt with
+  bool overrun_ = false;     // they come too fast for that
 
   bool sync_error_ = false;      // 1C32h:20
   bool measures_cycle_ = false;  // 1C32h:08
-  Time last_event_ = never;      // of the sync manager that times the exchange, in Operational
+  Time last_event_ = never;      // that the exchange was timed by, in Operational
   Time last_exchange_ = never;   // by the sync manager's event, since measuring began
   Time shortest_cycle_ = never;
 

@@ -149,12 +149,21 @@ void Slave::count(std::uint16_t index, std::uint8_t counter) {
   set_sync_parameter(index, counter, dictionary_.number(index, counter) + 1);
 }
 
-// An event of the sync manager that times the exchange. Events closer than 1C32h:05 do not leave the application the
-// time it needs: 1C32h:0C (1C33h:0C where there are no outputs) counts them, in Operational.
-void Slave::sync_manager_event(std::uint16_t index, Time now) {
+// An event of the sync manager that times the exchange, or several that were put off. Events closer than 1C32h:05 do
+// not leave the application the time it needs: 1C32h:0C (1C33h:0C where there are no outputs) counts them, in
+// Operational, and where process data are sampled those that follow are dealt with in the control loop.
+void Slave::exchange_event(std::uint16_t index, Time now) {
+  const Time events = std::max(1U, esc_.sync_manager(2).unread) * profile_.least_cycle;
   const Time before = std::exchange(last_event_, state_ == AlState::operational ? now : never);
-  if (before != never && now - before < profile_.least_cycle) count(index, sync_parameter::cycle_too_short);
-  if (measures_cycle_) measure_cycle(now);
+  const bool too_short = before != never && now - before < events;
+  if (sync_type_ == SyncType::sync_manager) {
+    if (too_short) count(index, sync_parameter::cycle_too_short);
+    if (measures_cycle_) measure_cycle(now);
+  }
+  exchange(now);
+  if (sampling_cycle_ == Time{0} || !too_short) return;
+  overrun_ = true;
+  esc_.put_off(process_data_events);
 }
 
 // The shortest time between two events of the sync manager becomes the cycle time.
@@ -177,8 +186,7 @@ void Slave::outputs_arrived(Time now) {
     if (state_ == AlState::operational && inputs_at_ != never) count(input_parameter, sync_parameter::shift_too_short);
     return;
   }
-  if (sync_type_ == SyncType::sync_manager) sync_manager_event(output_parameter, now);
-  exchange(now);
+  exchange_event(output_parameter, now);
 }
 
 void Slave::sync0_arrived(Time now) {
@@ -226,10 +234,6 @@ bool Slave::stays_with_sync_errors() const {
 void Slave::show_sync_error(bool error) {
   sync_error_ = error;
   set_sync_parameter(sync_parameter::sync_error, error ? 1 : 0);
-}
-
-void Slave::process_image_updated() {
-  if (inputs_run() && sync_type_ == SyncType::free_run) give_inputs();
 }
 
 }  // namespace servodrome::ethercat

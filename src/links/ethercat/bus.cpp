@@ -44,11 +44,18 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
   return passage;
 }
 
-void EthercatBus::settle(Time at) {
+Time EthercatBus::settle(Time at) {
+  Time until = never;
   for (const ethercat::Segment::Slave& slave : slaves_) {
-    if (!slave.esc->calls(at) || !slave.powered) continue;
-    stations_[static_cast<std::size_t>(&slave - slaves_.data())]->frame_passed(at);
+    if (!slave.powered) continue;
+    if (slave.esc->calls(at)) {
+      const auto position = static_cast<std::size_t>(&slave - slaves_.data());
+      until = std::min(until, stations_[position]->frame_passed(at));
+    } else if (slave.esc->quiet_until() == ethercat::Esc::unknown) {
+      until = ethercat::Esc::unknown;
+    }
   }
+  return until;
 }
 
 void EthercatBus::count(const ethercat::Segment::Passage& passage) {

@@ -20,7 +20,8 @@ class EthercatStation {
   // The controller that frames pass; the same as long as the station is attached.
   virtual ethercat::Esc& esc() = 0;
   // A frame passed that left something to do (Esc::calls). Called once per frame at most, with the frame's time.
-  virtual void frame_passed(Time at) = 0;
+  // Returns until when the station may be left alone with time, if no other frame comes.
+  virtual Time frame_passed(Time at) = 0;
 };
 
 // What is between a station and the one before it, or the master: cable, PHYs, the way through the controller.
@@ -84,9 +85,10 @@ class EthercatBus {
     return passage;
   }
   // The two halves of exchange(), for a link that sends the frame back in between. settle() comes before the next
-  // frame.
+  // frame. It returns until when the stations in which something changed may be left alone with time: `never` where
+  // nothing did, Esc::unknown where a register was written.
   Passage pass(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation);
-  void settle(Time at);
+  Time settle(Time at);
 
   // Off: no link to its neighbours. On: its controller starts anew.
   void set_powered(std::size_t position, bool powered, Time now) { segment_.set_powered(position, powered, now); }

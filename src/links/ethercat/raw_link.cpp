@@ -68,7 +68,7 @@ std::size_t RawLink::serve(Side& side) {
   for (int round = 0; round < most_rounds; ++round) {
     std::span<std::uint8_t> frame = side.socket->frame(0);
     if (frame.empty()) break;
-    const Time at = host_.catch_up();
+    const Time at = host_.frame_time();
     std::size_t count = 0;
     for (;;) {
       const auto passage = bus_.pass(frame, at, side.port, EthercatBus::Encapsulation::ethernet);
@@ -84,10 +84,10 @@ std::size_t RawLink::serve(Side& side) {
       ++count;
       frame = count == most_at_once ? std::span<std::uint8_t>() : side.socket->frame(count);
       if (frame.empty()) break;
-      bus_.settle(at);
+      host_.expect(bus_.settle(at));
     }
     for (const auto& exit : sides_) send(*exit);
-    bus_.settle(at);
+    host_.expect(bus_.settle(at));
     side.socket->release(count);
     counters_.dropped += side.socket->take_overruns();
     counters_.to_bus += count;
