@@ -104,7 +104,7 @@ unsigned Esc::process(Frame& frame, Time now) {
   const std::span<Datagram> datagrams = frame.datagrams();
   Datagram* at = datagrams.data();
   Datagram* const end = at + datagrams.size();
-  if (load_u16(&memory_[reg::ecat_event_mask]) == 0) {
+  if (!raises_events_) {
     while (at != end && execute_at_once(*at)) ++at;
     if (at == end) return effects_;
   }

@@ -20,7 +20,7 @@ namespace servodrome::ethercat {
 //
 // Register writes act where the datagram stands in the frame, not at its end. The processing unit takes the time of a
 // frame once, at its beginning.
-class Esc {
+class alignas(64) Esc {
  public:
   static constexpr std::size_t memory_size = 0x3000;
   static constexpr unsigned ports = 2;
@@ -73,6 +73,8 @@ class Esc {
   // Is there anything for the application to do at `now`? What it has put off wants it again when it is no longer known
   // that nothing is due.
   bool calls(Time now) const { return (attention_ & ~put_off_) != 0 || (attention_ != 0 && now >= quiet_until_); }
+  // Nor is anything due, by the clock: most often so, and quickly known.
+  bool quiet(Time now) const { return (attention_ & ~put_off_) == 0 && now < quiet_until_; }
   // Of these bits, nothing new or old wants the application before something is due or something else wants it; in
   // place of those it put off before.
   void put_off(std::uint32_t events) { put_off_ = events; }
@@ -223,8 +225,24 @@ class Esc {
   }
   void end_frame();
 
-  std::array<std::uint8_t, memory_size> memory_{};
-  std::array<SyncManager, sync_managers> sync_managers_{};
+  // What a frame of process data needs lies together: the caches are never warm when one comes.
+  Time now_{0};  // of the frame or poll at work
+  Time quiet_until_ = unknown;
+  std::uint32_t attention_ = 0;
+  std::uint32_t put_off_ = 0;  // by the application
+  std::uint32_t frames_ = 0;
+  unsigned effects_ = 0;
+  std::uint16_t ecat_events_ = 0;
+  bool raises_events_ = false;  // 0200h is not 0
+  bool frame_end_work_ = false;
+  std::array<bool, ports> link_{};
+  std::array<bool, ports> loop_closed_{true, true};
+  Fit fit_;
+  Watchdog process_data_watchdog_;
+  Reach reach_;
+  alignas(64) std::array<SyncManager, sync_managers> sync_managers_{};
+  alignas(64) std::array<std::uint8_t, memory_size> memory_{};
+
   std::array<Fmmu, fmmus> fmmus_{};
   std::array<Mapping, fmmus> reading_{};
   std::array<Mapping, fmmus> writing_{};
@@ -234,32 +252,19 @@ class Esc {
   bool whole_bytes_ = true;
   // There is one of each, and they are a whole three-buffer channel of few bytes: what most slaves are in operation.
   bool one_buffer_each_ = false;
-  Fit fit_;
-  Reach reach_;
 
   DistributedClock clock_;
   SiiInterface sii_;
-  Watchdog process_data_watchdog_;
   Watchdog pdi_watchdog_;
 
-  Time now_{0};  // of the frame or poll at work
-  std::uint32_t attention_ = 0;
-  std::uint32_t put_off_ = 0;  // by the application
-  Time quiet_until_ = unknown;
-  std::uint16_t ecat_events_ = 0;
-  unsigned effects_ = 0;
   bool al_control_pending_ = false;
-  bool sync_active_ = false;    // 0981h bit 0, as it was acted upon
-  bool latches_ports_ = false;  // the command at work, if it writes 0900h
-  bool frame_end_work_ = false;
+  bool sync_active_ = false;         // 0981h bit 0, as it was acted upon
+  bool latches_ports_ = false;       // the command at work, if it writes 0900h
   bool registers_unlocked_ = false;  // by 0020h in this frame
   bool memory_unlocked_ = false;     // by 0030h in this frame
   bool reset_pending_ = false;
   std::uint8_t reset_progress_ = 0;
   std::uint32_t reset_frame_ = 0;
-  std::uint32_t frames_ = 0;
-  std::array<bool, ports> link_{};
-  std::array<bool, ports> loop_closed_{true, true};
   std::uint8_t lasting_loops_ = 0;
   Time dl_control_until_ = never;
 };

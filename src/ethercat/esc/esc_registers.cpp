@@ -80,7 +80,7 @@ void Esc::power_on(Time now) {
   put_off(0);
   quiet_until_ = unknown;
   ecat_events_ = 0;
-  al_control_pending_ = sync_active_ = false;
+  al_control_pending_ = sync_active_ = raises_events_ = false;
   frame_end_work_ = registers_unlocked_ = memory_unlocked_ = reset_pending_ = false;
   reset_progress_ = lasting_loops_ = 0;
   dl_control_until_ = never;
@@ -303,6 +303,7 @@ void Esc::block_written(std::uint32_t block, std::uint32_t first, std::uint32_t 
       configure_ports();
       break;
     }
+    case reg::ecat_event_mask: raises_events_ = load_u16(&memory_[reg::ecat_event_mask]) != 0; break;
     case reg::al_control:
       if (!wrote(reg::al_control)) break;
       al_control_pending_ = true;

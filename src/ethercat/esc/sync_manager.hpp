@@ -9,7 +9,7 @@ namespace servodrome::ethercat {
 // 6.5). Knows where its area is and whose turn it is; the bytes are the controller's.
 //
 // The side that writes and the side that reads open a buffer at its first byte and close it at its last.
-struct SyncManager {
+struct alignas(32) SyncManager {  // so that those of the process data share a cache line
   enum class Mode : std::uint8_t { buffered, mailbox };
 
   // Registers 0800h..0807h + 8n.

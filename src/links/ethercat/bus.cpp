@@ -47,11 +47,11 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
 Time EthercatBus::settle(Time at) {
   Time until = never;
   for (const ethercat::Segment::Slave& slave : slaves_) {
-    if (!slave.powered) continue;
+    if (slave.esc->quiet(at) || !slave.powered) continue;
     if (slave.esc->calls(at)) {
       const auto position = static_cast<std::size_t>(&slave - slaves_.data());
       until = std::min(until, stations_[position]->frame_passed(at));
-    } else if (slave.esc->quiet_until() == ethercat::Esc::unknown) {
+    } else {
       until = ethercat::Esc::unknown;
     }
   }
