@@ -232,6 +232,7 @@ void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigi
     return any;
   };
   watch_.tick_every(Time{});  // it has its own eye on the clock
+  watch_.pause();             // and on the links
   while (vigil.worthwhile() && !stopped_) {
     if (!look()) {
       std::this_thread::yield();
@@ -240,10 +241,12 @@ void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigi
       if (!look() && vigil.over(present)) vigil.in_vain();  // with what came meanwhile
     }
     if (present < next_turn) continue;
-    take_turn(present);
+    serve_others(present);
+    for (links::EthercatLink* link : links) link->check();
     present = std::chrono::steady_clock::now();
     next_turn = present + (has_clients() ? attentive_between_turns : longest_between_turns);
   }
+  watch_.resume();
 }
 
 // The line is kept up with real time meanwhile, so that a frame finds no more than a tick left to be caught up with.
@@ -266,14 +269,10 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool 
     }
     if (present < next_turn) continue;
     next_turn = present + (alone ? attentive_between_turns : Time{looks_between});
-    take_turn(present);
+    serve_others(present);
+    if (!alone) watch_.wait(Time{});
+    for (links::EthercatLink* link : busy) link->check();
   }
-}
-
-// Everything that is neither a frame nor a tick: what Asio waits for, an interface that is gone.
-void LineServer::take_turn(RealPace::Moment present) {
-  serve_others(present);
-  watch_.wait(Time{});
 }
 
 // What Asio waits for.

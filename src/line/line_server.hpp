@@ -110,7 +110,6 @@ class LineServer final : private links::LineHost {
   void serve_frames();
   void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil, RealPace::Moment& next_turn);
   void serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone);
-  void take_turn(RealPace::Moment present);
   void serve_others(RealPace::Moment present);
   bool has_can_clients() const;
   bool has_clients() const;  // of any bus but EtherCAT

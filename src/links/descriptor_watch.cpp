@@ -34,11 +34,22 @@ DescriptorWatch::DescriptorWatch()
   watch(epoll_.get(), timer_.get(), EPOLLIN, nullptr);
 }
 
-void DescriptorWatch::add(int descriptor, Interest interest, Ready ready) {
+void DescriptorWatch::add(int descriptor, Ready ready) {
   auto entry = std::make_unique<Entry>(Entry{descriptor, std::move(ready)});
-  // Errors are always told.
-  watch(epoll_.get(), descriptor, interest == Interest::errors ? 0U : EPOLLIN, entry.get());
+  if (!paused_) hear(*entry);
   entries_.push_back(std::move(entry));
+}
+
+void DescriptorWatch::hear(Entry& entry) { watch(epoll_.get(), entry.descriptor, EPOLLIN, &entry); }
+
+void DescriptorWatch::pause() {
+  paused_ = true;
+  for (const auto& entry : entries_) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, entry->descriptor, nullptr);
+}
+
+void DescriptorWatch::resume() {
+  paused_ = false;
+  for (const auto& entry : entries_) hear(*entry);
 }
 
 void DescriptorWatch::remove(int descriptor) {

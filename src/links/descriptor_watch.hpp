@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -21,13 +20,14 @@ class DescriptorWatch {
   // Throws LinkError if the system has no more descriptors.
   DescriptorWatch();
 
-  enum class Interest : std::uint8_t { input_and_errors, errors };
-
-  // `ready` is called by wait() as long as the descriptor is readable (if that is of interest), or has an error. Throws
-  // LinkError.
-  void add(int descriptor, Interest interest, Ready ready);
+  // `ready` is called by wait() as long as the descriptor is readable or has an error. Throws LinkError.
+  void add(int descriptor, Ready ready);
   void remove(int descriptor);
   bool empty() const { return entries_.empty(); }
+  // Paused, it hears of no descriptor, and a frame that arrives does not pay for telling: for those who look
+  // themselves. What is ready then is told after resume(), which throws LinkError.
+  void pause();
+  void resume();
 
   // From now on wait() returns true once in each `period`, until 0 ends that.
   void tick_every(Time period);
@@ -40,12 +40,14 @@ class DescriptorWatch {
     int descriptor;
     Ready ready;
   };
+  void hear(Entry& entry);
 
   FileDescriptor epoll_;
   FileDescriptor timer_;
   std::vector<std::unique_ptr<Entry>> entries_;
   std::vector<std::unique_ptr<Entry>> removed_;  // while wait() may still come across them
   bool waiting_ = false;
+  bool paused_ = false;
 };
 
 }  // namespace servodrome::links

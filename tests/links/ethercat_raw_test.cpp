@@ -81,6 +81,7 @@ struct EthercatRaw : testing::Test {
     while (!condition()) {
       if (std::chrono::steady_clock::now() > give_up) return false;
       rig.watch.wait(5ms);
+      if (link && link->busy()) link->check();  // as who polls does
       rig.io.restart();
       rig.io.poll();
     }

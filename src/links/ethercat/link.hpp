@@ -24,6 +24,8 @@ class EthercatLink {
   virtual bool busy() const = 0;
   // Serves the frames that are there; false: there were none.
   virtual bool poll() = 0;
+  // For who polls: sees to everything else, such as an interface that is gone.
+  virtual void check() {}
 };
 
 // Opens the link a name asks for, served by `io` (udp:), `watch` (raw:) or, if busy, by who polls. Throws LinkError.

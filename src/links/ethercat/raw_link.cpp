@@ -40,8 +40,10 @@ RawLink::~RawLink() {
 
 void RawLink::open(Side& side) {
   side.socket.emplace(side.interface, name());
-  const auto interest = name_.busy ? DescriptorWatch::Interest::errors : DescriptorWatch::Interest::input_and_errors;
-  watch_.add(side.socket->descriptor(), interest, [this, &side] { look(side); });
+  if (name_.busy) return;
+  watch_.add(side.socket->descriptor(), [this, &side] {
+    if (serve(side) == 0) check(side);
+  });
 }
 
 void RawLink::close(Side& side) {
@@ -49,9 +51,14 @@ void RawLink::close(Side& side) {
   side.socket.reset();
 }
 
-void RawLink::look(Side& side) {
-  if (serve(side) > 0) return;
+void RawLink::check(Side& side) {
   if (const int reason = side.socket->take_error(); reason != 0) lose(side, reason);
+}
+
+void RawLink::check() {
+  for (const auto& side : sides_) {
+    if (side->socket) check(*side);
+  }
 }
 
 bool RawLink::poll() {

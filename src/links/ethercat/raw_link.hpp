@@ -25,6 +25,7 @@ class RawLink final : public EthercatLink {
   const LinkCounters& counters() const override { return counters_; }
   bool busy() const override { return name_.busy; }
   bool poll() override;
+  void check() override;
 
  private:
   static constexpr std::size_t most_at_once = PacketSocket::most_frames;
@@ -43,7 +44,7 @@ class RawLink final : public EthercatLink {
   };
 
   void open(Side& side);
-  void look(Side& side);
+  void check(Side& side);
   void close(Side& side);
   std::size_t serve(Side& side);
   Side& side_of(EthercatBus::Exit exit);
