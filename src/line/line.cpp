@@ -44,6 +44,7 @@ Time Line::next_instant(Time latest) const {
   return std::max(instant, now_);
 }
 
+// When an axis or a bus next does something that shows, as far as it is known now.
 Time Line::next_appearance() const {
   Time next = next_bus_event();
   for (const auto& axis : axes_) next = std::min(next, axis->next_appearance(now_));
@@ -66,10 +67,12 @@ void Line::run_to_instant(Time instant) {
 }
 
 void Line::run_until(Time target) {
+  changed();  // by who calls, for all that is known
   while (now_ < target || next_bus_event() <= target) run_to_instant(next_instant(target));
 }
 
 void Line::step(Time latest) {
+  changed();
   run_to_instant(next_instant(std::min<Time>(latest, now_ + std::chrono::milliseconds(1))));
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <string_view>
@@ -68,6 +69,18 @@ class Line final : public links::VirtualClock {
   // before it is given the frame. A target in the past does nothing.
   void run_until(Time target) override;
 
+  // The same for who lets a frame of an EtherCAT segment pass at `target`: the line is left behind as long as nobody
+  // could tell, since many ticks at once cost less than one after the other, each with the drives' memory to be
+  // fetched. `now` then stays behind as well. What EthercatBus::settle returns belongs to expect(), and whoever does
+  // anything else to the line says so by changed(), or calls run_until before.
+  void keep_up(Time target) {
+    if (target < appears_at_) return;
+    run_until(target);
+    appears_at_ = next_appearance();
+  }
+  void expect(Time time) { appears_at_ = std::min(appears_at_, time); }
+  void changed() { appears_at_ = Time::min(); }
+
   Time now() const override { return now_; }
   // From now on; not from within Follower::reached. A follower changes nothing by being there.
   void add_follower(Follower& follower) { followers_.push_back(&follower); }
@@ -77,9 +90,6 @@ class Line final : public links::VirtualClock {
   void step(Time latest = links::never) override;
   // The next such instant, for pacing.
   Time next_bus_event() const;
-  // The earliest time at which anybody outside could see that time has passed: frames of EtherCAT segments before it
-  // may pass without, and change nothing but what EthercatBus::settle says.
-  Time next_appearance() const;
 
   const std::vector<std::unique_ptr<Axis>>& axes() const { return axes_; }
   const std::vector<std::unique_ptr<NamedBus>>& buses() const { return buses_; }
@@ -113,6 +123,7 @@ class Line final : public links::VirtualClock {
 
  private:
   Time next_instant(Time latest) const;
+  Time next_appearance() const;
   void run_to_instant(Time instant);
 
   ClockMode clock_mode_;
@@ -124,6 +135,7 @@ class Line final : public links::VirtualClock {
   std::vector<Follower*> followers_;
   std::int64_t tick_ = 0;  // up to which all axes have run
   Time now_{};
+  Time appears_at_ = Time::min();  // up to then nobody can tell that time passes; min: unknown
   Lag lag_;
   double speed_ = 0;
 };

@@ -145,7 +145,7 @@ void LineServer::run() {
 Time LineServer::now() { return real_ ? due(std::chrono::steady_clock::now()) : line_.now(); }
 
 void LineServer::wake() {
-  appears_at_ = unknown_;
+  line_.changed();
   if (!real_ || woken_) return;
   woken_ = true;
   boost::asio::post(io_, [this] {
@@ -164,21 +164,11 @@ Time LineServer::due(RealPace::Moment present) {
 Time LineServer::frame_time() {
   if (!real_) return line_.now();
   frame_at_ = due(looks_at_ ? *looks_at_ : std::chrono::steady_clock::now());
-  keep_up(frame_at_);
+  line_.keep_up(frame_at_);
   return frame_at_;
 }
 
-// The line is left behind as long as nobody sees it: many ticks at once cost less than one after the other, each with
-// the drives' memory to be fetched.
-void LineServer::keep_up(Time time) {
-  if (time < appears_at_) return;
-  line_.run_until(time);
-  appears_at_ = line_.next_appearance();
-}
-
-// Whoever calls may do something to the line afterwards.
 Time LineServer::catch_up() {
-  appears_at_ = unknown_;
   if (!real_) return line_.now();
   line_.run_until(due(std::chrono::steady_clock::now()));
   flush_logs_in_time();
@@ -278,10 +268,10 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool 
 // What Asio waits for.
 void LineServer::serve_others(RealPace::Moment present) {
   if (real_) {
-    keep_up(due(present));
+    line_.keep_up(due(present));
     flush_logs_in_time();
   }
-  if (io_.poll() > 0) appears_at_ = unknown_;
+  if (io_.poll() > 0) line_.changed();
 }
 
 namespace {

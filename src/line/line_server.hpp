@@ -78,12 +78,10 @@ class LineServer final : private links::LineHost {
   // links::LineHost
   Time now() override;
   Time frame_time() override;
-  void expect(Time time) override { appears_at_ = std::min(appears_at_, time); }
+  void expect(Time time) override { line_.expect(time); }
   void report(const std::string& message) override;
   void wake() override;
   Time epoch() const override { return epoch_; }
-
-  static constexpr Time unknown_ = Time::min();
 
   // A log of some bus: how to look after it, and how to end it.
   struct Log {
@@ -116,7 +114,6 @@ class LineServer final : private links::LineHost {
   bool has_master() const;   // of an EtherCAT segment
   void schedule();
   Time due(RealPace::Moment present);
-  void keep_up(Time time);
   Time catch_up();
   void flush_logs_in_time();
   void flush_logs();
@@ -142,7 +139,6 @@ class LineServer final : private links::LineHost {
   RealPace real_pace_;
   std::optional<RealPace::Moment> looks_at_;  // while somebody looks for frames who has just looked at the clock
   Time frame_at_{};                           // of the last frame that was answered as it was read
-  Time appears_at_ = unknown_;                // Line::next_appearance, with what frames brought forward
   Time nap_{};                                // how long it sleeps where nobody is there
   std::chrono::steady_clock::time_point next_flush_{};
   bool real_ = false;  // real time has begun
