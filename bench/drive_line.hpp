@@ -30,9 +30,13 @@ struct Cycle final : links::EthercatObserver {
     time = at;
     frames.emplace_back(bytes.begin(), bytes.end());
   }
-  void exchange(links::EthercatBus& bus, links::Time at) {
+  // As a line in real time lets them pass.
+  void exchange(line::Line& line, links::Time at) {
+    links::EthercatBus& bus = line.ethercat_buses().front()->bus;
+    line.keep_up(at);
     for (auto& frame : frames) {
-      bus.exchange(frame, at, links::EthercatBus::Port::primary, links::EthercatBus::Encapsulation::payload);
+      bus.pass(frame, at, links::EthercatBus::Port::primary, links::EthercatBus::Encapsulation::payload);
+      line.expect(bus.settle(at));
     }
   }
   std::vector<std::vector<std::uint8_t>> frames;

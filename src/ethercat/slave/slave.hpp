@@ -92,8 +92,7 @@ class Slave final : dictionary::Listener {
     std::uint8_t error_register;
     std::array<std::uint8_t, 5> data;
   };
-  static constexpr std::uint32_t process_data_events = reg::al_event::sync_manager0 << 2 | reg::al_event::sync_manager0
-                                                                                               << 3;
+  static constexpr std::uint32_t process_data_events = 3U * (reg::al_event::sync_manager0 << 2);  // of both channels
   // 1C32h sub-index 1.
   enum class SyncType : std::uint16_t { free_run = 0, sync_manager = 1, dc_sync0 = 2, dc_sync1 = 3 };
 
