@@ -6,9 +6,12 @@
 
 namespace servodrome::line::bench {
 
-// Taps that others have opened before have older values: those are not this client's.
+// Taps that others have opened before have older values: those are not this client's. One of an axis that has run ahead
+// begins later.
 Subscription::Subscription(std::uint32_t id, std::vector<std::shared_ptr<Samples>> taps)
-    : id_(id), taps_(std::move(taps)), next_tick_(taps_.front()->due()) {}
+    : id_(id), taps_(std::move(taps)), next_tick_(taps_.front()->due()) {
+  for (const auto& tap : taps_) next_tick_ = std::max(next_tick_, tap->due());
+}
 
 std::optional<std::string> Subscription::take(std::int64_t end) {
   const std::int64_t stride = this->stride();
