@@ -114,11 +114,17 @@ inline void Axis::poll_slave(Time until) {
   if (until >= ethercat_slave_->quiet_until()) poll_due_slave(until);
 }
 
-// A device that answers a poll with a deadline in the past is polled again one tick later.
+// When the device is to be polled next: one that answers a poll with a deadline in the past a tick later, not for ever.
+// What a frame brought forward to before itself is due with that frame, to which the axis may not have run yet.
+Time Axis::next_poll() const {
+  Time due = device_->next_deadline();
+  if (ethercat_slave_ != nullptr) due = std::max(due, device_->ethercat_controller()->now());
+  return due <= last_poll_ ? last_poll_ + tick_length : due;
+}
+
 void Axis::poll_due_slave(Time until) {
   while (until >= ethercat_slave_->quiet_until()) {
-    Time due = ethercat_slave_->next_deadline();
-    if (due <= last_poll_) due = last_poll_ + tick_length;
+    const Time due = next_poll();
     if (due > until) return;
     last_poll_ = due;
     device_->poll(due);
@@ -150,10 +156,7 @@ Time Axis::next_appearance(Time now) const {
   // Until two cycles were seen their distance is not known, and any tick may be one.
   const bool known = last_cycle_ != unknown && cycle_ticks_ != unknown;
   const std::int64_t cycle = known ? std::max(last_cycle_ + cycle_ticks_, tick_ + 1) : tick_ + 1;
-  // A device that answers a poll with a deadline in the past is polled again one tick later, not for ever.
-  Time deadline = device_->next_deadline();
-  if (deadline <= last_poll_) deadline = last_poll_ + tick_length;
-  return std::min(cycle * tick_length, std::max(deadline, now));
+  return std::min(cycle * tick_length, std::max(next_poll(), now));
 }
 
 // The line need not be up to the frame: what is not process data finds the axis as it is by then.

@@ -121,6 +121,7 @@ class Axis final : public links::Receiver {
 
   void run_ticks(std::int64_t tick);
   void take_samples();
+  Time next_poll() const;
   void poll_slave(Time until);
   void poll_due_slave(Time until);
   void poll_node(Time now);

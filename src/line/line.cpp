@@ -44,9 +44,9 @@ Time Line::next_instant(Time latest) const {
   return std::max(instant, now_);
 }
 
-// When an axis or a bus next does something that shows, as far as it is known now.
+// When an axis or a bus next does something that shows, as far as it is known now; soon enough where nothing ever does.
 Time Line::next_appearance() const {
-  Time next = next_bus_event();
+  Time next = std::min(next_bus_event(), now_ + most_behind);
   for (const auto& axis : axes_) next = std::min(next, axis->next_appearance(now_));
   for (const Follower* follower : followers_) next = std::min(next, follower->next_deadline());
   return next;

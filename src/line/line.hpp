@@ -122,6 +122,8 @@ class Line final : public links::VirtualClock {
   }
 
  private:
+  static constexpr Time most_behind = std::chrono::milliseconds(1);
+
   Time next_instant(Time latest) const;
   Time next_appearance() const;
   void run_to_instant(Time instant);

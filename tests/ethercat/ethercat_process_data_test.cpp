@@ -242,70 +242,93 @@ TEST_F(ProcessData, AreSampledInTheCycleOfTheApplication) {
   EXPECT_EQ(objects.target_position, 8);
 }
 
-// Closer than 1C32h:05 they are left to the control loop, until they no longer are.
-TEST_F(ProcessData, ThatComeTooFastAreDealtWithInTheControlLoop) {
-  to_operational();
-  slave.sample_process_data_every(50us);
-  run(50us - line.now % 50us);
-  run(1ms);
-  const unsigned before = events.cycles;
-  const auto outputs = [](std::int32_t target) {
-    Bytes bytes(7);
-    store(bytes.data() + 3, target);
-    return bytes;
-  };
-  const auto send_and_wait = [this, outputs](std::int32_t target) {
-    line.send(Command::lwr, 0x1000, outputs(target));
-    if (slave.wants_poll(line.now)) slave.poll(line.now);
-    run(50us);
-  };
-  send_and_wait(1);
-  EXPECT_EQ(events.cycles, before + 1);
-  send_and_wait(2);  // 50 us behind it
-  EXPECT_EQ(events.cycles, before + 2);
-  EXPECT_EQ(objects.target_position, 2);
-  for (int target = 3; target < 10; ++target) {
-    line.send(Command::lwr, 0x1000, outputs(target));
-    EXPECT_FALSE(slave.wants_poll(line.now));
-    run(50us);
+// Closer than 1C32h:05 they wait for the next control loop, until they no longer are.
+class TooFast : public SlaveRig {
+ protected:
+  void SetUp() override {
+    to_operational();
+    slave.sample_process_data_every(50us);
+    run(50us - line.now % 50us);
   }
-  EXPECT_EQ(events.cycles, before + 2);
-  slave.process_image_updated(line.now);
+  void learn_loop() {
+    slave.process_image_updated(line.now);
+    run(400us);
+    loop();
+  }
+  void loop() {
+    slave.process_image_updated(line.now);
+    begin = line.now;
+  }
+  void to(Time since_loop) { run(begin + since_loop - line.now); }
+  void send_target(std::int32_t target) {
+    Bytes outputs(7);
+    store(outputs.data() + 3, target);
+    line.send(Command::lwr, 0x1000, outputs);
+    if (slave.wants_poll(line.now)) slave.poll(line.now);
+  }
+  std::int32_t input() { return load<std::int32_t>(&line.send(Command::lrd, 0x1100, Bytes(7)).data[3]); }
+
+  Time begin{};
+};
+
+TEST_F(TooFast, ProcessDataAreDealtWithJustBeforeTheControlLoop) {
+  learn_loop();
+  const unsigned before = events.cycles;
+  send_target(1);
+  to(50us);
+  EXPECT_EQ(events.cycles, before + 1);
+  send_target(2);
+  to(100us);
+  EXPECT_EQ(objects.target_position, 2);
+  for (int target = 3; target < 9; ++target) {
+    send_target(target);
+    EXPECT_FALSE(slave.wants_poll(line.now));
+    run(49us);
+    EXPECT_EQ(objects.target_position, 2);
+    run(1us);
+  }
+  EXPECT_EQ(objects.target_position, 8);  // 400 us
   EXPECT_EQ(events.cycles, before + 3);
-  EXPECT_EQ(objects.target_position, 9);
-  // Any register may bring something forward, a message does: the one does not end it, with the other they are taken.
-  send_and_wait(10);
-  line.put(0, reg::station_address, std::uint16_t{1});
-  slave.poll(line.now);
-  EXPECT_EQ(objects.target_position, 9);
-  EXPECT_EQ(upload(0x607A, 0), (Bytes{10, 0, 0, 0}));
+  objects.position_actual = 77;
+  loop();
+  EXPECT_EQ(input(), 77);
+  // A message does not wait, and they with it.
+  send_target(9);
+  to(100us);
+  EXPECT_EQ(objects.target_position, 8);
+  EXPECT_EQ(upload(0x607A, 0), (Bytes{9, 0, 0, 0}));
   EXPECT_EQ(events.cycles, before + 4);
-  send_and_wait(11);
+  // Nothing comes for a loop: it is over.
+  to(400us);
+  loop();
+  to(100us);
+  send_target(10);
+  to(150us);
   EXPECT_EQ(objects.target_position, 10);
-  run(250us);
-  send_and_wait(12);
-  slave.process_image_updated(line.now);  // two in 350 us
-  EXPECT_EQ(objects.target_position, 12);
-  run(100us);
-  send_and_wait(13);
-  EXPECT_EQ(objects.target_position, 13);
-  EXPECT_EQ(events.cycles, before + 6);
+  EXPECT_EQ(events.cycles, before + 5);
 }
 
-TEST_F(ProcessData, TheControlLoopThatNothingCameForEndsTheOverrun) {
-  to_operational();
-  slave.sample_process_data_every(50us);
-  run(1ms);
-  for (int target = 1; target < 4; ++target) cycle(target), run(50us);
-  EXPECT_EQ(objects.target_position, 2);
-  slave.process_image_updated(line.now);
-  EXPECT_EQ(objects.target_position, 3);
-  objects.position_actual = 77;
-  slave.process_image_updated(line.now);
-  EXPECT_EQ(line.send(Command::lrd, 0x1100, Bytes(7)).data[3], 77);  // free run goes on
-  cycle(4);
-  run(50us);
-  EXPECT_EQ(objects.target_position, 4);
+TEST_F(TooFast, ThreeInAControlLoopOfThreeAreNot) {
+  learn_loop();
+  const unsigned before = events.cycles;
+  for (int i = 0; i < 12; ++i) {  // each 150 us
+    send_target(i);
+    run(50us);
+    EXPECT_EQ(objects.target_position, i);
+    run(100us);
+    if (i % 8 == 7) loop();
+  }
+  EXPECT_EQ(events.cycles, before + 12);
+}
+
+TEST_F(TooFast, WithoutAControlLoopThatIsKnownTheyAreSampledAsEver) {
+  const unsigned before = events.cycles;
+  for (int target = 1; target < 10; ++target) {
+    send_target(target);
+    run(50us);
+    EXPECT_EQ(objects.target_position, target);
+  }
+  EXPECT_EQ(events.cycles, before + 9);
 }
 
 TEST_F(ProcessData, ThatAreSampledDoNotDelayTheWatchdog) {

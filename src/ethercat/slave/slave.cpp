@@ -36,7 +36,8 @@ void Slave::start(Time now) {
   error_ = identifies_ = false;
   code_ = AlStatusCode::none;
   operational_until_ = outputs_at_ = inputs_at_ = shifted_at_ = sampled_at_ = never;
-  measures_cycle_ = overrun_ = false;
+  measures_cycle_ = false;
+  loop_at_ = never;
   reset_mailbox();
   esc_.settle(~0U);
   esc_.put_off(0);
@@ -53,6 +54,7 @@ void Slave::start(Time now) {
 void Slave::poll(Time now) {
   if (puts_off(now)) return;
   sampled_at_ = never;
+  overrun_ = false;
   esc_.put_off(0);
   esc_.set_quiet_until(Esc::unknown);
   esc_.poll(now);
@@ -83,19 +85,16 @@ bool Slave::puts_off(Time now) {
   if (sampling_cycle_ == Time{0}) return false;
   const std::uint32_t events = esc_.attention();
   if (events == 0 || (events & ~process_data_events) != 0) return false;
-  if (sampled_at_ == never && !overrun_) sampled_at_ = (now / sampling_cycle_ + 1) * sampling_cycle_;
-  if (now >= sampled_at_ || now >= next_deadline(now)) return false;
+  if (sampled_at_ == never) sampled_at_ = (now / sampling_cycle_ + 1) * sampling_cycle_;
+  if (now >= sampled_at_ || now >= next_deadline()) return false;
   esc_.put_off(overrun_ ? process_data_events : events);
   return true;
 }
 
 void Slave::process_image_updated(Time now) {
-  if (overrun_) {
-    sampled_at_ = now;
-    overrun_ = false;
-    poll(now);
-  }
-  if (!overrun_ && inputs_run() && sync_type_ == SyncType::free_run) give_inputs();  // else it has just done so
+  loop_ = loop_at_ == never ? Time{0} : now - loop_at_;
+  loop_at_ = now;
+  if (inputs_run() && (overrun_ || sync_type_ == SyncType::free_run)) give_inputs();
 }
 
 void Slave::emergency(std::uint16_t error_code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data) {

@@ -62,9 +62,9 @@ class Slave final : dictionary::Listener {
   Time quiet_until() const { return esc_.quiet_until(); }
 
   // Process data are dealt with at the next multiple of `cycle`, as by an application that looks for them in its
-  // control loop, instead of when their frame has passed, and with `process_image_updated` as long as they come closer
-  // than 1C32h:05; 0 goes back to that. Only frames closer than `cycle` see a difference, and cost less. Everything
-  // else is dealt with at once, and the process data before it with it.
+  // inputs, instead of when their frame has passed, and as long as they come closer than 1C32h:05 just before each
+  // control loop; 0 goes back to that. Only frames closer than `cycle` see a difference, and cost less. Everything else
+  // is dealt with at once, and the process data before it with it.
   void sample_process_data_every(Time cycle) {
     sampling_cycle_ = cycle;
     esc_.set_quiet_until(Esc::unknown);
@@ -72,8 +72,8 @@ class Slave final : dictionary::Listener {
   // Nothing but process data has come that wait to be sampled, and nothing is due: `poll` would do nothing.
   bool puts_off(Time now);
 
-  // The control loop has been through and the objects have new values: they go into the inputs in free run, where no
-  // signal of the bus asks for them.
+  // A control loop has been through, the next takes as long, and the objects have new values: they go into the inputs
+  // in free run, where no signal of the bus asks for them.
   void process_image_updated(Time now);
 
   AlState state() const { return state_; }
@@ -118,7 +118,6 @@ class Slave final : dictionary::Listener {
   void start_exchange();
   void outputs_arrived(Time now);
   void sync0_arrived(Time now);
-  void exchange(Time now);
   void exchange_shifted(Time now);
   void exchange_event(std::uint16_t index, Time now);
   void measure_cycle(Time now);
@@ -180,7 +179,9 @@ class Slave final : dictionary::Listener {
 
   Time sampling_cycle_{0};
   Time sampled_at_ = never;  // when process data that have come are dealt with
-  bool overrun_ = false;     // they come too fast for that
+  bool overrun_ = false;     // they come too fast for that: before the next control loop
+  Time loop_at_ = never;     // the last control loop
+  Time loop_{0};             // from one to the next; 0: not known yet
 
   bool sync_error_ = false;      // 1C32h:20
   bool measures_cycle_ = false;  // 1C32h:08

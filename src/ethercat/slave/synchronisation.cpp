@@ -88,7 +88,7 @@ void Slave::forget_synchronisation() {
 }
 
 void Slave::start_exchange() {
-  outputs_seen_ = sync_seen_ = outputs_fresh_ = false;
+  outputs_seen_ = sync_seen_ = outputs_fresh_ = overrun_ = false;
   missed_ = 0;
   outputs_at_ = inputs_at_ = shifted_at_ = last_exchange_ = last_event_ = never;
   set_sync_parameter(sync_parameter::events_missed, 0);
@@ -110,12 +110,6 @@ void Slave::give_inputs() {
   if (image.empty()) return;
   inputs_.read_objects(image);
   esc_.close_writing(3);
-}
-
-void Slave::exchange(Time now) {
-  take_outputs();
-  if (state_ == AlState::operational) events_.process_data(now);
-  give_inputs();
 }
 
 // What 1C32h:03 and 1C33h:03 put off until some time after SYNC0.
@@ -151,7 +145,8 @@ void Slave::count(std::uint16_t index, std::uint8_t counter) {
 
 // An event of the sync manager that times the exchange, or several that were put off. Events closer than 1C32h:05 do
 // not leave the application the time it needs: 1C32h:0C (1C33h:0C where there are no outputs) counts them, in
-// Operational, and where process data are sampled those that follow are dealt with in the control loop.
+// Operational. Where process data are sampled, those that follow are dealt with just before the next control loop, and
+// its inputs come after it.
 void Slave::exchange_event(std::uint16_t index, Time now) {
   const Time events = std::max(1U, esc_.sync_manager(2).unread) * profile_.least_cycle;
   const Time before = std::exchange(last_event_, state_ == AlState::operational ? now : never);
@@ -160,10 +155,15 @@ void Slave::exchange_event(std::uint16_t index, Time now) {
     if (too_short) count(index, sync_parameter::cycle_too_short);
     if (measures_cycle_) measure_cycle(now);
   }
-  exchange(now);
-  if (sampling_cycle_ == Time{0} || !too_short) return;
-  overrun_ = true;
-  esc_.put_off(process_data_events);
+  take_outputs();
+  if (state_ == AlState::operational) events_.process_data(now);
+  overrun_ = too_short && sampling_cycle_ != Time{0} && loop_at_ != never && loop_ != Time{0};
+  if (overrun_) {
+    sampled_at_ = loop_at_ + ((now - loop_at_) / loop_ + 1) * loop_;
+    esc_.put_off(process_data_events);
+  } else {
+    give_inputs();
+  }
 }
 
 // The shortest time between two events of the sync manager becomes the cycle time.
