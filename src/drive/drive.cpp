@@ -398,6 +398,11 @@ std::uint32_t Drive::status_sources() const {
     bits &= static_cast<std::uint16_t>(~statusword::target_reached);
     const bool shows = !cyclic || policy_.cyclic_modes_show_reached;
     if (shows && stop_finished() && !limit_stop_) bits |= statusword::target_reached;
+  } else if (stage_ != Stage::on) {  // the brake opens or closes, the mode does not run
+    bits &= static_cast<std::uint16_t>(~statusword::target_reached);
+    if (is_cyclic_synchronous(mode_) || mode_ == Mode::interpolated_position) {
+      bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);
+    }
   }
   show(StatusSource::target_reached, (bits & statusword::target_reached) != 0);
   show(StatusSource::mode_bit_12, (bits & statusword::mode_bit_12) != 0);

@@ -67,5 +67,32 @@ TEST(CoastingBrake, OpensAgainWithPower) {
   EXPECT_EQ(rig.run_until([&rig] { return !rig.actuation.brake_released; }, 300), -1);
 }
 
+// While the brake opens the drive holds its position: the statusword says neither that a cyclic mode follows nor that a
+// target is reached, in any mode.
+TEST(OpeningBrake, NothingIsFollowedOrReachedMeanwhile) {
+  constexpr int delay_ms = 80;
+  for (const int mode : {1, 2, 3, 4, 6, 7, 8, 9, 10}) {
+    test::Rig<products::Generic402> rig;
+    rig.set(0x2020, 1, delay_ms);
+    rig.set(0x6060, 0, mode);
+    rig.run_ms(1);
+    rig.control(0x06);
+    rig.run_ms(1);
+    rig.control(0x07);
+    rig.run_ms(200);
+    rig.control(mode == 7 ? 0x1F : 0x0F);
+    const bool follows = mode >= 7;  // bit 12 is "drive follows" or "interpolation is active"
+    for (int ms = 1; ms < delay_ms - 1; ++ms) {
+      rig.run_ms(1);
+      EXPECT_EQ(rig.status() & (follows ? 0x1400 : 0x0400), 0) << "mode " << mode << ", " << ms;
+      EXPECT_FALSE(rig.device.drive().in_motion());
+    }
+    rig.run_ms(4);
+    if (follows) {
+      EXPECT_NE(rig.status() & 0x1000, 0) << "mode " << mode;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace servodrome

@@ -70,6 +70,73 @@ TEST(JmcBrake, CommandsWaitForItsDelay) {
   }
 }
 
+// P01-30 counts from the command that opens the brake: what has passed of it in Switched on is over.
+TEST(JmcBrake, DelayCountsFromSwitchedOn) {
+  for (const int dwell_ms : {0, 40, 90, 300}) {
+    BrakeRig rig;
+    rig.set(0x60FF, 0, 40000);
+    rig.control(0x07);
+    rig.run_ms(dwell_ms);
+    rig.control(0x0F);
+    EXPECT_NEAR(rig.ms_until([&] { return rig.device.drive().in_motion(); }), std::max(0, 100 - dwell_ms), 2.0)
+        << dwell_ms;
+  }
+}
+
+// Bit 12 is there in those cycles in which the drive follows 607Ah, and in no other; bit 10 not before.
+TEST(JmcBrake, StatuswordSaysFromWhenTargetsAreFollowed) {
+  for (const int dwell_ms : {0, 40}) {
+    BrakeRig rig;
+    rig.set(0x6060, 0, 8);
+    rig.set(0x60C2, 1, 1);
+    rig.set(0x60C2, 2, -3);
+    rig.set(0x607A, 0, rig.get(0x6064));
+    rig.control(0x07);
+    rig.run_ms(dwell_ms);
+    rig.control(0x0F);
+    const std::int64_t start = rig.get(0x6064);
+    int followed_from = -1;
+    for (int ms = 0; ms < 200; ++ms) {
+      const bool follows = (rig.status() & 0x1000) != 0;
+      if (follows && followed_from < 0) followed_from = ms;
+      if (followed_from >= 0) {
+        EXPECT_TRUE(follows) << "lost at " << ms;
+        rig.set(0x607A, 0, start + 2 * (ms - followed_from + 1));  // a master that goes by bit 12 loses nothing
+      } else {
+        EXPECT_EQ(rig.status() & 0x0400, 0) << "target reached at " << ms;
+        EXPECT_FALSE(rig.device.drive().in_motion()) << ms;
+      }
+      rig.run_ms(1);
+    }
+    EXPECT_NEAR(followed_from, 100 - dwell_ms, 2);
+    const drive::Axis& axis = rig.device.drive().axis();
+    EXPECT_NEAR(static_cast<double>(axis.units.to_user(axis.generator.nearest_position()) - start),
+                2.0 * (200 - followed_from), 4.0);
+  }
+}
+
+// Enabled again while the brake closes: it has to open anew, and the delay counts anew. While it closes nothing is
+// followed either.
+TEST(JmcBrake, DelayCountsAnewWhenEnabledWhileItCloses) {
+  BrakeRig rig;
+  rig.set(0x6060, 0, 8);
+  rig.set(0x605C, 0, 0);
+  rig.control(0x07);
+  rig.run_ms(150);
+  rig.control(0x0F);
+  rig.run_ms(5);
+  EXPECT_NE(rig.status() & 0x1000, 0);
+  rig.control(0x06);
+  for (int ms = 0; ms < 30; ++ms) {
+    rig.run_ms(1);
+    EXPECT_EQ(rig.status() & 0x1000, 0) << ms;
+  }
+  EXPECT_FALSE(rig.actuation.brake_released);
+  rig.control(0x0F);
+  EXPECT_NEAR(rig.ms_until([&] { return (rig.status() & 0x1000) != 0; }), 100.0, 2.0);
+  EXPECT_EQ(rig.status() & 0x6F, 0x27);
+}
+
 // At rest: the brake closes first, the motor goes off P01-30 later.
 TEST(JmcBrake, ClosesBeforePowerOffAtRest) {
   for (const int delay_ms : {50, 200}) {
