@@ -70,7 +70,8 @@ LineServer::LineServer(const LineSettings& settings)
   }
   if (settings.api.enabled) {
     scope_ = std::make_unique<bench::LineScope>(line_);
-    web_sockets_ = std::make_unique<bench::WebSockets>(scope_->scope());
+    web_sockets_ = std::make_unique<bench::WebSockets>(
+        scope_->scope(), [this](const std::exception& error) { http_->count_failure(error); });
     more_routes_.push_back({bench::recording_routes(), &scope_->scope()});
     bench::HttpHandlers handlers;
     handlers.answer = [this](bench::Request&& request, const bench::HttpHandlers::Reply& reply) {
@@ -82,6 +83,7 @@ LineServer::LineServer(const LineSettings& settings)
       web_sockets_->accept(std::move(upgrade));
       if (!attending_) attend();
     };
+    handlers.report = [this](const std::string& message) { report(message); };
     http_ =
         std::make_unique<bench::HttpServer>(io_, settings.api.address, settings.api.port, access_, std::move(handlers));
   }
@@ -335,7 +337,7 @@ void LineServer::carry_out(std::shared_ptr<bench::Response> response, const benc
     });
     return;
   }
-  if (response->piece(*response)) response->piece = {};
+  bench::carry_out_piece(*response);
   flush_logs();
   boost::asio::post(io_, [this, response, reply] { carry_out(response, reply); });
 }

@@ -73,6 +73,8 @@ class LineServer final : private links::LineHost {
   // The port of the bench API, 0 without one.
   std::uint16_t api_port() const { return http_ ? http_->port() : std::uint16_t{0}; }
   const std::string& token() const { return access_.token; }
+  // Connections of the bench API that an exception ended.
+  std::uint64_t failed_connections() const { return http_ ? http_->failures() : 0; }
 
  private:
   // links::LineHost

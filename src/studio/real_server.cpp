@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <fmt/format.h>
 #include <system_error>
 
 #include "line/bench/api.hpp"
@@ -35,7 +36,7 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
       access_{line::bench::make_token()},
       page_(settings.page),
       scope_(drives),
-      web_sockets_(scope_),
+      web_sockets_(scope_, [this](const std::exception& error) { http_->count_failure(error); }),
       jobs_(drives),
       recording_export_([this](std::uint32_t id) { return scope_.recordings().find(id); },
                         [&drives] { return drives.wall_epoch(); }),
@@ -56,6 +57,7 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
   handlers.upgrade_address = line::bench::WebSockets::address;
   handlers.refuse_upgrade = [this] { return web_sockets_.refuse(); };
   handlers.upgrade = [this](line::bench::Upgrade&& upgrade) { web_sockets_.accept(std::move(upgrade)); };
+  handlers.report = [](const std::string& message) { fmt::print(stderr, "servodrome: {}\n", message); };
   http_ = std::make_unique<line::bench::HttpServer>(io_, settings.address, settings.port, access_, std::move(handlers));
 }
 

@@ -75,7 +75,11 @@ class Page {
 
 class Running {
  public:
-  explicit Running(const std::string& page = {}) : server_(settings(page)), thread_([this] { server_.run(); }) {}
+  explicit Running(const std::string& page = {}, const std::vector<bench::RouteGroup>& more = {})
+      : server_(settings(page)) {
+    for (const bench::RouteGroup& group : more) server_.add_routes(group);
+    thread_ = std::thread([this] { server_.run(); });
+  }
   ~Running() {
     boost::asio::post(server_.io(), [this] { server_.stop(); });
     thread_.join();
@@ -245,6 +249,55 @@ TEST(BenchHttp, AbuseIsAnsweredAndEndsNothing) {
   EXPECT_EQ(status("GET /" + std::string(3000, 'x') + " HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"), 414U);
   EXPECT_EQ(status("\x16\x03\x01\x02 this is TLS\r\n\r\n"), 400U);
   EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/version").result_int(), 200U);
+}
+
+// Beast throws for a field of more than 64 KiB, which a trailer may have: the limit of headers does not count it.
+TEST(BenchHttp, ATrailerOfAnyLengthEndsNothing) {
+  Running running;
+  const std::string chunked =
+      "POST /api/v1/clock/advance HTTP/1.1\r\nHost: x.org\r\nTransfer-Encoding: chunked\r\n\r\n";
+  const std::string much(70'000, 'x');
+  for (const std::string& body :
+       {"0\r\nX: " + much + "\r\n\r\n", "0\r\n" + much + ": x\r\n\r\n", "0;a=" + much + "\r\n\r\n",
+        "1;a=\"" + much + "\"\r\nz\r\n0\r\n\r\n", std::string("0\r\nX: y\r\n\r\n")}) {
+    const unsigned status = Client(running.port()).raw(chunked + body).result_int();
+    EXPECT_TRUE(status == 400 || status == 403 || status == 431) << status << " for " << body.substr(0, 10);
+    EXPECT_EQ(Client(running.port()).ask("GET", "/api/v1/version").result_int(), 200U);
+  }
+}
+
+// Whatever a handler throws, its request is refused or its connection ends; the server and the others go on.
+TEST(BenchHttp, AnExceptionEndsItsConnectionAndNothingElse) {
+  using bench::Call;
+  using bench::Json;
+  using bench::Method;
+  static constexpr std::array routes{
+      bench::Route{Method::get, "/api/v1/test/throws", [](Call&) -> Json { throw std::runtime_error("of a route"); }},
+      bench::Route{Method::get, "/api/v1/test/piece",
+                   [](Call& call) -> Json {
+                     call.piece = []() -> Json { throw std::runtime_error("of a piece"); };
+                     return nullptr;
+                   }},
+      bench::Route{Method::get, "/api/v1/test/more",
+                   [](Call& call) -> Json {
+                     call.content = bench::Content{
+                         "text/csv", "begin", []() -> std::string { throw std::runtime_error("of what follows"); }};
+                     return nullptr;
+                   }},
+  };
+  Running running({}, {{routes}});
+  Client other(running.port());
+  EXPECT_EQ(other.ask("GET", "/api/v1/version").result_int(), 200U);
+  for (const char* target : {"/api/v1/test/throws", "/api/v1/test/piece"}) {
+    const auto answer = Client(running.port()).ask("GET", target);
+    EXPECT_EQ(answer.result_int(), 500U) << target;
+    EXPECT_THAT(answer.body(), HasSubstr("of a")) << target;
+  }
+  EXPECT_EQ(running.server().failed_connections(), 0U);
+  Client cut(running.port());
+  EXPECT_THROW(cut.ask("GET", "/api/v1/test/more"), boost::system::system_error) << "the answer is cut short";
+  EXPECT_EQ(other.ask("GET", "/api/v1/version").result_int(), 200U);
+  EXPECT_EQ(running.server().failed_connections(), 1U);
 }
 
 TEST(BenchHttp, BracketsWithinBracketsAreRefused) {

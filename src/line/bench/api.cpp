@@ -88,6 +88,19 @@ void search(Search& search, const RouteGroup& group) {
   }
 }
 
+// A refusal is an answer; any other exception is a defect of ours, and must not end more than the request.
+template <typename Act>
+Response answered(Act act) {
+  try {
+    return act();
+  } catch (const ApiError& error) {
+    return error_response(error);
+  } catch (const std::exception& error) {
+    return error_response({500, fmt::format("the server has a defect: {}", error.what()), "server",
+                           "please report it with this request"});
+  }
+}
+
 Response dispatch(Line& line, const Request& request, std::span<const RouteGroup> groups) {
   const std::string_view target = request.target;
   const std::size_t end = std::min(target.find('?'), target.size());
@@ -149,18 +162,21 @@ Response begin(Line& line, const Request& request, std::span<const RouteGroup> m
 }
 
 Response begin_in(Line& line, const Request& request, std::span<const RouteGroup> groups) {
-  try {
-    return dispatch(line, request, groups);
-  } catch (const ApiError& error) {
-    return error_response(error);
-  }
+  return answered([&] { return dispatch(line, request, groups); });
+}
+
+void carry_out_piece(Response& response) {
+  Response::Piece piece = std::exchange(response.piece, {});
+  response = answered([&] {
+    Response next = std::move(response);
+    if (!piece(next)) next.piece = std::move(piece);
+    return next;
+  });
 }
 
 Response handle(Line& line, const Request& request, std::span<const RouteGroup> more) {
   Response response = begin(line, request, more);
-  for (const Response::Piece piece = std::move(response.piece); piece && !piece(response);) {
-  }
-  response.piece = {};
+  while (response.piece) carry_out_piece(response);
   return response;
 }
 

@@ -1,5 +1,6 @@
 #include "line/bench/http_connection.hpp"
 
+#include <algorithm>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
@@ -100,42 +101,94 @@ HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket)
   stream_.socket().set_option(tcp::no_delay(true), ignored);
 }
 
+template <typename Handler>
+auto HttpConnection::guarded(Handler handler) {
+  return [self = shared_from_this(), handler = std::move(handler)](auto&&... results) {
+    HttpServer* const server = self->server_;
+    if (server == nullptr) return;
+    try {
+      handler(std::forward<decltype(results)>(results)...);
+    } catch (const std::exception& error) {
+      server->count_failure(error);
+      if (self->server_ != nullptr) self->close();
+    }
+  };
+}
+
 void HttpConnection::read() {
   dispensable_from_ = std::chrono::steady_clock::now();
   parser_.emplace();
   parser_->header_limit(largest_header);
   parser_->body_limit(largest_body);
   stream_.expires_after(idle_time);
-  http::async_read_header(stream_, buffer_, *parser_, [self = shared_from_this()](error_code code, std::size_t) {
-    if (code || self->server_ == nullptr || self->parser_->is_done()) {
-      self->has_read(code);
-    } else {
-      self->read_body();
+  parse();
+}
+
+// Beast's own read would parse where nothing of ours can catch what it throws.
+void HttpConnection::receive() {
+  constexpr std::size_t most_at_once = 16 * 1024;
+  const std::size_t room = std::min(most_at_once, buffer_.max_size() - buffer_.size());
+  if (room == 0) {
+    has_read(http::error::header_limit);
+    return;
+  }
+  stream_.async_read_some(buffer_.prepare(room), guarded([this](error_code code, std::size_t size) {
+                            buffer_.commit(size);
+                            if (code == boost::asio::error::eof) {
+                              code = parser_->got_some() ? http::error::partial_message : http::error::end_of_stream;
+                            }
+                            if (code) {
+                              has_read(code);
+                            } else {
+                              parse();
+                            }
+                          }));
+}
+
+// The header first, so that the body is not read before it is wanted.
+void HttpConnection::parse() {
+  while (!parser_->is_done()) {
+    const bool had_header = parser_->is_header_done();
+    error_code code = http::error::need_more;
+    if (buffer_.size() != 0) {
+      try {
+        buffer_.consume(parser_->put(buffer_.data(), code));
+      } catch (const std::length_error&) {  // a field of the trailer with more than 64 KiB
+        code = http::error::header_limit;
+      }
     }
-  });
+    if (code == http::error::need_more) {
+      receive();
+      return;
+    }
+    if (code) {
+      has_read(code);
+      return;
+    }
+    if (had_header || !parser_->is_header_done() || parser_->is_done()) continue;
+    parser_->eager(true);
+    if (beast::iequals(parser_->get()[http::field::expect], "100-continue")) {
+      invite_body();
+      return;
+    }
+  }
+  has_read({});
 }
 
 // A client may ask whether its body is wanted before it sends it (RFC 9110 10.1.1). One that is too long was refused
 // with its header.
-void HttpConnection::read_body() {
+void HttpConnection::invite_body() {
   constexpr std::string_view go_on = "HTTP/1.1 100 Continue\r\n\r\n";
-  const auto read = [self = shared_from_this()](error_code code) {
-    if (code || self->server_ == nullptr) {
-      self->has_read(code);
-      return;
-    }
-    http::async_read(self->stream_, self->buffer_, *self->parser_,
-                     [self](error_code its_code, std::size_t) { self->has_read(its_code); });
-  };
-  if (beast::iequals(parser_->get()[http::field::expect], "100-continue")) {
-    boost::asio::async_write(stream_, boost::asio::buffer(go_on), [read](error_code code, std::size_t) { read(code); });
-  } else {
-    read({});
-  }
+  boost::asio::async_write(stream_, boost::asio::buffer(go_on), guarded([this](error_code code, std::size_t) {
+                             if (code) {
+                               has_read(code);
+                             } else {
+                               parse();
+                             }
+                           }));
 }
 
 void HttpConnection::has_read(const error_code& code) {
-  if (server_ == nullptr) return;
   dispensable_from_.reset();
   wants_head_ = false;
   if (code == http::error::end_of_stream || code == boost::asio::error::eof ||
@@ -156,9 +209,9 @@ void HttpConnection::serve_in_turn() {
     return;
   }
   turn_.expires_after(delay);
-  turn_.async_wait([self = shared_from_this()](const error_code& code) {
-    if (!code && self->server_ != nullptr) self->serve();
-  });
+  turn_.async_wait(guarded([this](const error_code& code) {
+    if (!code) serve();
+  }));
 }
 
 void HttpConnection::disconnect() {
@@ -200,9 +253,9 @@ void HttpConnection::serve() {
     answer(std::move(*refusal), version, keep_alive);
     return;
   }
-  server_->handlers_.answer(std::move(request), [self = shared_from_this(), version, keep_alive](Response&& response) {
-    if (self->server_ != nullptr) self->answer(std::move(response), version, keep_alive);
-  });
+  server_->handlers_.answer(std::move(request), guarded([this, version, keep_alive](Response&& response) {
+                              answer(std::move(response), version, keep_alive);
+                            }));
 }
 
 // Browsers let any page open a WebSocket to anywhere, so whoever opens one has to be allowed to write.
@@ -253,7 +306,7 @@ void HttpConnection::answer(Response&& response, unsigned version, bool keep_ali
   const bool head_only = std::exchange(wants_head_, false);
   if (head_only) more_ = {};
   begin_to_send();
-  const auto written = [self = shared_from_this()](error_code code, std::size_t) { self->written(code); };
+  const auto written = guarded([this](error_code code, std::size_t) { this->written(code); });
   if (more_ || head_only) {
     head_.emplace(message_);
     http::async_write_header(stream_, *head_, written);
@@ -264,15 +317,14 @@ void HttpConnection::answer(Response&& response, unsigned version, bool keep_ali
 
 // Part by part, each made when the one before has left: whatever else there is to do is done in between.
 void HttpConnection::written(const error_code& code) {
-  if (server_ == nullptr) return;
   if (code) {
     close();
   } else if (more_) {
     if (part_.empty()) part_ = more_();
-    const auto next = [self = shared_from_this()](error_code its_code, std::size_t) {
-      self->part_.clear();
-      self->written(its_code);
-    };
+    const auto next = guarded([this](error_code its_code, std::size_t) {
+      part_.clear();
+      written(its_code);
+    });
     begin_to_send();
     if (part_.empty()) {
       more_ = {};

@@ -34,7 +34,12 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   using Message = boost::beast::http::request<boost::beast::http::string_body>;
 
-  void read_body();
+  // Of every wait of this connection: an exception that leaves `handler` ends the connection, and no other.
+  template <typename Handler>
+  auto guarded(Handler handler);
+  void receive();
+  void parse();
+  void invite_body();
   void has_read(const boost::system::error_code& code);
   void serve_in_turn();
   void serve();

@@ -1,6 +1,7 @@
 #include "line/bench/http_server.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <fmt/format.h>
 
@@ -76,6 +77,15 @@ std::chrono::steady_clock::duration HttpServer::take_turn() {
   const auto now = std::chrono::steady_clock::now();
   next_turn_ = std::max(next_turn_, now - burst) + turn;
   return std::max(next_turn_ - now, std::chrono::steady_clock::duration::zero());
+}
+
+void HttpServer::count_failure(const std::exception& error) {
+  ++failures_;
+  if (!std::has_single_bit(failures_) || !handlers_.report) return;
+  handlers_.report(
+      fmt::format("bench API: an exception ended a connection, the {}. so far: {}; please report it with "
+                  "the request that did it",
+                  failures_, error.what()));
 }
 
 void HttpServer::accept() {

@@ -28,6 +28,8 @@ struct HttpHandlers {
   std::string upgrade_address{};
   std::function<std::optional<Response>()> refuse_upgrade{};
   std::function<void(Upgrade&&)> upgrade{};
+  // What who runs the server should know.
+  std::function<void(const std::string& message)> report{};
 };
 
 // HTTP/1.1 on a TCP port, with keep-alive. Requests of at most 8 KiB of header and 256 KiB of body; at most 64
@@ -45,6 +47,11 @@ class HttpServer {
 
   // The port, also if 0 was asked for.
   std::uint16_t port() const;
+  // An exception has ended a connection, or a WebSocket that was one. Reports the 1st, 2nd, 4th, 8th ...: a client that
+  // does it again and again fills no log.
+  void count_failure(const std::exception& error);
+  // How many those were.
+  std::uint64_t failures() const { return failures_; }
 
  private:
   friend class HttpConnection;
@@ -65,6 +72,7 @@ class HttpServer {
   HttpHandlers handlers_;
   std::set<std::shared_ptr<HttpConnection>> connections_;
   std::chrono::steady_clock::time_point next_turn_{};
+  std::uint64_t failures_ = 0;
 };
 
 }  // namespace servodrome::line::bench

@@ -51,16 +51,32 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
     socket_.auto_fragment(false);
   }
 
-  void accept() {
-    socket_.async_accept(request_, [self = shared_from_this()](error_code code) {
-      if (self->sockets_ == nullptr) return;
-      if (code) {
-        self->end();
-        return;
+ private:
+  // An exception that leaves `handler` ends this connection, and no other.
+  template <typename Handler>
+  auto guarded(Handler handler) {
+    return [self = shared_from_this(), handler = std::move(handler)](const auto&... results) {
+      WebSockets* const sockets = self->sockets_;
+      if (sockets == nullptr) return;
+      try {
+        handler(results...);
+      } catch (const std::exception& error) {
+        if (sockets->on_failure_) sockets->on_failure_(error);
+        if (self->sockets_ != nullptr) self->end();
       }
-      self->session_ = std::make_unique<StreamSession>(self->sockets_->scope_, *self);
-      self->read();
-    });
+    };
+  }
+
+ public:
+  void accept() {
+    socket_.async_accept(request_, guarded([this](error_code code) {
+                           if (code) {
+                             end();
+                             return;
+                           }
+                           session_ = std::make_unique<StreamSession>(sockets_->scope_, *this);
+                           read();
+                         }));
   }
 
   // No call of the owner after this.
@@ -74,20 +90,20 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
 
  private:
   void read() {
-    socket_.async_read(buffer_, [self = shared_from_this()](error_code code, std::size_t) {
-      if (self->sockets_ == nullptr) return;
-      if (code) {
-        self->end();
-        return;
-      }
-      if (self->socket_.got_text()) {
-        self->session_->receive(beast::buffers_to_string(self->buffer_.data()), std::chrono::steady_clock::now());
-      } else {
-        self->close("messages are text");
-      }
-      self->buffer_.consume(self->buffer_.size());
-      self->read();
-    });
+    socket_.async_read(buffer_, guarded([this](error_code code, std::size_t) {
+                         if (code) {
+                           end();
+                           return;
+                         }
+                         if (socket_.got_text()) {
+                           session_->receive(beast::buffers_to_string(buffer_.data()),
+                                             std::chrono::steady_clock::now());
+                         } else {
+                           close("messages are text");
+                         }
+                         buffer_.consume(buffer_.size());
+                         read();
+                       }));
   }
 
   // --- Outbox
@@ -103,9 +119,9 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
     if (messages_.empty()) write_close();
     // It may never read again, and yet go on sending: then no other time runs out.
     closing_timer_.expires_after(closing_time);
-    closing_timer_.async_wait([self = shared_from_this()](error_code code) {
-      if (!code && self->sockets_ != nullptr) self->end();
-    });
+    closing_timer_.async_wait(guarded([this](error_code code) {
+      if (!code) end();
+    }));
   }
 
   struct Message {
@@ -122,28 +138,24 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
 
   void write() {
     socket_.text(messages_.front().is_text);
-    socket_.async_write(boost::asio::buffer(messages_.front().bytes),
-                        [self = shared_from_this()](error_code code, std::size_t) {
-                          if (self->sockets_ == nullptr) return;
+    socket_.async_write(boost::asio::buffer(messages_.front().bytes), guarded([this](error_code code, std::size_t) {
                           if (code) {
-                            self->end();
+                            end();
                             return;
                           }
-                          self->queued_ -= self->messages_.front().bytes.size();
-                          self->messages_.pop_front();
-                          if (!self->messages_.empty()) {
-                            self->write();
-                          } else if (self->closing_) {
-                            self->write_close();
+                          queued_ -= messages_.front().bytes.size();
+                          messages_.pop_front();
+                          if (!messages_.empty()) {
+                            write();
+                          } else if (closing_) {
+                            write_close();
                           }
-                        });
+                        }));
   }
 
   void write_close() {
     const websocket::close_reason reason(websocket::close_code::policy_error, reason_);
-    socket_.async_close(reason, [self = shared_from_this()](error_code) {
-      if (self->sockets_ != nullptr) self->end();
-    });
+    socket_.async_close(reason, guarded([this](error_code) { end(); }));
   }
 
   void end() {
@@ -164,7 +176,8 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
   std::string reason_;
 };
 
-WebSockets::WebSockets(Scope& scope) : scope_(scope) {}
+WebSockets::WebSockets(Scope& scope, std::function<void(const std::exception&)> on_failure)
+    : scope_(scope), on_failure_(std::move(on_failure)) {}
 
 WebSockets::~WebSockets() {
   for (const auto& connection : connections_) connection->disconnect();

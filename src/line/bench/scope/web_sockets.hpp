@@ -1,5 +1,7 @@
 #pragma once
 
+#include <exception>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <set>
@@ -18,8 +20,8 @@ class WebSockets {
   static constexpr std::size_t most_clients = 32;
   static constexpr const char* address = "/api/v1/stream";
 
-  // The scope outlives it.
-  explicit WebSockets(Scope& scope);
+  // The scope outlives it. `on_failure`: an exception has ended one of them.
+  explicit WebSockets(Scope& scope, std::function<void(const std::exception&)> on_failure = {});
   ~WebSockets();
   WebSockets(const WebSockets&) = delete;
   WebSockets& operator=(const WebSockets&) = delete;
@@ -33,6 +35,7 @@ class WebSockets {
   class Connection;
 
   Scope& scope_;
+  std::function<void(const std::exception&)> on_failure_;
   std::set<std::shared_ptr<Connection>> connections_;
 };
 
