@@ -1,0 +1,443 @@
+#include "machine.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <fmt/format.h>
+
+#include "ethercat/slave/slave.hpp"
+
+namespace servodrome::motion {
+namespace {
+
+constexpr std::int64_t set_up_tick = 8;  // a node has booted by then
+constexpr std::int64_t enable_limit = 600 * ticks_per_ms;
+constexpr std::int64_t master_period = ticks_per_ms;
+
+class Machine final : public FrameListener {
+ public:
+  Machine(const Sequence& sequence, const RunOptions& options)
+      : sequence_(sequence), options_(options), line_(line_settings(sequence)), axes_(sequence.axes.size()) {
+    if (line_.ethercat_buses().empty()) {
+      auto master = std::make_unique<CanMaster>(line_, *this);
+      can_ = master.get();
+      master_ = std::move(master);
+    } else {
+      master_ = std::make_unique<EthercatMaster>(line_, sequence.cycle_us, sequence.sync);
+    }
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      watches_.push_back(std::make_unique<Watch>(*line_.axes()[i], i));
+      rated_torque_nm_.push_back(line_.axes()[i]->plant().parameters().motor.rated_torque_nm);
+      base_inertia_.push_back(line_.axes()[i]->plant().parameters().load.inertia_kgm2);
+      base_volts_.push_back(line_.axes()[i]->plant().parameters().supply.volts);
+    }
+    cycle_ticks_ = std::max<std::int64_t>(1, (sequence.cycle_us * ticks_per_ms + 500) / 1000);
+  }
+
+  Outcome run() {
+    std::size_t next = 0;
+    const std::int64_t end = sequence_.end_tick;
+    while (tick_ < end) {
+      if (tick_ == set_up_tick) {
+        for (std::size_t i = 0; i < axes_.size(); ++i) set_up(i);
+      }
+      while (next < sequence_.events.size() && sequence_.events[next].tick <= tick_)
+        carry_out(sequence_.events[next++]);
+      if (!one_tick()) break;
+    }
+    if (!finding_ && options_.recover) recover();
+    for (const auto& watch : watches_) {
+      if (!finding_ && !watch->end()) finding_ = watch->finding();
+    }
+    return {finding_, fingerprint_, tick_};
+  }
+
+ private:
+  struct Stream {
+    std::uint16_t index = 0;
+    std::int64_t step = 0;
+    std::int64_t left = 0;
+    std::int64_t gap = 0;
+    std::int64_t sent = 0;
+  };
+  struct AxisState {
+    Surroundings around;
+    Stream stream;
+    bool enabling = false;
+    std::int64_t enabling_until = 0;
+    bool reset_edge = false;
+    bool set_up = false;
+    std::int64_t set_up_at = 0;  // after power-on
+  };
+
+  line::Axis& axis(std::size_t i) { return *line_.axes()[i]; }
+  bool on_can() const { return can_ != nullptr; }
+
+  void set_up(std::size_t i) {
+    if (!axes_[i].around.powered) return;
+    ProcessValues& values = master_->values(i);
+    values = {};
+    dictionary::Dictionary& objects = axis(i).device().bus_dictionary();
+    // As a careful master begins: with the targets at what is there.
+    values.position = static_cast<std::int32_t>(objects.number(0x6064));
+    values.mode = static_cast<std::int8_t>(objects.number(0x6060));
+    line_.changed();
+    master_->set_up(i, sequence_.mapped);
+    if (on_can()) axis(i).send_waiting(line_.now());
+    watches_[i]->pdos_mapped();
+    axes_[i].set_up = true;
+  }
+
+  bool one_tick() {
+    if (tick_ >= set_up_tick) {
+      if (tick_ % master_period == 0) {
+        for (std::size_t i = 0; i < axes_.size(); ++i) poll_axis(i);
+        master_->poll();
+      }
+      if (tick_ % cycle_ticks_ == 0) run_cycle();
+    }
+    ++tick_;
+    line_.run_until(tick_ * line::tick_length);
+    for (std::size_t i = 0; i < watches_.size(); ++i) {
+      if (!watches_[i]->tick(tick_, axes_[i].around)) {
+        finding_ = watches_[i]->finding();
+        return false;
+      }
+    }
+    if (tick_ % ticks_per_ms == 0) take_fingerprint();
+    if (options_.story != nullptr) tell();
+    return true;
+  }
+
+  void take_fingerprint() {
+    const auto mix = [this](std::uint64_t value) {
+      fingerprint_ = (std::rotl(fingerprint_, 13) ^ value) * 0x9E3779B97F4A7C15ULL;
+    };
+    for (const auto& axis : line_.axes()) {
+      mix(static_cast<std::uint64_t>(axis->plant().position_counts()));
+      mix(std::bit_cast<std::uint64_t>(axis->plant().position_fraction()));
+      mix(std::bit_cast<std::uint64_t>(axis->plant().current_a()));
+      mix(axis->device().drive().axis().objects.statusword);
+    }
+  }
+
+  // --- The master
+
+  void run_cycle() {
+    if (pause_ > 0) {
+      --pause_;
+      return;
+    }
+    if (!cycling_) return;
+    for (std::size_t i = 0; i < axes_.size(); ++i) step_stream(i);
+    master_->cycle(sequence_.sync);
+    ++cycles_;
+  }
+
+  void step_stream(std::size_t i) {
+    Stream& stream = axes_[i].stream;
+    if (stream.left <= 0) return;
+    --stream.left;
+    ++stream.sent;
+    ProcessValues& values = master_->values(i);
+    std::int64_t value = values.get(stream.index) + stream.step;
+    if (stream.index == 0x6071) {
+      value = std::clamp<std::int64_t>(value, -32768, 32767);
+    } else {
+      value = static_cast<std::int32_t>(static_cast<std::uint32_t>(static_cast<std::uint64_t>(value)));
+    }
+    values.set(stream.index, value);
+    if (stream.gap > 0 && stream.sent % stream.gap == 0) return;  // lost
+    if (on_can()) write(i, stream.index, 0, value, Via::pdo);
+    axes_[i].around.commanded = tick_;
+  }
+
+  void write(std::size_t i, std::uint16_t index, std::uint8_t sub, std::int64_t value, Via via) {
+    dictionary::Dictionary& objects = axis(i).device().bus_dictionary();
+    line_.changed();
+    if (via == Via::direct && !(master_->in_process_data(i, index) && !on_can())) {
+      master_->values(i).set(index, value);
+      objects.set_number(index, sub, value);
+      if (on_can()) axis(i).send_waiting(line_.now());
+      return;
+    }
+    const dictionary::Entry* entry = objects.find(index, sub);
+    const unsigned bytes = entry == nullptr ? 4 : static_cast<unsigned>(dictionary::size_of(entry->type));
+    master_->write(i, index, sub, value, bytes, via == Via::pdo);
+  }
+
+  void control(std::size_t i, std::uint16_t word) {
+    write(i, 0x6040, 0, word, Via::pdo);
+    axes_[i].around.commanded = tick_;
+  }
+
+  // A master on its way to Operation enabled.
+  void poll_axis(std::size_t i) {
+    AxisState& state = axes_[i];
+    if (state.set_up_at != 0 && tick_ >= state.set_up_at) {
+      state.set_up_at = 0;
+      set_up(i);
+    }
+    if (!state.enabling || !state.around.powered) return;
+    if (tick_ > state.enabling_until) {
+      state.enabling = false;
+      return;
+    }
+    switch (axis(i).device().drive().state()) {
+      case drive::PowerState::fault:
+        control(i, state.reset_edge ? 0x80 : 0x00);
+        state.reset_edge = !state.reset_edge;
+        break;
+      case drive::PowerState::switch_on_disabled: control(i, 0x06); break;
+      case drive::PowerState::ready_to_switch_on: control(i, 0x07); break;
+      case drive::PowerState::switched_on: control(i, 0x0F); break;
+      case drive::PowerState::quick_stop_active: control(i, 0x00); break;
+      case drive::PowerState::operation_enabled: state.enabling = false; break;
+      default: break;
+    }
+  }
+
+  void heard(std::size_t i, const canopen::Frame& frame, line::Time at) override {
+    if (i < watches_.size()) watches_[i]->heard(frame, at);
+  }
+
+  // --- Events
+
+  void carry_out(const Event& event) {
+    const std::size_t i = event.axis;
+    if (i >= axes_.size()) return;
+    AxisState& state = axes_[i];
+    if (options_.coverage != nullptr && state.around.powered) {
+      const drive::Drive& drive = axis(i).device().drive();
+      (*options_.coverage)[sequence_.axes[i].product].count(drive.state(), event.kind, drive.mode());
+    }
+    if (options_.story != nullptr) *options_.story += to_text(event) + "\n";
+    line_.changed();
+    if (is_masters(event.kind)) {
+      if (!state.around.powered || !state.set_up) return;
+      carry_out_masters(i, event);
+    } else {
+      carry_out_benchs(i, event);
+    }
+  }
+
+  void carry_out_masters(std::size_t i, const Event& event) {
+    AxisState& state = axes_[i];
+    switch (event.kind) {
+      case Kind::write:
+        if (event.index == 0x6040) state.enabling = false;
+        write(i, event.index, event.sub, event.value, event.via);
+        state.around.commanded = tick_;
+        break;
+      case Kind::write_here: {
+        const std::int64_t here = axis(i).device().bus_dictionary().number(0x6064);
+        const auto value =
+            static_cast<std::int32_t>(static_cast<std::uint32_t>(static_cast<std::uint64_t>(here + event.value)));
+        write(i, event.index, event.sub, value, event.via);
+        state.around.commanded = tick_;
+        break;
+      }
+      case Kind::enable:
+        state.enabling = true;
+        state.enabling_until = tick_ + enable_limit;
+        break;
+      case Kind::stream: state.stream = {event.index, event.value, event.count, event.gap, 0}; break;
+      case Kind::nmt:
+      case Kind::al:
+        master_->command(i, event.kind, event.value);
+        state.around.commanded = tick_;
+        if (event.kind == Kind::nmt && event.value >= 0x81) {  // it forgets its mapping
+          state.set_up_at = tick_ + 4 * ticks_per_ms;
+          state.enabling = false;
+        }
+        break;
+      case Kind::cycle:
+        if (event.value == 2) {
+          pause_ = event.count;
+        } else {
+          cycling_ = event.value != 0;
+        }
+        for (AxisState& one : axes_) one.around.commanded = tick_;
+        break;
+      default: break;
+    }
+  }
+
+  void carry_out_benchs(std::size_t i, const Event& event) {
+    AxisState& state = axes_[i];
+    plant::Plant& plant = axis(i).plant();
+    Surroundings& around = state.around;
+    switch (event.kind) {
+      case Kind::input:  // what is told by a switch is no motion
+        axis(i).force_input(static_cast<int>(event.count),
+                            event.value == 2 ? std::nullopt : std::optional<bool>(event.value != 0));
+        return;
+      case Kind::supply:
+        plant.set_supply_v(base_volts_[i] * static_cast<double>(event.value) / 1000.0);
+        around.supply_share = static_cast<double>(event.value) / 1000.0;
+        break;
+      case Kind::load:
+        plant.set_external_torque_nm(rated_torque_nm_[i] * static_cast<double>(event.value) / 1000.0);
+        around.load_share = static_cast<double>(event.value) / 1000.0;
+        break;
+      case Kind::inertia:
+        plant.set_load_inertia_kgm2(base_inertia_[i] * static_cast<double>(event.value) / 100.0);
+        around.inertia_factor = static_cast<double>(event.value) / 100.0;
+        break;
+      case Kind::lock:
+        plant.lock_rotor(event.value != 0);
+        around.locked = event.value != 0;
+        break;
+      case Kind::inject:
+        plant.inject(static_cast<plant::Injection>(event.count), event.value != 0);
+        if (event.value != 0) {
+          around.injected |= 1u << event.count;
+        } else {
+          around.injected &= ~(1u << event.count);
+        }
+        break;
+      case Kind::power:
+        if (event.value != 0) {
+          if (around.powered) return;
+          axis(i).power_on(line_.now());
+          around.powered = true;
+          state.set_up_at = tick_ + set_up_tick;
+        } else {
+          if (!around.powered) return;
+          axis(i).power_off(line_.now());
+          around.powered = state.set_up = state.enabling = false;
+          state.set_up_at = 0;
+        }
+        break;
+      case Kind::cut:
+        if (on_can()) {
+          line_.buses().front()->bus.cut(axis(i).port(), event.value != 0);
+        } else {
+          line_.ethercat_buses().front()->bus.set_cable(i, event.value == 0);
+        }
+        around.cut = event.value != 0;
+        if (!around.cut) around.joined = tick_;
+        around.commanded = tick_;
+        return;
+      default: return;
+    }
+    around.disturbed = tick_;
+  }
+
+  // --- The way back
+
+  void recover() {
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      for (int wire = 0; wire < 8; ++wire) axis(i).force_input(wire, std::nullopt);
+      for (std::int64_t injection = 0; injection < static_cast<std::int64_t>(plant::injection_names.size());
+           ++injection) {
+        if ((axes_[i].around.injected >> injection & 1u) != 0) {
+          carry_out_benchs(i, {.kind = Kind::inject, .value = 0, .count = injection});
+        }
+      }
+      for (const auto& [kind, value] :
+           {std::pair{Kind::supply, 1000}, {Kind::load, 0}, {Kind::inertia, 100}, {Kind::lock, 0}, {Kind::cut, 0}}) {
+        carry_out_benchs(i, {.kind = kind, .value = value});
+      }
+      axes_[i].stream = {};
+      axes_[i].enabling = false;
+      carry_out_benchs(i, {.kind = Kind::power, .value = 0});
+    }
+    cycling_ = true;
+    pause_ = 0;
+    for (int t = 0; t < 20 * ticks_per_ms; ++t) {
+      if (!one_tick()) return;
+    }
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      // Where the switches of its travel do not speak.
+      if (axis(i).plant().position_counts() != sequence_.axes[i].start_counts)
+        axis(i).place(sequence_.axes[i].start_counts);
+      carry_out_benchs(i, {.kind = Kind::power, .value = 1});
+    }
+    for (int t = 0; t < 30 * ticks_per_ms; ++t) {
+      if (!one_tick()) return;
+    }
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      axes_[i].enabling = true;
+      axes_[i].enabling_until = tick_ + 1000 * ticks_per_ms;
+    }
+    const auto all_enabled = [this] {
+      return std::all_of(line_.axes().begin(), line_.axes().end(), [](const auto& one) {
+        return one->device().drive().state() == drive::PowerState::operation_enabled;
+      });
+    };
+    for (int t = 0; t < 900 * ticks_per_ms && !all_enabled(); ++t) {
+      if (!one_tick()) return;
+    }
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      const drive::Drive& drive = axis(i).device().drive();
+      if (drive.state() == drive::PowerState::operation_enabled) continue;
+      finding_ = Finding{"no-way-back", i, tick_,
+                         fmt::format("{} after a power cycle with everything whole, 603Fh {:04X}h",
+                                     drive::name(drive.state()), drive.axis().objects.error_code)};
+      return;
+    }
+  }
+
+  // --- For people
+
+  void tell() {
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      const drive::Drive& drive = axis(i).device().drive();
+      const drive::Objects& objects = drive.axis().objects;
+      const bool changed =
+          told_.size() <= i || told_[i] != std::pair(objects.statusword, static_cast<int>(drive.mode()));
+      if (!changed && tick_ % (10 * ticks_per_ms) != 0) continue;
+      if (told_.size() <= i) told_.resize(i + 1);
+      told_[i] = {objects.statusword, static_cast<int>(drive.mode())};
+      const plant::Plant& plant = axis(i).plant();
+      *options_.story += fmt::format(
+          "  {:>9.4f} a{} {:22} 6041 {:04X} mode {:2} pwm {} x {:>12} v {:>8.1f} rpm demand {:>12} {:>8.1f} rpm torque "
+          "{:>6.2f} Nm "
+          "link {:>5.1f} V 603F {:04X} in {:02X}\n",
+          static_cast<double>(tick_) / ticks_per_ms, i, drive::name(drive.state()), objects.statusword,
+          static_cast<int>(drive.mode()), axis(i).actuation().pwm_enabled ? 1 : 0, plant.position_counts(),
+          plant.velocity_rpm(), drive.axis().demand.position,
+          static_cast<double>(drive.axis().demand.velocity) / drive.axis().units.counts_per_revolution * 60.0,
+          plant.torque_nm(), plant.dc_link_v(), objects.error_code, axis(i).feedback().inputs);
+    }
+  }
+
+  const Sequence& sequence_;
+  const RunOptions& options_;
+  line::Line line_;
+  std::vector<AxisState> axes_;
+  std::unique_ptr<Master> master_;
+  CanMaster* can_ = nullptr;
+  std::vector<std::unique_ptr<Watch>> watches_;
+  std::vector<double> rated_torque_nm_;
+  std::vector<double> base_inertia_;
+  std::vector<double> base_volts_;
+  std::int64_t tick_ = 0;
+  std::int64_t cycle_ticks_ = 16;
+  std::int64_t pause_ = 0;
+  std::int64_t cycles_ = 0;
+  bool cycling_ = true;
+  std::uint64_t fingerprint_ = 0;
+  std::optional<Finding> finding_;
+  std::vector<std::pair<std::uint16_t, int>> told_;
+};
+
+}  // namespace
+
+Outcome run(const Sequence& sequence, const RunOptions& options) { return Machine(sequence, options).run(); }
+
+Outcome run_checked(const Sequence& sequence, const RunOptions& options, bool twice) {
+  Outcome outcome = run(sequence, options);
+  if (!twice || outcome.finding) return outcome;
+  RunOptions quiet = options;
+  quiet.coverage = nullptr;
+  quiet.story = nullptr;
+  const Outcome again = run(sequence, quiet);
+  if (again.fingerprint != outcome.fingerprint || again.ticks != outcome.ticks) {
+    outcome.finding = Finding{"not-deterministic", 0, outcome.ticks, "the second run of the same sequence differs"};
+  }
+  return outcome;
+}
+
+}  // namespace servodrome::motion

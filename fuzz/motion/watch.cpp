@@ -1,0 +1,692 @@
+#include "watch.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+#include "canopen/node.hpp"
+
+namespace servodrome::motion {
+
+using drive::Loop;
+using drive::Mode;
+using drive::PowerState;
+namespace controlword = drive::controlword;
+
+namespace {
+
+constexpr double tick_s = drive::tick_seconds;
+constexpr std::int64_t ms(double milliseconds) { return static_cast<std::int64_t>(milliseconds * ticks_per_ms); }
+
+constexpr double pi = 3.14159265358979323846;
+
+// Tolerances, and where they come from.
+constexpr double lag_s = 0.08;  // a loop follows its demand so late: 1/Kp of the softest factory gains, twice
+constexpr double place_revolutions = 0.05;  // and stops so far beside: friction under a soft integral, and cogging
+constexpr double still_rpm = 30.0;          // slower is rest: velocity ripple of a cogging motor held by a soft loop
+constexpr double heavy_load = 0.6;          // of the rated torque: a motor at the edge of its limits is not judged
+constexpr std::int64_t cycle_ticks = 16;    // the slowest position loop
+
+constexpr bool one_of(PowerState state, std::initializer_list<PowerState> states) {
+  return std::find(states.begin(), states.end(), state) != states.end();
+}
+
+constexpr bool has_stage(PowerState state) {
+  return one_of(state,
+                {PowerState::operation_enabled, PowerState::quick_stop_active, PowerState::fault_reaction_active});
+}
+
+// One step of the automaton of CiA 402 (with the way of some makers out of Quick stop active).
+bool step_allowed(PowerState from, PowerState to) {
+  using enum PowerState;
+  if (from == to || to == not_ready_to_switch_on) return true;
+  if (to == fault_reaction_active) return from != fault;
+  switch (from) {
+    case not_ready_to_switch_on: return one_of(to, {switch_on_disabled, fault});
+    case switch_on_disabled: return one_of(to, {ready_to_switch_on, fault});
+    case ready_to_switch_on: return one_of(to, {switched_on, switch_on_disabled, fault});
+    case switched_on: return one_of(to, {operation_enabled, ready_to_switch_on, switch_on_disabled, fault});
+    case operation_enabled:
+      return one_of(to, {switched_on, ready_to_switch_on, switch_on_disabled, quick_stop_active, fault});
+    case quick_stop_active: return one_of(to, {switch_on_disabled, operation_enabled, ready_to_switch_on, fault});
+    case fault_reaction_active: return to == fault;
+    case fault: return to == switch_on_disabled;
+  }
+  return false;
+}
+
+// More than one command may come within a tick.
+bool allowed(PowerState from, PowerState to) {
+  if (step_allowed(from, to)) return true;
+  for (std::uint8_t one = 0; one < 8; ++one) {
+    const auto by = static_cast<PowerState>(one);
+    if (!step_allowed(from, by)) continue;
+    if (step_allowed(by, to)) return true;
+    for (std::uint8_t two = 0; two < 8; ++two) {
+      const auto then = static_cast<PowerState>(two);
+      if (step_allowed(by, then) && step_allowed(then, to)) return true;
+    }
+  }
+  return false;
+}
+
+constexpr std::uint32_t bit(plant::Injection injection) { return 1u << static_cast<unsigned>(injection); }
+// Without these the motor does what the current loop says.
+constexpr std::uint32_t spoils_motion = bit(plant::Injection::encoder_loss) | bit(plant::Injection::encoder_crc) |
+                                        bit(plant::Injection::encoder_delimiter) | bit(plant::Injection::open_phase_u) |
+                                        bit(plant::Injection::open_phase_v) | bit(plant::Injection::open_phase_w) |
+                                        bit(plant::Injection::short_phase_u) | bit(plant::Injection::short_phase_v) |
+                                        bit(plant::Injection::short_phase_w) | bit(plant::Injection::brake_stuck) |
+                                        bit(plant::Injection::supply_loss) | bit(plant::Injection::chopper_broken);
+
+constexpr auto rows = std::to_array<InvariantRow>({
+    {"torque-without-operation",
+     "no torque outside Operation enabled, quick stop, fault reaction (and Switched on, where the maker has it)"},
+    {"coasting-gains-speed", "a shaft without load and without power gains no speed"},
+    {"wrong-transition", "power states follow each other as CiA 402 has them"},
+    {"enabled-unasked", "Operation enabled is entered by the command for it"},
+    {"demand-jumps", "the position demand moves no faster than the motor may, unless it is put where the shaft is"},
+    {"demand-too-steep", "in profile modes the demand gains speed no faster than the ramps that are set"},
+    {"demand-too-fast", "in profile modes the demand gains no speed above 607Fh and 6080h"},
+    {"stop-runs-away", "a stop rests within v^2/2a of the speed at its beginning and the loop's lag"},
+    {"stop-never-ends", "a stop comes to its end"},
+    {"limit-switch-passed", "an active limit switch is not driven into"},
+    {"software-limit-passed", "607Dh is not passed"},
+    {"moves-unasked", "a resting axis moves only after a command"},
+    {"let-go-in-motion", "power is not taken from a turning motor at the end of a stop with a ramp"},
+    {"torque-beyond-limit", "torque stays within 6072h, 60E0h and 60E1h"},
+    {"reached-is-untrue", "statusword bit 10 is set only at the target"},
+    {"zero-speed-is-untrue", "statusword bit 12 of profile velocity is set only at rest"},
+    {"velocity-not-obeyed", "60FFh = 0 stops the axis"},
+    {"mode-display", "6061h is a mode that the product has"},
+    {"fault-without-code", "in Fault 603Fh and 1001h tell why"},
+    {"emergency-missing", "a fault is told by an EMCY"},
+    {"emergency-differs", "an EMCY has the code of 603Fh"},
+    {"stale-statusword", "a TPDO shows a statusword that was true when it could be sent"},
+    {"pdo-in-wrong-state", "no PDO outside NMT operational"},
+    {"false-alarm", "no alarm of hardware that is whole"},
+    {"energy", "what the phases take is heat, work and field"},
+    {"not-finite", "positions, speeds and torques are numbers"},
+    {"no-way-back", "every state has a way back to Operation enabled"},
+    {"not-deterministic", "the same sequence twice is the same to the last bit"},
+});
+
+}  // namespace
+
+std::span<const InvariantRow> invariants() { return rows; }
+
+Watch::Watch(line::Axis& axis, std::size_t number)
+    : axis_(axis),
+      drive_(axis.device().drive()),
+      objects_(drive_.axis().objects),
+      number_(number),
+      counts_per_revolution_(axis.plant().parameters().encoder.counts_per_revolution),
+      rated_torque_nm_(axis.plant().parameters().motor.rated_torque_nm),
+      inertia_kgm2_(axis.plant().parameters().motor.rotor_inertia_kgm2),
+      load_inertia_kgm2_(axis.plant().parameters().load.inertia_kgm2),
+      negative_wire_(1u << axis.settings().product->wiring.negative_limit),
+      positive_wire_(1u << axis.settings().product->wiring.positive_limit) {
+  const drive::MotorData& motor = drive_.configuration().motor;
+  const double peak_ratio = static_cast<double>(motor.peak_current_a) / static_cast<double>(motor.rated_current_a);
+  peak_torque_nm_ = peak_ratio * rated_torque_nm_;
+  statusword_at_.fill(-1);
+}
+
+void Watch::fail(const char* invariant, std::string text) {
+  if (finding_) return;
+  finding_ = Finding{invariant, number_, tick_, std::move(text)};
+}
+
+double Watch::greatest_speed() const {
+  double limit = static_cast<double>(drive_.configuration().motor.max_speed_rpm);
+  if (objects_.max_motor_speed_rpm != 0) limit = std::min(limit, static_cast<double>(objects_.max_motor_speed_rpm));
+  return limit / 60.0 * counts_per_revolution_;
+}
+
+double Watch::torque_acceleration() const {
+  double share = peak_torque_nm_ / rated_torque_nm_;
+  share = std::min({share, objects_.max_torque * 0.001, objects_.positive_torque_limit * 0.001,
+                    objects_.negative_torque_limit * 0.001});
+  const drive::Configuration& own = drive_.configuration();
+  share =
+      std::min({share, static_cast<double>(own.torque_limit_positive), static_cast<double>(own.torque_limit_negative)});
+  const double left = 0.8 * share - std::abs(around_->load_share) - 0.05;
+  if (left <= 0.05) return 0.0;
+  const double inertia = inertia_kgm2_ + load_inertia_kgm2_ * around_->inertia_factor;
+  return left * rated_torque_nm_ / inertia / (2.0 * pi) * counts_per_revolution_;
+}
+
+double Watch::slope() const {
+  const drive::Units& units = drive_.axis().units;
+  double least = 0.0;
+  const auto take = [&least, &units](std::uint32_t value) {
+    const double ramp = value * units.acceleration;
+    if (ramp > 0.0 && (least == 0.0 || ramp < least)) least = ramp;
+  };
+  take(objects_.profile_deceleration);
+  take(objects_.quick_stop_deceleration);
+  take(objects_.max_deceleration);
+  take(objects_.max_acceleration);
+  take(objects_.profile_acceleration);
+  if (mode_ == Mode::homing) take(objects_.homing_acceleration);
+  return least;
+}
+
+Watch::Stopping Watch::stopping(double velocity) const {
+  const double speed = std::abs(velocity) + still_rpm / 60.0 * counts_per_revolution_;
+  double braking = torque_acceleration();
+  if (const double ramp = slope(); ramp > 0.0) braking = std::min(braking, ramp);
+  if (braking <= 0.0) return {1e18, 1e18};
+  double seconds = speed / braking;
+  if (objects_.motion_profile_type != 0) {
+    seconds *= 2.0;  // a sin2 ramp of the same peak
+    const double jerk = objects_.profile_jerk[0] * drive_.axis().units.jerk;
+    if (jerk > 0.0) seconds += std::min(braking / jerk, 2.0 * std::sqrt(speed / jerk));
+  }
+  seconds +=
+      0.001 * drive_.configuration().smoothing_ms + 0.003 * static_cast<double>(drive_.configuration().position_lag_ms);
+  return {0.5 * speed * seconds + speed * lag_s + place_revolutions * counts_per_revolution_, seconds + lag_s};
+}
+
+// The motor does what it is told: nothing was done to it for a while that moves it by itself.
+bool Watch::motion_can_be_judged() const {
+  return around_->powered && !around_->locked && (around_->injected & spoils_motion) == 0 &&
+         std::abs(around_->load_share) <= heavy_load && around_->supply_share >= 0.8 && around_->supply_share <= 1.2 &&
+         tick_ - around_->disturbed > ms(150);
+}
+
+void Watch::look() {
+  if (finding_) return;
+  const plant::Plant& plant = axis_.plant();
+  position_ = static_cast<double>(plant.position_counts()) + plant.position_fraction();
+  velocity_ = plant.velocity_rpm() / 60.0 * counts_per_revolution_;
+  if (!std::isfinite(position_) || !std::isfinite(velocity_) || !std::isfinite(plant.torque_nm())) {
+    return fail("not-finite",
+                fmt::format("position {}, velocity {}, torque {}", position_, velocity_, plant.torque_nm()));
+  }
+  pwm_ = axis_.actuation().pwm_enabled;
+  shorted_ = axis_.actuation().short_circuit;
+  state_ = around_->powered ? drive_.state() : PowerState::not_ready_to_switch_on;
+  mode_ = drive_.mode();
+  if (first_ || disturbed_ != around_->disturbed) {
+    disturbed_ = around_->disturbed;
+    slowest_ = 1e18;
+  }
+  if (first_) {
+    before_ = state_;
+    mode_before_ = mode_;
+    rest_ = position_;
+    first_ = false;
+  }
+  if (mode_ != mode_before_) mode_since_ = tick_;
+  if (pwm_ != had_pwm_) pwm_since_ = tick_;
+  coasting();
+  if (around_->powered) {
+    if (shown_count_ == 0 || shown_[(shown_count_ - 1) % shown_.size()].statusword != objects_.statusword) {
+      shown_[shown_count_++ % shown_.size()] = {tick_, objects_.statusword};
+    }
+    power();
+    states();
+    demand();
+    stops();
+    limit_switches();
+    software_limits();
+    unasked();
+    torque();
+    bits();
+    errors();
+  }
+  had_pwm_ = pwm_;
+  was_powered_ = around_->powered;
+  mode_before_ = mode_;
+  if (state_ != before_) {
+    before_ = state_;
+    state_since_ = tick_;
+  }
+}
+
+void Watch::power() {
+  const bool allowed_here =
+      has_stage(state_) || (state_ == PowerState::switched_on && drive_.policy().energised_in_switched_on) ||
+      // a brake closes before power goes
+      (drive_.configuration().has_brake() && tick_ - state_since_ < ms(drive_.configuration().brake_engage_ms + 2.0));
+  unpowered_ticks_ = (pwm_ || shorted_) && !allowed_here ? unpowered_ticks_ + 1 : 0;
+  if (unpowered_ticks_ > cycle_ticks) {
+    fail("torque-without-operation", fmt::format("the stage is on in {}, {:.2f} Nm at {:.1f} rpm", drive::name(state_),
+                                                 axis_.plant().torque_nm(), rpm(velocity_)));
+  }
+  // The end of a stop.
+  if (had_pwm_ && !pwm_ && !shorted_ && was_powered_ && motion_can_be_judged() &&
+      axis_.feedback().hardware_faults == 0) {
+    const drive::FaultRow* fault = drive_.newest_fault();
+    std::int16_t code = 0;
+    bool judged = true;
+    switch (before_) {
+      case PowerState::quick_stop_active: code = objects_.quick_stop_option_code; break;
+      case PowerState::fault_reaction_active:
+        code = objects_.fault_reaction_option_code;
+        judged = fault != nullptr && fault->reaction == drive::Reaction::option_code;
+        break;
+      case PowerState::operation_enabled:
+        judged =
+            !one_of(state_, {PowerState::fault, PowerState::fault_reaction_active, PowerState::not_ready_to_switch_on});
+        switch (drive::command_of(objects_.controlword)) {
+          case drive::Command::shutdown: code = objects_.shutdown_option_code; break;
+          case drive::Command::switch_on: code = objects_.disable_operation_option_code; break;
+          case drive::Command::quick_stop: code = objects_.quick_stop_option_code; break;
+          default: judged = false;
+        }
+        break;
+      default: judged = false;
+    }
+    // By hand, a second time: disable voltage waits for no ramp.
+    if (drive::command_of(objects_.controlword) == drive::Command::disable_voltage) judged = false;
+    const bool ramp = code == 1 || code == 2 || code == 3 || code == 5 || code == 6 || code == 7;
+    const bool in_time = tick_ - stop_.since < ms(1000.0 * stop_.seconds + 500.0);
+    // Writes of the option code while the stop runs leave open which of them counts.
+    if (judged && ramp && in_time && std::abs(velocity_) > 3.0 * still_rpm / 60.0 * counts_per_revolution_ &&
+        stop_.kind != StopKind::none) {
+      fail("let-go-in-motion",
+           fmt::format("power goes at {:.0f} rpm, {:.1f} ms after the stop began in {}", rpm(velocity_),
+                       static_cast<double>(tick_ - stop_.since) / ticks_per_ms, drive::name(before_)));
+    }
+  }
+}
+
+void Watch::coasting() {
+  const bool free = !pwm_ && !shorted_ && around_->load_share == 0.0 && !around_->locked;
+  const double speed = std::abs(velocity_);
+  // The current that flows on through the diodes may still push.
+  const bool current = std::abs(axis_.plant().torque_nm()) > 0.02 * rated_torque_nm_;
+  if (!free || current || pwm_ != had_pwm_) {
+    slowest_ = speed;
+    return;
+  }
+  slowest_ = std::min(slowest_, speed);
+  // A cogging torque gives back what it took.
+  if (speed > slowest_ + 60.0 / 60.0 * counts_per_revolution_) {
+    fail("coasting-gains-speed", fmt::format("{:.1f} rpm, after {:.1f} rpm", rpm(speed), rpm(slowest_)));
+  }
+}
+
+void Watch::states() {
+  if (state_ == before_) return;
+  if (!was_powered_) return;
+  if (!allowed(before_, state_)) {
+    return fail("wrong-transition", fmt::format("{} to {}", drive::name(before_), drive::name(state_)));
+  }
+  if (state_ == PowerState::operation_enabled &&
+      drive::command_of(objects_.controlword) != drive::Command::enable_operation) {
+    fail("enabled-unasked", fmt::format("from {}, controlword {:04X}h", drive::name(before_), objects_.controlword));
+  }
+  if (state_ == PowerState::fault || state_ == PowerState::fault_reaction_active) {
+    if (!one_of(before_, {PowerState::fault, PowerState::fault_reaction_active})) fault_since_ = tick_;
+  }
+}
+
+void Watch::demand() {
+  const drive::LoopDemand& now = drive_.axis().demand;
+  Demand demand{now.loop, static_cast<double>(now.position) + static_cast<double>(now.position_fraction),
+                static_cast<double>(now.velocity)};
+  if (now.loop != Loop::position) demand.position = demand_before_.position;
+  const bool new_cycle = demand.position != demand_before_.position || demand.velocity != demand_before_.velocity ||
+                         demand.loop != demand_before_.loop;
+  const Demand before = demand_before_;
+  if (!new_cycle) return;
+  demand_before_ = demand;
+  const std::int64_t cycle = demand_tick_ < 0 ? cycle_ticks : std::min(tick_ - demand_tick_, cycle_ticks);
+  demand_tick_ = tick_;
+  if (!pwm_ || !had_pwm_ || (around_->injected & spoils_motion) != 0) {
+    ramp_ = 0.0;
+    return;
+  }
+  const double seconds = static_cast<double>(cycle) * tick_s;
+  const double near = std::abs(velocity_) * 4.0 * cycle_ticks * tick_s + 0.002 * counts_per_revolution_ + 3.0;
+  if (demand.loop == Loop::position && before.loop == Loop::position) {
+    const double moved = std::abs(demand.position - before.position);
+    const double most = greatest_speed() * 1.02 * seconds + 2.0;
+    if (moved > most && std::abs(demand.position - position_) > near) {
+      return fail("demand-jumps",
+                  fmt::format("by {:.0f} counts in {:.3f} ms (at most {:.0f}), shaft {:.0f} counts behind, mode {}",
+                              moved, 1000.0 * seconds, most, demand.position - position_, static_cast<int>(mode_)));
+    }
+  }
+  // Profile modes: no speed is gained faster than by the steepest ramp.
+  const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
+                        tick_ - state_since_ > 2 * cycle_ticks &&
+                        (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
+  const bool loops = demand.loop == before.loop && (demand.loop == Loop::position || demand.loop == Loop::velocity);
+  if (!profiled || !loops) {
+    ramp_ = 0.0;
+    return;
+  }
+  if (before.velocity == 0.0 && demand.velocity == 0.0) ramp_ = 0.0;
+  const drive::Units& units = drive_.axis().units;
+  for (const std::uint32_t value : {objects_.profile_acceleration, objects_.profile_deceleration,
+                                    objects_.quick_stop_deceleration, objects_.homing_acceleration}) {
+    ramp_ = std::max(ramp_, value * units.acceleration);
+  }
+  if (drive_.policy().zero_ramps_are_greatest) {
+    ramp_ = std::max(
+        {ramp_, objects_.max_acceleration * units.acceleration, objects_.max_deceleration * units.acceleration});
+  }
+  const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || demand.velocity * before.velocity < 0.0;
+  if (!gains) return;
+  const bool taken_over = std::abs(demand.velocity - velocity_) < 0.05 * std::abs(velocity_) + greatest_speed() * 0.02;
+  const bool starts_with_speed = drive_.policy().end_velocity_is_start && objects_.end_velocity != 0;
+  const double change = std::abs(demand.velocity - before.velocity);
+  // The cycle in which a plan begins, and rounding of a float.
+  const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed();
+  const bool smoothed = drive_.configuration().smoothing_ms != 0 || drive_.configuration().position_lag_ms > 0.0F;
+  if (change > allowance && !taken_over && !starts_with_speed && !smoothed) {
+    return fail(
+        "demand-too-steep",
+        fmt::format("from {:.1f} to {:.1f} rpm in {:.3f} ms, the ramps allow {:.2f} rpm, mode {}", rpm(before.velocity),
+                    rpm(demand.velocity), 1000.0 * seconds, rpm(allowance), static_cast<int>(mode_)));
+  }
+  double most = greatest_speed();
+  if (objects_.max_profile_velocity != 0) most = std::min(most, objects_.max_profile_velocity * units.velocity);
+  if (std::abs(demand.velocity) > most * 1.001 + 1e-4 * greatest_speed() && !taken_over &&
+      tick_ - around_->commanded > 2 * cycle_ticks && mode_ == Mode::profile_velocity) {
+    fail("demand-too-fast", fmt::format("{:.1f} rpm and growing, {:.1f} are allowed", rpm(demand.velocity), rpm(most)));
+  }
+}
+
+void Watch::stops() {
+  StopKind kind = StopKind::none;
+  const drive::Command command = drive::command_of(objects_.controlword);
+  const bool resets = (objects_.controlword & controlword::fault_reset) != 0;
+  const bool halt = (objects_.controlword & controlword::halt) != 0 &&
+                    (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0 && mode_ != Mode::none;
+  if (state_ == PowerState::quick_stop_active) {
+    kind = StopKind::quick;
+  } else if (state_ == PowerState::fault_reaction_active) {
+    kind = StopKind::fault;
+  } else if (state_ == PowerState::operation_enabled && !resets) {
+    if (command != drive::Command::enable_operation) {
+      kind = StopKind::leave;
+    } else if (halt) {
+      kind = StopKind::halt;
+    } else if (mode_ == Mode::profile_velocity && objects_.target_velocity == 0) {
+      kind = StopKind::velocity;
+    }
+  }
+  if (!pwm_ || mode_ == Mode::velocity || (around_->injected & spoils_motion) != 0 || around_->locked)
+    kind = StopKind::none;
+  // What slows down by a torque slope first goes on being driven meanwhile.
+  if ((mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque) && objects_.torque_slope != 0)
+    kind = StopKind::none;
+  // A limit switch releases what it holds, and homing goes on where it was.
+  const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
+  if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since) {
+    const Stopping stopping = this->stopping(velocity_);
+    stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, slope()};
+    return;
+  }
+  if (kind == StopKind::none || !motion_can_be_judged()) return;
+  if (const double ramp = slope(); ramp != stop_.slope) {  // written while it runs
+    const Stopping stopping = this->stopping(velocity_);
+    stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, ramp};
+    return;
+  }
+  static constexpr std::array names{"none", "halt", "leaving operation", "quick stop", "fault reaction", "60FFh = 0"};
+  const char* name = names[static_cast<std::size_t>(kind)];
+  const double way = std::abs(position_ - stop_.from);
+  if (way > stop_.counts) {
+    return fail("stop-runs-away",
+                fmt::format("{}: {:.2f} revolutions after {:.1f} ms, at {:.0f} rpm; {:.2f} are enough for it", name,
+                            way / counts_per_revolution_, static_cast<double>(settled) / ticks_per_ms, rpm(velocity_),
+                            stop_.counts / counts_per_revolution_));
+  }
+  const double late = static_cast<double>(tick_ - stop_.since) * tick_s - stop_.seconds;
+  if (late > 0.3 && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
+    const char* broken = kind == StopKind::velocity ? "velocity-not-obeyed" : "stop-never-ends";
+    fail(broken, fmt::format("{}: still {:.0f} rpm after {:.3f} s; {:.3f} s are enough for it", name, rpm(velocity_),
+                             static_cast<double>(tick_ - stop_.since) * tick_s, stop_.seconds));
+  }
+  if (late > 2.0 && kind == StopKind::fault) fail("stop-never-ends", "fault reaction active does not end");
+}
+
+void Watch::limit_switches() {
+  if (!drive_.policy().limit_switches_stop) return;
+  const std::uint32_t inputs = axis_.feedback().inputs;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const double direction = i == 0 ? -1.0 : 1.0;
+    const bool closed = (inputs & (i == 0 ? negative_wire_ : positive_wire_)) != 0;
+    const bool signal = drive_.axis().active(i == 0 ? drive::Signal::negative_limit : drive::Signal::positive_limit);
+    const bool active = closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none;
+    Limit& limit = limits_[i];
+    const double speed = std::max(0.0, direction * velocity_);
+    const double reach = direction * position_ + stopping(speed).counts;
+    if (!active || !limit.active || !motion_can_be_judged() || mode_since_ == tick_) {
+      limit = {active, reach};
+      continue;
+    }
+    limit.furthest = std::min(limit.furthest, reach);
+    if (direction * position_ > limit.furthest) {
+      fail("limit-switch-passed", fmt::format("{:.2f} revolutions beyond, at {:.0f} rpm, mode {}",
+                                              (direction * position_ - limit.furthest) / counts_per_revolution_,
+                                              rpm(velocity_), static_cast<int>(mode_)));
+    }
+  }
+}
+
+void Watch::software_limits() {
+  const drive::Axis& axis = drive_.axis();
+  const bool applies = pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() &&
+                       objects_.min_position_limit < objects_.max_position_limit && !axis.units.position_inverted &&
+                       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity ||
+                        mode_ == Mode::interpolated_position || mode_ == Mode::cyclic_sync_position);
+  const auto offset = static_cast<double>(drive_.position_offset());
+  for (std::size_t i = 0; i < 2; ++i) {
+    const double direction = i == 0 ? -1.0 : 1.0;
+    const std::int32_t limit = i == 0 ? objects_.min_position_limit : objects_.max_position_limit;
+    Border& border = borders_[i];
+    const double at = direction * static_cast<double>(axis.units.to_counts(limit));
+    const double place = direction * (position_ + offset);
+    const double speed = std::max(0.0, direction * velocity_);
+    const double reach = place + stopping(speed).counts;
+    // What clips its targets still overshoots by what it takes to brake from them.
+    const double tolerance = stopping(speed).counts;
+    if (!applies || !border.active || border.at != limit || !motion_can_be_judged() || mode_since_ == tick_) {
+      border = {applies, limit, std::max(at + tolerance, reach)};
+      continue;
+    }
+    border.bound = std::max(at + tolerance, std::min(border.bound, reach));
+    if (place > border.bound) {
+      fail("software-limit-passed",
+           fmt::format("{:.2f} revolutions beyond 607Dh, at {:.0f} rpm, mode {}", (place - at) / counts_per_revolution_,
+                       rpm(velocity_), static_cast<int>(mode_)));
+    }
+  }
+}
+
+void Watch::unasked() {
+  const double away = std::abs(position_ - rest_);
+  const bool moves = away > 0.004 * counts_per_revolution_ + 3.0 || drive_.in_motion();
+  const bool open = mode_ == Mode::homing || mode_ == Mode::none || mode_ == Mode::interpolated_position ||
+                    mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque ||
+                    mode_ == Mode::cyclic_sync_velocity || drive_.identification().running();
+  if (!motion_can_be_judged() || !pwm_ || open || state_ != PowerState::operation_enabled ||
+      tick_ - std::max(pwm_since_, mode_since_) < ms(50)) {
+    rest_ = position_;
+    rest_since_ = tick_;
+    return;
+  }
+  const std::int64_t rested = tick_ - rest_since_;
+  const std::int64_t enough = ms(120.0 + drive_.configuration().brake_release_ms);
+  if (rested < enough) {
+    if (moves) {
+      rest_ = position_;
+      rest_since_ = tick_;
+    }
+    return;
+  }
+  if (away > 0.15 * counts_per_revolution_) {
+    if (around_->commanded < rest_since_ && around_->disturbed < rest_since_) {
+      fail("moves-unasked",
+           fmt::format("{:.2f} revolutions from where it rested {:.1f} ms, mode {}", away / counts_per_revolution_,
+                       static_cast<double>(rested) / ticks_per_ms, static_cast<int>(mode_)));
+    }
+    rest_ = position_;
+    rest_since_ = tick_;
+  }
+  if (around_->commanded >= rest_since_) {  // asked for something
+    rest_ = position_;
+    rest_since_ = tick_;
+  }
+}
+
+void Watch::torque() {
+  const std::int64_t limits = std::int64_t{objects_.max_torque} << 32 |
+                              std::int64_t{objects_.positive_torque_limit} << 16 | objects_.negative_torque_limit;
+  if (limits != torque_limits_) {
+    torque_limits_ = limits;
+    torque_limits_since_ = tick_;
+  }
+  const double limit = std::max(std::min(objects_.max_torque, objects_.positive_torque_limit),
+                                std::min(objects_.max_torque, objects_.negative_torque_limit)) *
+                       0.001;
+  const double share = std::abs(axis_.plant().torque_nm()) / rated_torque_nm_;
+  // The current loop overshoots, and the nameplate's torque constant is that of a cold motor.
+  const bool over = pwm_ && share > 1.15 * limit + 0.3 && tick_ - torque_limits_since_ > ms(20) &&
+                    (around_->injected & spoils_motion) == 0 && std::abs(velocity_) < greatest_speed() &&
+                    around_->supply_share >= 0.8;
+  torque_over_ = over ? torque_over_ + 1 : 0;
+  if (torque_over_ > ms(5)) {
+    fail("torque-beyond-limit",
+         fmt::format("{:.0f} % of the rated torque, {:.0f} % are allowed", 100.0 * share, 100.0 * limit));
+  }
+}
+
+void Watch::bits() {
+  const drive::Policy& policy = drive_.policy();
+  const std::uint16_t word = objects_.statusword;
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && motion_can_be_judged() &&
+                      tick_ - std::max(state_since_, mode_since_) > ms(20);
+  const bool halt = (objects_.controlword & controlword::halt) != 0;
+  bool lies = false;
+  double expected = 0.0;
+  if (judged && (word & drive::statusword::target_reached) != 0) {
+    const drive::Axis& axis = drive_.axis();
+    if (mode_ == Mode::profile_velocity && !halt) {
+      const bool windowed = objects_.velocity_window != 0xFFFF;
+      expected = axis.units.velocity_to_counts(objects_.target_velocity);
+      if (axis.active(drive::Signal::invert_direction)) expected = -expected;
+      double most = greatest_speed();
+      if (objects_.max_profile_velocity != 0)
+        most = std::min(most, objects_.max_profile_velocity * axis.units.velocity);
+      expected = std::clamp(expected, -most, most);
+      const double window = std::max(windowed ? objects_.velocity_window * axis.units.velocity : 0.0,
+                                     axis.configuration.speed_windows.reached_counts_per_s);
+      const double tolerance = window + 0.05 * std::abs(expected) + 3.0 * still_rpm / 60.0 * counts_per_revolution_;
+      lies = windowed && std::abs(velocity_ - expected) > tolerance;
+    } else if (mode_ == Mode::profile_position || (mode_ == Mode::profile_velocity && halt)) {
+      lies = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && objects_.end_velocity == 0;
+    }
+  }
+  if (!lies) lie_since_ = tick_;
+  if (tick_ - lie_since_ > ms(60.0 + objects_.velocity_window_time_ms)) {
+    return fail("reached-is-untrue", fmt::format("bit 10 at {:.0f} rpm, {:.0f} are wanted, mode {}", rpm(velocity_),
+                                                 rpm(expected), static_cast<int>(mode_)));
+  }
+  const bool cia_bit_12 =
+      std::any_of(policy.status_bits.begin(), policy.status_bits.end(), [this](const drive::StatusBit& row) {
+        return row.bit == 12 && row.source == drive::StatusSource::mode_bit_12 &&
+               (row.modes & drive::mode_bit(Mode::profile_velocity)) != 0;
+      });
+  const drive::Units& units = drive_.axis().units;
+  const bool zero_lies = judged && mode_ == Mode::profile_velocity && cia_bit_12 &&
+                         !drive_.configuration().speed_windows.used && (word & drive::statusword::mode_bit_12) != 0 &&
+                         std::abs(velocity_) > objects_.velocity_threshold * units.velocity +
+                                                   4.0 * still_rpm / 60.0 * counts_per_revolution_;
+  if (!zero_lies) zero_lie_since_ = tick_;
+  if (tick_ - zero_lie_since_ > ms(60.0 + objects_.velocity_threshold_time_ms)) {
+    fail("zero-speed-is-untrue", fmt::format("bit 12 at {:.0f} rpm", rpm(velocity_)));
+  }
+}
+
+void Watch::errors() {
+  const bool failed = one_of(state_, {PowerState::fault, PowerState::fault_reaction_active});
+  if (failed && tick_ - state_since_ > cycle_ticks && objects_.error_code == 0) {
+    return fail("fault-without-code", "603Fh is 0");
+  }
+  if (failed && fault_since_ == tick_) {
+    const drive::FaultRow* row = drive_.newest_fault();
+    if (row != nullptr && row->cause == drive::Cause::phase_loss) {
+      constexpr std::uint32_t phases = bit(plant::Injection::open_phase_u) | bit(plant::Injection::open_phase_v) |
+                                       bit(plant::Injection::open_phase_w) | bit(plant::Injection::short_phase_u) |
+                                       bit(plant::Injection::short_phase_v) | bit(plant::Injection::short_phase_w);
+      if ((around_->injected & phases) == 0 && tick_ - around_->disturbed > 0) {
+        fail("false-alarm", fmt::format("motor phase lost ({:04X}h) with all phases whole, {:.0f} rpm, link {:.0f} V",
+                                        row->code, rpm(velocity_), axis_.plant().dc_link_v()));
+      }
+    }
+  }
+  if (canopen::Node* node = axis_.device().can_node()) {
+    if (node->nmt_state() != nmt_) {
+      nmt_ = node->nmt_state();
+      nmt_since_ = tick_;
+    }
+  }
+}
+
+void Watch::pdos_mapped() {
+  statusword_at_.fill(-1);
+  mapped_since_ = tick_;
+  if (axis_.device().can_node() == nullptr) return;
+  dictionary::Dictionary& objects = axis_.device().bus_dictionary();
+  for (std::size_t pdo = 0; pdo < 4; ++pdo) {
+    const auto mapping = static_cast<std::uint16_t>(0x1A00 + pdo);
+    int bits = 0;
+    for (std::uint8_t entry = 1; entry <= objects.number(mapping, 0); ++entry) {
+      const auto word = static_cast<std::uint32_t>(objects.number(mapping, entry));
+      if (word >> 8 == 0x604100 && bits % 8 == 0) statusword_at_[pdo] = bits / 8;
+      bits += static_cast<int>(word & 0xFF);
+    }
+  }
+}
+
+void Watch::heard(const canopen::Frame& frame, line::Time at) {
+  if (finding_ || around_ == nullptr) return;
+  const std::uint32_t function = frame.id & 0x780;
+  const std::int64_t now = at / line::tick_length;
+  const bool pdo = function == 0x180 || function == 0x280 || function == 0x380 || function == 0x480;
+  if (!pdo || !around_->powered) return;
+  const bool operational = nmt_ == canopen::NmtState::operational;
+  if (!operational && now - nmt_since_ > ms(3)) {
+    return fail("pdo-in-wrong-state", fmt::format("TPDO {:03X}h {:.1f} ms after NMT operational was left", frame.id,
+                                                  static_cast<double>(now - nmt_since_) / ticks_per_ms));
+  }
+  if (around_->cut || now - around_->joined < ms(1))
+    return;  // one frame may wait in the controller while the cable is away
+  const int place = statusword_at_[(function - 0x180) / 0x100];
+  if (place < 0 || place + 2 > frame.length) return;
+  const auto word = static_cast<std::uint16_t>(frame.data[static_cast<std::size_t>(place)] |
+                                               frame.data[static_cast<std::size_t>(place) + 1] << 8);
+  // True at some time within the last 3 ms?
+  for (std::size_t back = 0; back < std::min(shown_count_, shown_.size()); ++back) {
+    const Shown& shown = shown_[(shown_count_ - 1 - back) % shown_.size()];
+    if (shown.statusword == word) return;
+    if (shown.tick < now - ms(3)) {
+      return fail(
+          "stale-statusword",
+          fmt::format("TPDO shows {:04X}h, it is {:04X}h for {:.1f} ms", word, objects_.statusword,
+                      static_cast<double>(now - shown_[(shown_count_ - 1) % shown_.size()].tick) / ticks_per_ms));
+    }
+  }
+}
+
+bool Watch::end() {
+  if (finding_) return false;
+  const plant::Energy energy = axis_.plant().energy();
+  const double taken = energy.copper_j + energy.shaft_j + energy.magnetic_j;
+  const double scale = std::abs(energy.to_motor_j) + energy.copper_j + std::abs(energy.shaft_j) + energy.magnetic_j;
+  const bool shorted = (around_->injected & spoils_motion) != 0;
+  if (!shorted && std::abs(energy.to_motor_j - taken) > 0.02 * scale + 0.2) {
+    fail("energy", fmt::format("{:.3f} J went into the phases, {:.3f} J are accounted for", energy.to_motor_j, taken));
+  }
+  return !finding_;
+}
+
+}  // namespace servodrome::motion

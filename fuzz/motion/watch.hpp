@@ -1,0 +1,183 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "canopen/node.hpp"
+#include "drive/drive.hpp"
+#include "line/line.hpp"
+#include "sequence.hpp"
+
+// What must hold after every tick of an axis, whatever was done to it. Judged by the true shaft, which is the plant's,
+// by what the power stage is told, and by the frames on the wire; limits come from the objects, by CiA 402.
+namespace servodrome::motion {
+
+struct Finding {
+  std::string invariant;
+  std::size_t axis = 0;
+  std::int64_t tick = 0;
+  std::string text;
+};
+
+struct InvariantRow {
+  const char* name;
+  const char* meaning;
+};
+std::span<const InvariantRow> invariants();
+
+// What the bench does to an axis now, and when the master and the bench last did something.
+struct Surroundings {
+  std::int64_t commanded = 0;  // tick of the last write that could ask for motion
+  std::int64_t disturbed = 0;  // ... of the last change of load, supply, rotor, faults or power
+  double load_share = 0.0;     // external torque, of the rated one
+  double supply_share = 1.0;
+  double inertia_factor = 1.0;
+  std::uint32_t injected = 0;   // bit plant::Injection
+  std::int64_t joined = -1000;  // when its bus was put together again
+  bool locked = false;
+  bool powered = true;
+  bool cut = false;
+  bool quiet_bus = true;  // nothing that could crowd the frames out
+};
+
+class Watch {
+ public:
+  Watch(line::Axis& axis, std::size_t number);
+
+  // After each tick. Nothing: all is well.
+  bool tick(std::int64_t tick, const Surroundings& around) {
+    tick_ = tick;
+    around_ = &around;
+    look();
+    return !finding_;
+  }
+  void heard(const canopen::Frame& frame, line::Time at);
+  // After the last tick.
+  bool end();
+  // The mapping of PDOs may have changed.
+  void pdos_mapped();
+  const std::optional<Finding>& finding() const { return finding_; }
+  void fail(const char* invariant, std::string text);
+
+ private:
+  // How far and how long a stop takes at most from `velocity` (counts/s), as the objects are now.
+  struct Stopping {
+    double counts;
+    double seconds;
+  };
+  Stopping stopping(double velocity) const;
+  double torque_acceleration() const;  // counts/s^2 that the motor can give for certain; 0: none
+  double slope() const;                // the gentlest ramp that a stop may take, counts/s^2; 0: none is set
+  double greatest_speed() const;       // counts/s
+  double rpm(double counts_per_s) const { return counts_per_s / counts_per_revolution_ * 60.0; }
+
+  void look();
+  void power();
+  void coasting();
+  void states();
+  void demand();
+  void stops();
+  void limit_switches();
+  void software_limits();
+  void unasked();
+  void torque();
+  void bits();
+  void errors();
+  bool motion_can_be_judged() const;
+
+  line::Axis& axis_;
+  drive::Drive& drive_;
+  const drive::Objects& objects_;
+  std::size_t number_;
+  const Surroundings* around_ = nullptr;
+  std::optional<Finding> finding_;
+  double counts_per_revolution_;
+  double rated_torque_nm_;
+  double peak_torque_nm_;
+  double inertia_kgm2_;
+  double load_inertia_kgm2_;
+  std::uint32_t negative_wire_;
+  std::uint32_t positive_wire_;
+
+  // As of this tick.
+  std::int64_t tick_ = 0;
+  double position_ = 0.0;  // counts
+  double velocity_ = 0.0;  // counts/s
+  bool pwm_ = false;
+  bool shorted_ = false;
+  drive::PowerState state_{};
+  drive::Mode mode_{};
+
+  // As of the one before.
+  bool first_ = true;
+  bool had_pwm_ = false;
+  bool was_powered_ = true;
+  drive::PowerState before_{};
+  drive::Mode mode_before_{};
+  std::int64_t disturbed_ = 0;
+  std::int64_t state_since_ = 0;
+  std::int64_t mode_since_ = 0;
+  std::int64_t pwm_since_ = 0;
+
+  double slowest_ = 0.0;  // since the stage is off
+  std::int64_t unpowered_ticks_ = 0;
+
+  struct Demand {
+    drive::Loop loop = drive::Loop::off;
+    double position = 0.0;
+    double velocity = 0.0;
+  } demand_before_;
+  double ramp_ = 0.0;  // the steepest that was set since the demand stood
+  std::int64_t demand_tick_ = -1;
+
+  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity };
+  struct Stop {
+    StopKind kind = StopKind::none;
+    std::int64_t since = 0;
+    double from = 0.0;
+    double counts = 0.0;
+    double seconds = 0.0;
+    double slope = 0.0;
+  } stop_;
+
+  struct Limit {
+    bool active = false;
+    double furthest = 0.0;  // times the direction
+  };
+  std::array<Limit, 2> limits_{};
+  struct Border {
+    bool active = false;
+    std::int64_t at = 0;
+    double bound = 0.0;
+  };
+  std::array<Border, 2> borders_{};
+
+  double rest_ = 0.0;
+  std::int64_t rest_since_ = 0;
+  std::int64_t torque_over_ = 0;
+  std::int64_t torque_limits_since_ = 0;
+  std::int64_t torque_limits_ = 0;
+  std::int64_t lie_since_ = 0;
+  std::int64_t zero_lie_since_ = 0;
+  std::int64_t obey_since_ = 0;
+
+  // The wire.
+  struct Shown {
+    std::int64_t tick;
+    std::uint16_t statusword;
+  };
+  std::array<Shown, 64> shown_{};
+  std::size_t shown_count_ = 0;
+  std::array<int, 4> statusword_at_{};  // byte of the TPDO; -1: not in it
+  std::int64_t mapped_since_ = 0;
+  std::uint16_t told_code_ = 0;  // of the last EMCY
+  std::int64_t told_at_ = -1;
+  std::int64_t fault_since_ = -1;  // an EMCY is due
+  canopen::NmtState nmt_{};
+  std::int64_t nmt_since_ = 0;
+};
+
+}  // namespace servodrome::motion
