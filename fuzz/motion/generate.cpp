@@ -29,7 +29,11 @@ class Generator {
     for (std::uint8_t i = 0; i < axes; ++i) begin(i);
     for (std::int64_t n = random_.within(3, 14); n > 0; --n) {
       axis_ = static_cast<std::uint8_t>(random_.below(axes));
-      step();
+      if (random_.chance(12)) {
+        theme();
+      } else {
+        step();
+      }
     }
     pause();
     now_ += random_.within(20, 300) * ticks_per_ms;
@@ -442,6 +446,140 @@ class Generator {
       }
     }
     if (random_.chance(20)) add({.kind = Kind::cycle, .value = random_.below(2)});
+  }
+
+  void wait(std::int64_t least, std::int64_t most) { now_ += random_.within(least, most) * ticks_per_ms; }
+  bool set_mode(Mode wanted) {
+    if (!variant().has(wanted)) return false;
+    mode() = wanted;
+    write(0x6060, static_cast<std::int8_t>(wanted));
+    return true;
+  }
+
+  // Several steps that belong together, with time for what follows from them.
+  void theme() {
+    switch (random_.below(8)) {
+      case 0: {  // a ramp of zero, a motion, and the ramp restored
+        static constexpr std::array<std::uint16_t, 5> ramps{0x6081, 0x6083, 0x6084, 0x6085, 0x609A};
+        const std::uint16_t index = random_.of(ramps);
+        if (random_.chance(50)) move();
+        wait(1, 200);
+        write(index, 0);
+        wait(1, 20);
+        random_.chance(60) ? move() : stop();
+        wait(50, 500);
+        if (random_.chance(50)) write(index, ramp());
+        return wait(50, 300);
+      }
+      case 1: {  // a speed, then none
+        if (!set_mode(Mode::profile_velocity)) return;
+        add({.kind = Kind::enable});
+        wait(10, 120);
+        write(0x60FF, signed_speed());
+        wait(50, 300);
+        if (random_.chance(50)) write(random_.chance(50) ? 0x6083 : 0x6084, ramp());
+        write(0x60FF, 0);
+        return wait(300, 700);
+      }
+      case 2: {  // a limit switch that is met and opens again
+        add({.kind = Kind::enable});
+        wait(10, 120);
+        move();
+        wait(20, 200);
+        const line::SwitchWiring& wiring = variant().product->wiring;
+        const std::int64_t wire = random_.chance(50) ? wiring.negative_limit : wiring.positive_limit;
+        add({.kind = Kind::input, .value = 1, .count = wire});
+        wait(200, 450);
+        if (random_.chance(30)) move();
+        add({.kind = Kind::input, .value = 0, .count = wire});
+        return wait(50, 300);
+      }
+      case 3: {  // software limits around a running motion
+        if (!set_mode(random_.chance(60) ? Mode::profile_position : Mode::profile_velocity)) return;
+        add({.kind = Kind::enable});
+        wait(10, 120);
+        if (mode() == Mode::profile_position) {
+          add({.kind = Kind::write_here,
+               .via = via(),
+               .index = 0x607A,
+               .value = to_i32(variant().position((random_.chance(50) ? 1.0 : -1.0) * (5.0 + 20.0 * random_.unit())))});
+          now_ += 16;
+          control(0x1F);
+          now_ += 16;
+          control(0x0F);
+        } else {
+          write(0x60FF, signed_speed());
+        }
+        wait(20, 200);
+        const double room = 0.5 + 4.0 * random_.unit();
+        add({.kind = Kind::write_here,
+             .via = Via::sdo,
+             .index = 0x607D,
+             .sub = 1,
+             .value = to_i32(variant().position(-room))});
+        add({.kind = Kind::write_here,
+             .via = Via::sdo,
+             .index = 0x607D,
+             .sub = 2,
+             .value = to_i32(variant().position(room))});
+        return wait(200, 600);
+      }
+      case 4: {  // a jump in a cyclic mode, and a stop at once
+        if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
+        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+        add({.kind = Kind::enable});
+        wait(20, 140);
+        if (mode() == Mode::interpolated_position) control(0x1F);
+        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = distance()});
+        now_ += random_.within(8, 64);
+        static constexpr std::array<std::uint16_t, 5> words{0x02, 0x06, 0x07, 0x10F, 0x0F};
+        control(random_.of(words));
+        return wait(100, 500);
+      }
+      case 5: {  // a halt in the middle of a stream
+        if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
+        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+        add({.kind = Kind::enable});
+        wait(20, 140);
+        if (mode() == Mode::interpolated_position) control(0x1F);
+        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+        const double cycle_s = static_cast<double>(sequence_.cycle_us) * 1e-6;
+        const std::int64_t step = to_i32(variant().position((random_.unit() - 0.5) * 20.0 * cycle_s));
+        add({.kind = Kind::stream,
+             .index = 0x607A,
+             .value = step,
+             .count = random_.within(50, 500),
+             .gap = random_.chance(30) ? 7 : 0});
+        wait(10, 100);
+        if (random_.chance(50)) {
+          control(0x10F);
+          wait(5, 150);
+          control(mode() == Mode::interpolated_position ? 0x1F : 0x0F);
+        } else {
+          const line::SwitchWiring& wiring = variant().product->wiring;
+          const std::int64_t wire = (step < 0) ? wiring.negative_limit : wiring.positive_limit;
+          add({.kind = Kind::input, .value = 1, .count = wire});
+          wait(20, 300);
+          if (random_.chance(60)) add({.kind = Kind::input, .value = 0, .count = wire});
+        }
+        return wait(50, 300);
+      }
+      case 6: {  // a set-point that is met alone
+        if (!set_mode(Mode::profile_position)) return;
+        add({.kind = Kind::enable});
+        wait(50, 200);
+        set_point();
+        return wait(100, 600);
+      }
+      default: {  // enable after enable
+        move();
+        wait(10, 200);
+        stop();
+        wait(1, 200);
+        add({.kind = Kind::enable});
+        return wait(100, 400);
+      }
+    }
   }
 
   // A value that nobody should write, to an object that moves the axis.

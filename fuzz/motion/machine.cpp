@@ -305,6 +305,7 @@ class Machine final : public FrameListener {
         } else {
           if (!around.powered) return;
           axis(i).power_off(line_.now());
+          master_->lost(i);
           around.powered = state.set_up = state.enabling = false;
           state.set_up_at = 0;
         }
@@ -342,6 +343,7 @@ class Machine final : public FrameListener {
       axes_[i].stream = {};
       axes_[i].enabling = false;
       carry_out_benchs(i, {.kind = Kind::power, .value = 0});
+      carry_out_benchs(i, {.kind = Kind::lock, .value = 1});  // so that it rests
     }
     cycling_ = true;
     pause_ = 0;
@@ -352,6 +354,7 @@ class Machine final : public FrameListener {
       // Where the switches of its travel do not speak.
       if (axis(i).plant().position_counts() != sequence_.axes[i].start_counts)
         axis(i).place(sequence_.axes[i].start_counts);
+      carry_out_benchs(i, {.kind = Kind::lock, .value = 0});
       carry_out_benchs(i, {.kind = Kind::power, .value = 1});
     }
     for (int t = 0; t < 30 * ticks_per_ms; ++t) {
@@ -394,12 +397,14 @@ class Machine final : public FrameListener {
       *options_.story += fmt::format(
           "  {:>9.4f} a{} {:22} 6041 {:04X} mode {:2} pwm {} x {:>12} v {:>8.1f} rpm demand {:>12} {:>8.1f} rpm torque "
           "{:>6.2f} Nm "
-          "link {:>5.1f} V 603F {:04X} in {:02X}\n",
+          "link {:>5.1f} V 603F {:04X} in {:02X} {}\n",
           static_cast<double>(tick_) / ticks_per_ms, i, drive::name(drive.state()), objects.statusword,
           static_cast<int>(drive.mode()), axis(i).actuation().pwm_enabled ? 1 : 0, plant.position_counts(),
           plant.velocity_rpm(), drive.axis().demand.position,
           static_cast<double>(drive.axis().demand.velocity) / drive.axis().units.counts_per_revolution * 60.0,
-          plant.torque_nm(), plant.dc_link_v(), objects.error_code, axis(i).feedback().inputs);
+          plant.torque_nm(), plant.dc_link_v(), objects.error_code, axis(i).feedback().inputs,
+          on_can() ? static_cast<int>(axis(i).device().can_node()->nmt_state())
+                   : static_cast<int>(axis(i).device().ethercat_slave()->state()));
     }
   }
 

@@ -303,6 +303,7 @@ void EthercatMaster::set_up(std::size_t axis, bool mapped) {
 void EthercatMaster::lead(std::size_t axis) {
   Slave& slave = slaves_[axis];
   const auto state = static_cast<std::uint8_t>(line_.axes()[axis]->device().ethercat_slave()->state());
+  if (slave.wanted == 0) return;
   if (state == slave.wanted) {
     slave.asked = 0;
     return;
@@ -318,6 +319,7 @@ void EthercatMaster::lead(std::size_t axis) {
 void EthercatMaster::poll() {
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
     lead(i);
+    if (slaves_[i].wanted <= 1) continue;
     // Mails are fetched, so that the mailbox has room again.
     const std::array<std::uint8_t, mailbox_bytes> mail{};
     send(Command::aprd, ethercat::address_of(address(i), 0x1100), mail);

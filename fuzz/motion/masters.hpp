@@ -49,6 +49,8 @@ class Master {
   virtual void cycle(bool sync) = 0;
   // Between cycles, every ms.
   virtual void poll() = 0;
+  // The axis has no power any more, until it is set up again.
+  virtual void lost(std::size_t) {}
   ProcessValues& values(std::size_t axis) { return values_[axis]; }
 
  protected:
@@ -112,6 +114,7 @@ class EthercatMaster final : public Master {
   void command(std::size_t axis, Kind kind, std::int64_t value) override;
   void cycle(bool sync) override;
   void poll() override;
+  void lost(std::size_t axis) override { slaves_[axis].wanted = 0; }
 
  private:
   struct Mapped {

@@ -86,12 +86,15 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"wrong-transition", "power states follow each other as CiA 402 has them"},
     {"enabled-unasked", "Operation enabled is entered by the command for it"},
     {"demand-jumps", "the position demand moves no faster than the motor may, unless it is put where the shaft is"},
+    {"cyclic-demand-jumps", "likewise where a master's targets are followed"},
     {"demand-too-steep", "in profile modes the demand gains speed no faster than the ramps that are set"},
     {"demand-too-fast", "in profile modes the demand gains no speed above 607Fh and 6080h"},
     {"stop-runs-away", "a stop rests within v^2/2a of the speed at its beginning and the loop's lag"},
     {"stop-never-ends", "a stop comes to its end"},
     {"limit-switch-passed", "an active limit switch is not driven into"},
     {"software-limit-passed", "607Dh is not passed"},
+    {"target-missed", "a set-point that was taken ends at its target"},
+    {"never-arrives", "... and it ends"},
     {"moves-unasked", "a resting axis moves only after a command"},
     {"let-go-in-motion", "power is not taken from a turning motor at the end of a stop with a ramp"},
     {"torque-beyond-limit", "torque stays within 6072h, 60E0h and 60E1h"},
@@ -101,7 +104,6 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"mode-display", "6061h is a mode that the product has"},
     {"fault-without-code", "in Fault 603Fh and 1001h tell why"},
     {"emergency-missing", "a fault is told by an EMCY"},
-    {"emergency-differs", "an EMCY has the code of 603Fh"},
     {"stale-statusword", "a TPDO shows a statusword that was true when it could be sent"},
     {"pdo-in-wrong-state", "no PDO outside NMT operational"},
     {"false-alarm", "no alarm of hardware that is whole"},
@@ -191,8 +193,8 @@ Watch::Stopping Watch::stopping(double velocity) const {
 // The motor does what it is told: nothing was done to it for a while that moves it by itself.
 bool Watch::motion_can_be_judged() const {
   return around_->powered && !around_->locked && (around_->injected & spoils_motion) == 0 &&
-         std::abs(around_->load_share) <= heavy_load && around_->supply_share >= 0.8 && around_->supply_share <= 1.2 &&
-         tick_ - around_->disturbed > ms(150);
+         std::abs(around_->load_share) + std::abs(objects_.torque_offset) * 0.001 <= heavy_load &&
+         around_->supply_share >= 0.8 && around_->supply_share <= 1.2 && tick_ - around_->disturbed > ms(150);
 }
 
 void Watch::look() {
@@ -231,6 +233,7 @@ void Watch::look() {
     stops();
     limit_switches();
     software_limits();
+    set_points();
     unasked();
     torque();
     bits();
@@ -334,6 +337,9 @@ void Watch::demand() {
   const Demand before = demand_before_;
   if (!new_cycle) return;
   demand_before_ = demand;
+  demand_speed_ = now.loop == Loop::position && before.loop == Loop::position && demand_tick_ >= 0
+                      ? (demand.position - before.position) / (static_cast<double>(tick_ - demand_tick_) * tick_s)
+                      : demand.velocity;
   const std::int64_t cycle = demand_tick_ < 0 ? cycle_ticks : std::min(tick_ - demand_tick_, cycle_ticks);
   demand_tick_ = tick_;
   if (!pwm_ || !had_pwm_ || (around_->injected & spoils_motion) != 0) {
@@ -344,9 +350,13 @@ void Watch::demand() {
   const double near = std::abs(velocity_) * 4.0 * cycle_ticks * tick_s + 0.002 * counts_per_revolution_ + 3.0;
   if (demand.loop == Loop::position && before.loop == Loop::position) {
     const double moved = std::abs(demand.position - before.position);
-    const double most = greatest_speed() * 1.02 * seconds + 2.0;
+    // The nameplate's, since a demand comes down to a 6080h that was lowered by its ramps.
+    const double most = static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 *
+                            counts_per_revolution_ * 1.02 * seconds +
+                        2.0;
     if (moved > most && std::abs(demand.position - position_) > near) {
-      return fail("demand-jumps",
+      const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
+      return fail(cyclic ? "cyclic-demand-jumps" : "demand-jumps",
                   fmt::format("by {:.0f} counts in {:.3f} ms (at most {:.0f}), shaft {:.0f} counts behind, mode {}",
                               moved, 1000.0 * seconds, most, demand.position - position_, static_cast<int>(mode_)));
     }
@@ -418,12 +428,12 @@ void Watch::stops() {
     kind = StopKind::none;
   // A limit switch releases what it holds, and homing goes on where it was.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
-  if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since) {
+  if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since || !motion_can_be_judged()) {
     const Stopping stopping = this->stopping(velocity_);
     stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, slope()};
     return;
   }
-  if (kind == StopKind::none || !motion_can_be_judged()) return;
+  if (kind == StopKind::none) return;
   if (const double ramp = slope(); ramp != stop_.slope) {  // written while it runs
     const Stopping stopping = this->stopping(velocity_);
     stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, ramp};
@@ -478,27 +488,121 @@ void Watch::software_limits() {
                        (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity ||
                         mode_ == Mode::interpolated_position || mode_ == Mode::cyclic_sync_position);
   const auto offset = static_cast<double>(drive_.position_offset());
+  // In the position loop the demand is judged, which has no lag; else the shaft.
+  const bool demanded = axis.demand.loop == Loop::position;
+  const double place_now = offset + (demanded ? static_cast<double>(axis.demand.position) : position_);
+  const double speed_now = demanded ? demand_speed_ : velocity_;
+  const double slack = demanded ? 0.02 * counts_per_revolution_ : place_revolutions * counts_per_revolution_;
   for (std::size_t i = 0; i < 2; ++i) {
     const double direction = i == 0 ? -1.0 : 1.0;
     const std::int32_t limit = i == 0 ? objects_.min_position_limit : objects_.max_position_limit;
     Border& border = borders_[i];
     const double at = direction * static_cast<double>(axis.units.to_counts(limit));
-    const double place = direction * (position_ + offset);
-    const double speed = std::max(0.0, direction * velocity_);
-    const double reach = place + stopping(speed).counts;
-    // What clips its targets still overshoots by what it takes to brake from them.
-    const double tolerance = stopping(speed).counts;
-    if (!applies || !border.active || border.at != limit || !motion_can_be_judged() || mode_since_ == tick_) {
-      border = {applies, limit, std::max(at + tolerance, reach)};
+    const double place = direction * place_now;
+    const double speed = std::max(0.0, direction * speed_now);
+    const double way = demanded ? ramp_way(speed) : stopping(speed).counts;
+    const double reach = place + way + slack;
+    if (!applies || !border.active || border.at != limit || border.demanded != demanded || !motion_can_be_judged() ||
+        tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
+      border = {applies, demanded, limit, std::max(at + slack, reach)};
       continue;
     }
+    // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
+    const double tolerance = demanded ? slack : way + slack;
     border.bound = std::max(at + tolerance, std::min(border.bound, reach));
     if (place > border.bound) {
-      fail("software-limit-passed",
-           fmt::format("{:.2f} revolutions beyond 607Dh, at {:.0f} rpm, mode {}", (place - at) / counts_per_revolution_,
-                       rpm(velocity_), static_cast<int>(mode_)));
+      return fail("software-limit-passed",
+                  fmt::format("{:.2f} revolutions beyond 607Dh, at {:.0f} rpm, mode {}",
+                              (place - at) / counts_per_revolution_, rpm(velocity_), static_cast<int>(mode_)));
     }
   }
+}
+
+// A set-point of profile position that stood alone: from its edge to rest.
+void Watch::set_points() {
+  const std::uint16_t word = objects_.controlword;
+  const bool edge = (word & controlword::mode_bit_4) != 0 && (word_before_ & controlword::mode_bit_4) == 0;
+  const bool working = state_ == PowerState::operation_enabled && mode_ == Mode::profile_position && pwm_ &&
+                       (word & (controlword::halt | controlword::fault_reset)) == 0 && motion_can_be_judged();
+  word_before_ = word;
+  if (!working) {
+    set_point_.active = false;
+    set_point_.alone = tick_;
+    return;
+  }
+  const drive::Axis& axis = drive_.axis();
+  const auto offset = static_cast<double>(drive_.position_offset());
+  const bool changed = objects_.target_position != target_before_;
+  target_before_ = objects_.target_position;
+  const bool limited = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit) ||
+                       axis.software_limits_active();
+  if (edge) {
+    const bool relative = (word & controlword::mode_bit_6) != 0;
+    const bool usual = (word & controlword::mode_bit_9) == 0 && objects_.positioning_option_code == 0 &&
+                       objects_.polarity == 0 && objects_.end_velocity == 0 && objects_.profile_velocity != 0 &&
+                       objects_.profile_acceleration != 0 && objects_.profile_deceleration != 0 &&
+                       objects_.min_position_range_limit == objects_.max_position_range_limit;
+    const bool standing = tick_ - set_point_.alone > ms(30) && !drive_.in_motion() &&
+                          std::abs(velocity_) < still_rpm / 60.0 * counts_per_revolution_;
+    const double target = static_cast<double>(axis.units.to_counts(objects_.target_position));
+    set_point_.active = usual && standing && !relative && !limited && !changed;
+    set_point_.taken = false;
+    set_point_.since = tick_;
+    set_point_.target = target - offset;
+    set_point_.alone = tick_;
+    const double way = std::abs(set_point_.target - position_);
+    double speed = objects_.profile_velocity * axis.units.velocity;
+    if (objects_.max_profile_velocity != 0)
+      speed = std::min(speed, objects_.max_profile_velocity * axis.units.velocity);
+    speed = std::min(speed, greatest_speed());
+    const Stopping stopping = this->stopping(speed);
+    set_point_.seconds = way / speed + 4.0 * stopping.seconds + 0.3;
+    if (way > 1000.0 * counts_per_revolution_) set_point_.active = false;
+    return;
+  }
+  if (!set_point_.active) {
+    if (drive_.in_motion()) set_point_.alone = tick_;
+    return;
+  }
+  // Anything else that is written may change the plan.
+  if (limited || around_->commanded > set_point_.since + ms(10)) {
+    set_point_.active = false;
+    set_point_.alone = tick_;
+    return;
+  }
+  if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) set_point_.taken = true;
+  if (!set_point_.taken) {  // not acknowledged
+    if (tick_ - set_point_.since > ms(10)) set_point_.active = false;
+    return;
+  }
+  const double seconds = static_cast<double>(tick_ - set_point_.since) * tick_s;
+  const bool reached = (objects_.statusword & drive::statusword::target_reached) != 0 && !drive_.in_motion();
+  const double beside = std::abs(position_ - set_point_.target);
+  set_point_.reached = reached ? set_point_.reached + 1 : 0;
+  if (set_point_.reached > ms(80) || seconds > set_point_.seconds) {
+    set_point_.active = false;
+    const bool arrived = beside < 2.0 * place_revolutions * counts_per_revolution_;
+    if (!arrived) {
+      fail(set_point_.reached > ms(80) ? "target-missed" : "never-arrives",
+           fmt::format("{:.2f} revolutions beside the target {:.3f} s after the set-point, at {:.0f} rpm",
+                       beside / counts_per_revolution_, seconds, rpm(velocity_)));
+    }
+  }
+}
+
+// What a demand at `speed` needs to rest by the ramps alone.
+double Watch::ramp_way(double speed) const {
+  const double ramp = slope();
+  if (ramp <= 0.0) return speed * 0.1;
+  double seconds = speed / ramp;
+  if (objects_.motion_profile_type != 0) {
+    seconds *= 2.0;
+    const double jerk = objects_.profile_jerk[0] * drive_.axis().units.jerk;
+    if (jerk > 0.0) seconds += std::min(ramp / jerk, 2.0 * std::sqrt(speed / jerk));
+  }
+  seconds += 0.002 + 0.001 * drive_.configuration().smoothing_ms +
+             0.003 * static_cast<double>(drive_.configuration().position_lag_ms);
+  return 0.55 * speed * seconds;
 }
 
 void Watch::unasked() {
@@ -567,7 +671,8 @@ void Watch::bits() {
   const bool halt = (objects_.controlword & controlword::halt) != 0;
   bool lies = false;
   double expected = 0.0;
-  if (judged && (word & drive::statusword::target_reached) != 0) {
+  if (judged && (word & drive::statusword::target_reached) != 0 &&
+      drive::command_of(objects_.controlword) == drive::Command::enable_operation) {
     const drive::Axis& axis = drive_.axis();
     if (mode_ == Mode::profile_velocity && !halt) {
       const bool windowed = objects_.velocity_window != 0xFFFF;
@@ -623,12 +728,31 @@ void Watch::errors() {
       }
     }
   }
+  if (failed && state_since_ != tick_ && tick_ - state_since_ == ms(2) && communication_register() == 0) {
+    return fail("fault-without-code",
+                fmt::format("1001h is {:02X}h, 603Fh {:04X}h", communication_register(), objects_.error_code));
+  }
   if (canopen::Node* node = axis_.device().can_node()) {
     if (node->nmt_state() != nmt_) {
       nmt_ = node->nmt_state();
       nmt_since_ = tick_;
     }
+    const bool speaks = (nmt_ == canopen::NmtState::operational || nmt_ == canopen::NmtState::pre_operational) &&
+                        tick_ - nmt_since_ > ms(20) && !around_->cut && tick_ - around_->joined > ms(20) &&
+                        around_->quiet_bus;
+    if (!speaks || !failed) fault_since_ = fault_since_ == tick_ ? tick_ : -1;
+    if (!speaks) fault_since_ = -1;
+    if (fault_since_ >= 0 && tick_ - fault_since_ > ms(5)) {
+      if (told_at_ < fault_since_ - ms(1)) {
+        return fail("emergency-missing", fmt::format("603Fh is {:04X}h for 5 ms", objects_.error_code));
+      }
+      fault_since_ = -1;
+    }
   }
+}
+
+std::uint8_t Watch::communication_register() {
+  return static_cast<std::uint8_t>(axis_.device().bus_dictionary().number(0x1001, 0));
 }
 
 void Watch::pdos_mapped() {
@@ -651,6 +775,11 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
   if (finding_ || around_ == nullptr) return;
   const std::uint32_t function = frame.id & 0x780;
   const std::int64_t now = at / line::tick_length;
+  if (function == 0x080 && frame.length == 8) {
+    told_code_ = static_cast<std::uint16_t>(frame.data[0] | frame.data[1] << 8);
+    if (told_code_ != 0) told_at_ = now;
+    return;
+  }
   const bool pdo = function == 0x180 || function == 0x280 || function == 0x380 || function == 0x480;
   if (!pdo || !around_->powered) return;
   const bool operational = nmt_ == canopen::NmtState::operational;

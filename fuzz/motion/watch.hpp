@@ -30,9 +30,9 @@ std::span<const InvariantRow> invariants();
 
 // What the bench does to an axis now, and when the master and the bench last did something.
 struct Surroundings {
-  std::int64_t commanded = 0;  // tick of the last write that could ask for motion
-  std::int64_t disturbed = 0;  // ... of the last change of load, supply, rotor, faults or power
-  double load_share = 0.0;     // external torque, of the rated one
+  std::int64_t commanded = 0;           // tick of the last write that could ask for motion
+  std::int64_t disturbed = -1'000'000;  // ... of the last change of load, supply, rotor, faults or power
+  double load_share = 0.0;              // external torque, of the rated one
   double supply_share = 1.0;
   double inertia_factor = 1.0;
   std::uint32_t injected = 0;   // bit plant::Injection
@@ -82,7 +82,10 @@ class Watch {
   void stops();
   void limit_switches();
   void software_limits();
+  void set_points();
   void unasked();
+  double ramp_way(double speed) const;
+  std::uint8_t communication_register();
   void torque();
   void bits();
   void errors();
@@ -150,10 +153,24 @@ class Watch {
   std::array<Limit, 2> limits_{};
   struct Border {
     bool active = false;
+    bool demanded = false;
     std::int64_t at = 0;
     double bound = 0.0;
   };
   std::array<Border, 2> borders_{};
+
+  double demand_speed_ = 0.0;  // counts/s, out of the demanded positions
+  struct SetPoint {
+    bool active = false;
+    bool taken = false;
+    std::int64_t since = 0;
+    std::int64_t alone = 0;  // since when there is no other
+    std::int64_t reached = 0;
+    double target = 0.0;
+    double seconds = 0.0;
+  } set_point_;
+  std::uint16_t word_before_ = 0;
+  std::int32_t target_before_ = 0;
 
   double rest_ = 0.0;
   std::int64_t rest_since_ = 0;
