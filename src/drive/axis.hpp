@@ -188,6 +188,7 @@ struct Axis {
   MeanVelocity mean_velocity{};
   LoopDemand demand{};
 
+  std::uint16_t controlword = 0;  // the last without bit 7, which commands nothing
   double cycle_s = 500e-6;
   double cycles_per_ms = 2.0;
   Counts encoder_position = 0;
@@ -257,6 +258,20 @@ struct Axis {
     if (value <= 0.0 && policy.zero_ramps_are_greatest) value = greatest;
     return std::min(value, static_cast<double>(greatest)) * units.acceleration;
   }
+  // With which the demand of a cyclic mode catches up with its set-points: the greatest speed, and the profile's ramps;
+  // where those are 0 the greatest (60C5h, 60C6h), the quick stop's, or the greatest speed in 100 ms.
+  MotionLimits catch_up_limits() const {
+    const double velocity = max_velocity(false);
+    const auto first = [&](std::uint32_t profile, std::uint32_t greatest) {
+      double slope = ramp(profile, greatest);
+      if (slope <= 0.0) slope = greatest * units.acceleration;
+      if (slope <= 0.0) slope = objects.quick_stop_deceleration * units.acceleration;
+      return slope > 0.0 ? slope : 10.0 * velocity;
+    };
+    return {velocity, first(objects.profile_acceleration, objects.max_acceleration),
+            first(objects.profile_deceleration, objects.max_deceleration), 1.0};
+  }
+  double quick_stop_ramp() const { return ramp(objects.quick_stop_deceleration, objects.max_deceleration); }
   double profile_deceleration() const { return ramp(objects.profile_deceleration, objects.max_deceleration); }
 
   // A set-point of `mode` is above the greatest speed.
@@ -279,10 +294,12 @@ struct Axis {
   }
 
   // Plans the way to rest, of a demand that has nowhere to go; works whatever the profile objects hold.
-  void come_to_rest(RampShape shape) {
+  // `least_deceleration` (counts/s^2): where the profile's is lower.
+  void come_to_rest(RampShape shape, double least_deceleration = 0.0) {
     if (generator.standing()) return;
     MotionLimits ramp = limits(max_velocity(false), objects.profile_acceleration, objects.profile_deceleration,
                                objects.profile_jerk[0]);
+    ramp.deceleration = std::max(ramp.deceleration, least_deceleration);
     if (ramp.deceleration <= 0.0) ramp.deceleration = objects.quick_stop_deceleration * units.acceleration;
     if (ramp.deceleration <= 0.0) return generator.reset(generator.nearest_position());
     if (ramp.acceleration <= 0.0) ramp.acceleration = ramp.deceleration;
@@ -292,6 +309,35 @@ struct Axis {
 
   // Puts the generator where the axis really is, moving as it moves.
   void take_over_actual() { generator.start_from(position(), velocity()); }
+
+  // How far the position loop lets a shaft of this speed lag behind its demand, counts, and what friction and load add.
+  double lag(double counts_per_s) const {
+    const Gains& gains = configuration.gains;
+    constexpr double margin = 1.25;
+    constexpr double static_turns = 0.002;
+    const double share = std::max(0.0, 1.0 - static_cast<double>(gains.velocity_feed_forward));
+    const auto kp = static_cast<double>(gains.position_kp);
+    const double moving = kp > 0.0 ? margin * share * std::abs(counts_per_s) / kp : 0.0;
+    return moving + static_turns * units.counts_per_revolution;
+  }
+  // Whether the shaft moves as the loops' demand says, so far as a lag explains.
+  bool follows_demand() const {
+    if (demand.loop != Loop::position && demand.loop != Loop::velocity) return false;
+    constexpr double followed_share = 0.05;
+    constexpr double followed_rpm = 6.0;
+    const auto wanted = static_cast<double>(demand.velocity);
+    const double off = std::abs(wanted - velocity());
+    if (off > followed_share * std::abs(wanted) + rpm_to_counts_per_s(followed_rpm)) return false;
+    return demand.loop == Loop::velocity ||
+           std::abs(static_cast<double>(loops->following_error_counts)) <= lag(velocity());
+  }
+  // As take_over_actual, for an axis in the position loop: keeps of the lag what its speed explains, so that the loop
+  // goes on without a step.
+  void take_over_lagging() {
+    const double most = lag(velocity());
+    const double error = demand.loop == Loop::position ? static_cast<double>(loops->following_error_counts) : 0.0;
+    generator.start_from(position() + static_cast<Counts>(std::clamp(error, -most, most)), velocity());
+  }
 
   // The demand of the loops from the generator.
   void follow_generator(Loop loop) {

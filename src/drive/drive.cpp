@@ -69,6 +69,7 @@ bool Drive::set_units() {
 void Drive::objects_loaded() {
   set_units();
   controlword_ = axis_.objects.controlword;
+  axis_.controlword = static_cast<std::uint16_t>(controlword_ & ~controlword::fault_reset);
   load_touch_probe();
 }
 
@@ -191,6 +192,7 @@ void Drive::cycle(const Feedback& feedback) {
   dc_link_v_ = feedback.dc_link_v;
   winding_temperature_c_ = feedback.winding_temperature_c;
   power_stage_temperature_c_ = feedback.power_stage_temperature_c;
+  watch_standstill();
   update_inputs(feedback);
   axis_.edges = std::span(edges_.data(), edge_count_);
 
@@ -210,7 +212,7 @@ void Drive::cycle(const Feedback& feedback) {
   if (active_.test(Cause::following_error)) axis_.following_error = true;  // shown until it is reset
   if (state_ == PowerState::not_ready_to_switch_on) {
     enter_state(PowerState::switch_on_disabled);
-    handle_command(command_of(controlword_));  // of a master that did not wait
+    handle_command(command_of(axis_.controlword));  // of a master that did not wait
   }
   change_mode();
   if (axis_.active(Signal::quick_stop) && state_ == PowerState::operation_enabled) handle_command(Command::quick_stop);
@@ -272,9 +274,8 @@ void Drive::change_mode() {
   if (!running) return;
   // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: take the
   // actual.
-  if (demand_is_adrift()) {
-    axis_.take_over_actual();
-  } else if (axis_.demand.loop != Loop::position) {
+  take_over_shaft();
+  if (axis_.demand.loop == Loop::velocity) {
     axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
   }
   stopping_ = halted_ = limit_stop_ = short_circuit_ = releasing_torque_ = false;
@@ -289,14 +290,15 @@ void Drive::run_mode() {
     return;
   }
   if (state_ == PowerState::operation_enabled && !pending_.active && !limit_stop_) {
-    const bool halt = (controlword_ & controlword::halt) != 0 && (policy_.modes_without_halt & mode_bit(mode_)) == 0;
+    const bool halt =
+        (axis_.controlword & controlword::halt) != 0 && (policy_.modes_without_halt & mode_bit(mode_)) == 0;
     if (halt && !halted_) {
       halted_ = true;
       with_mode(*this, [&](auto& mode) { mode.halt(axis_); });
       const std::int16_t code = axis_.objects.halt_option_code;
       begin_stop(stop_of(code != 0 ? code : policy_.halt_code_of_zero));
     } else if (!halt && halted_) {
-      if (demand_is_adrift()) axis_.take_over_actual();
+      take_over_shaft();
       halted_ = stopping_ = short_circuit_ = releasing_torque_ = false;
       if (stop_loop_ != Loop::position) axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
       with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
@@ -387,7 +389,7 @@ std::uint32_t Drive::status_sources() const {
   const bool failed = state_ == PowerState::fault_reaction_active || state_ == PowerState::fault;
   if (!working && !failed) return shown;
   const bool enabled = state_ == PowerState::operation_enabled;
-  show(StatusSource::halt, enabled && (controlword_ & controlword::halt) != 0);
+  show(StatusSource::halt, enabled && (axis_.controlword & controlword::halt) != 0);
   show(StatusSource::in_motion, enabled && in_motion());
   std::uint16_t bits = with_mode(*this, [&](const auto& mode) { return mode.status(axis_); });
   if (failed) {

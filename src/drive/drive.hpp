@@ -168,13 +168,14 @@ class Drive final : public dictionary::Listener {
   void enter_state(PowerState to);
   void begin_stop(Stop stop);
   void begin_ramp();
-  bool demand_is_adrift() const;
+  void take_over_shaft();
+  void watch_standstill();
   double quick_stop_deceleration() const;  // counts/s^2
   bool stop_finished() const;
   void step_stop();
   void step_power();
   void react_to_fault(const FaultRow& row);
-  void reset_faults();
+  bool reset_faults();
   void collect_faults();
   CauseSet present_causes() const;
   void switch_power(bool on);
@@ -246,7 +247,10 @@ class Drive final : public dictionary::Listener {
   std::uint32_t brake_closed_cycles_ = 0;
   std::uint32_t coasting_cycles_ = 0;  // that the brake may still wait for an axis without power to become slow
   bool short_circuit_ = false;
-  Dwell braked_{};  // by short circuit
+  Dwell standstill_{};
+  bool shaft_stands_ = true;
+  std::uint32_t rest_wait_cycles_ = 0;  // since the ramp of a stop was over
+  Dwell braked_{};                      // by short circuit
   bool braked_to_rest_ = false;
   bool zero_speed_ = false;  // held without a ramp until the brake has closed
 

@@ -28,6 +28,7 @@ void Drive::limit_switches(Counts before) {
     blocked |= near;
   }
   if (!blocked) return;
+  const int direction = velocity < 0.0 ? -1 : 1;
   if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
   if (std::abs(axis_.velocity()) > 4.0 * quick * axis_.cycle_s) {
     begin_stop(Stop::quick_stop_ramp);
@@ -36,7 +37,7 @@ void Drive::limit_switches(Counts before) {
     axis_.generator.reset(before);
     axis_.follow_generator(axis_.demand.loop);
   }
-  with_mode(*this, [&](auto& mode) { mode.interrupt(axis_); });
+  with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, direction); });
 }
 
 // A stepper's way of holding, for products that have it: nothing hunts at standstill.

@@ -13,50 +13,49 @@ void Generator::place(Counts position, double fraction, double velocity) {
   finished_ = true;
 }
 
-void Generator::rebase() {
-  const double whole = std::floor(state_.position);
-  base_ += static_cast<Counts>(whole);
-  state_.position -= whole;
+// Takes a new plan over, made from `state` on `base`, of which `gone_s` has passed. A plan that was refused changes
+// nothing: what was planned before goes on.
+Trajectory::Result Generator::begin(Trajectory::Result result, Counts base, const MotionState& state, double gone_s) {
+  if (result == Trajectory::Result::bad_state || result == Trajectory::Result::bad_limits) return result;
+  base_ = base;
+  state_ = gone_s > 0.0 ? trajectory_.at(gone_s) : state;
+  start_s_ = elapsed_s_ = gone_s;
+  cycles_ = 0;
+  planned_ = true;
+  finished_ = trajectory_.duration_s() <= gone_s;
+  return result;
 }
 
-void Generator::begin(Trajectory::Result result) {
-  if (result == Trajectory::Result::bad_state || result == Trajectory::Result::bad_limits) return;
-  cycles_ = 0;
-  elapsed_s_ = 0.0;
-  planned_ = true;
-  finished_ = trajectory_.duration_s() <= 0.0;
+Trajectory::Result Generator::plan_position(MotionState state, double gone_s, Counts target, double end_velocity,
+                                            const MotionLimits& limits, RampShape shape) {
+  const Counts base = rebase(state);
+  return begin(trajectory_.plan_position(state, static_cast<double>(target - base), end_velocity, limits, shape), base,
+               state, gone_s);
+}
+
+// The base on which the position of `state` lies within a count.
+Counts Generator::rebase(MotionState& state) const {
+  const double whole = std::floor(state.position);
+  state.position -= whole;
+  return base_ + static_cast<Counts>(whole);
 }
 
 Trajectory::Result Generator::move_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape) {
-  rebase();
-  start_s_ = 0.0;
-  const Trajectory::Result result =
-      trajectory_.plan_position(state_, static_cast<double>(target - base_), end_velocity, limits, shape);
-  begin(result);
-  return result;
+  return plan_position(state_, 0.0, target, end_velocity, limits, shape);
 }
 
 Trajectory::Result Generator::run_at(double velocity, const MotionLimits& limits, RampShape shape) {
-  rebase();
-  start_s_ = 0.0;
-  const Trajectory::Result result = trajectory_.plan_velocity(state_, velocity, limits, shape);
-  begin(result);
-  return result;
+  MotionState state = state_;
+  const Counts base = rebase(state);
+  return begin(trajectory_.plan_velocity(state, velocity, limits, shape), base, state, 0.0);
 }
 
 Trajectory::Result Generator::continue_to(Counts target, double end_velocity, const MotionLimits& limits,
                                           RampShape shape) {
   double remainder = planned_ && finished_ ? elapsed_s_ - trajectory_.duration_s() : 0.0;
   if (remainder < 0.0 || remainder > last_cycle_s_) remainder = 0.0;
-  if (remainder > 0.0) state_ = trajectory_.at(trajectory_.duration_s());
-  const Trajectory::Result result = move_to(target, end_velocity, limits, shape);
-  start_s_ = remainder;
-  if (remainder > 0.0 && planned_) {
-    elapsed_s_ = remainder;
-    state_ = trajectory_.at(remainder);
-    finished_ = elapsed_s_ >= trajectory_.duration_s();
-  }
-  return result;
+  const MotionState from = remainder > 0.0 ? trajectory_.at(trajectory_.duration_s()) : state_;
+  return plan_position(from, remainder, target, end_velocity, limits, shape);
 }
 
 void Generator::step(double cycle_seconds) {

@@ -16,7 +16,8 @@ class Generator {
   // Takes over a moving axis; keeps moving at `velocity` (counts/s) until something is planned.
   void start_from(Counts position, double velocity);
 
-  // Plans from the present state. Distances beyond 2^52 counts are not exact.
+  // Plans from the present state. Distances beyond 2^52 counts are not exact. A plan that is refused (bad_limits,
+  // bad_state) leaves the running motion as it is.
   Trajectory::Result move_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
   Trajectory::Result run_at(double velocity, const MotionLimits& limits, RampShape shape);
 
@@ -42,8 +43,10 @@ class Generator {
   double duration_s() const { return trajectory_.duration_s(); }
 
  private:
-  void rebase();
-  void begin(Trajectory::Result result);
+  Counts rebase(MotionState& state) const;
+  Trajectory::Result begin(Trajectory::Result result, Counts base, const MotionState& state, double gone_s);
+  Trajectory::Result plan_position(MotionState state, double gone_s, Counts target, double end_velocity,
+                                   const MotionLimits& limits, RampShape shape);
 
   Trajectory trajectory_{};
   MotionState state_{};  // relative to base_

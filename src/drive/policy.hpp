@@ -123,7 +123,7 @@ struct Policy {
   // An axis with a brake is not let go before the brake holds it, even where the option code says "no ramp".
   bool brake_engages_before_power_off = false;
   bool nmt_aborts_connection = true;     // 6007h acts as well when the node is stopped or its communication reset
-  bool reset_word_is_a_command = false;  // bits 0 to 3 count also while controlword bit 7 is set
+  bool reset_word_is_a_command = false;  // bits 0 to 3 of the word that resets a fault count as well
   bool transition_16 = true;             // Quick stop active -> Operation enabled
   bool direct_enable = true;             // 0Fh in Ready to switch on runs through transitions 3 and 4
   bool energised_in_switched_on = false;

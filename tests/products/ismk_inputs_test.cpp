@@ -161,13 +161,16 @@ void limit(IsmkRig& rig, std::uint16_t code, int sign, std::int64_t bit_of_60fd,
   rig.run_ms(200);
   EXPECT_NEAR(rpm(rig), sign * 300.0, 6.0);
   EXPECT_EQ(rig.get(0x2010, latched), met) << "released, not met";
-  // Off the switch the way is free, and the same target is followed without being written again.
+  // Off the switch the way is free, but a switch that opens is no command: another target is.
   wire(rig, di1, false);
   rig.run_ms(60);
   EXPECT_NEAR(rpm(rig), 0.0, 0.5);
   wire(rig, di1, true);
   rig.run_ms(200);
-  EXPECT_NEAR(rpm(rig), sign * 300.0, 6.0);
+  EXPECT_NEAR(rpm(rig), 0.0, 0.5);
+  set(rig, 0x60FF, 0, dec(sign * 299.0));
+  rig.run_ms(200);
+  EXPECT_NEAR(rpm(rig), sign * 299.0, 6.0);
 }
 
 void positive_limit(IsmkRig& rig) { limit(rig, 0x0010, 1, 2, 0x1B); }

@@ -496,7 +496,7 @@ std::vector<Warning> warnings() {
          in_mode(8)(rig);
          rig.plant.lock_rotor(true);
        },
-       write(0x607A, 0, 3500), write(0x607A, 0, 0)},
+       write(0x607A, 0, 3500), write(0x607A, 0, 0), 500.0},
       injected_warning("AL.901", cause::deviation_at_servo_on),
       {"AL.910", pressing, write(0x6071, 0, 2500), write(0x6071, 0, 0), 8000.0},
       {"AL.912", [](JmcBus&) {}, {}, {}},  // JmcAlarms.OverloadOfTheDrive

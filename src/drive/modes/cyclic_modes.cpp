@@ -55,7 +55,8 @@ void CyclicSyncPosition::keep_to_speed(Axis& axis, Counts from, double from_frac
 }
 
 std::uint16_t CyclicSyncPosition::status(const Axis& axis) const {
-  std::uint16_t bits = statusword::mode_bit_12;  // drive follows the command value
+  // Drive follows the command value: not yet while it catches up with it, nor while a limit holds it.
+  std::uint16_t bits = follower_.on_line() ? statusword::mode_bit_12 : std::uint16_t{0};
   if (axis.policy.cyclic_modes_show_reached && axis.generator.standing()) {
     const std::int64_t error = axis.units.to_user(axis.loops->following_error_counts);
     if ((error < 0 ? -error : error) <= axis.objects.position_window) bits |= statusword::target_reached;
@@ -107,8 +108,9 @@ std::uint16_t CyclicSyncTorque::status(const Axis&) const { return statusword::m
 void InterpolatedPosition::enter(Axis& axis) {
   axis.come_to_rest(RampShape::linear);
   following_ = false;
+  demand_.stop();
   count_ = 0;
-  enabled_ = (axis.objects.controlword & controlword::mode_bit_4) != 0;
+  enabled_ = (axis.controlword & controlword::mode_bit_4) != 0;
 }
 
 void InterpolatedPosition::controlword(Axis&, std::uint16_t, std::uint16_t now) {
@@ -130,12 +132,13 @@ void InterpolatedPosition::data_record(Axis& axis) {
 void InterpolatedPosition::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
   if (enabled_ && count_ > 0 && (!following_ || line_.ends_in_next_cycle())) {
-    if (!following_) line_.stand(axis.generator.position(), axis.generator.fraction());
     const std::int64_t user = buffer_[head_];
     head_ = (head_ + 1) % capacity;
     --count_;
-    const Counts target = resolve_cyclic_target(axis, user, line_.target());
+    const Counts last = following_ ? line_.target() : axis.generator.nearest_position();
+    const Counts target = resolve_cyclic_target(axis, user, last);
     const double period = period_.cycles(axis);
+    if (!following_) demand_.begin(axis, line_, target, period);
     following_ ? line_.chain(target, period) : line_.go(target, period);
     regular_ = following_ && !waited_;
     following_ = true;
@@ -144,9 +147,11 @@ void InterpolatedPosition::step(Axis& axis) {
     waited_ = true;
   }
   if (following_) {
-    line_.step();
     // At the very end of a line the axis goes on when the next record is there or, in a stream, expected this instant.
-    follow_line(axis, line_, !line_.arrived() || (!waited_ && (regular_ || count_ > 0)));
+    demand_.follow(axis, line_, [&] {
+      line_.step();
+      return !line_.arrived() || (!waited_ && (regular_ || count_ > 0));
+    });
   } else {
     await_target(axis);
   }
@@ -175,7 +180,7 @@ void SynchronousInterpolation::enter(Axis& axis) {
   axis.come_to_rest(RampShape::linear);
   disarm();
   fresh_ = axis.new_set_point = false;
-  enabled_ = (axis.objects.controlword & controlword::mode_bit_4) != 0;
+  enabled_ = (axis.controlword & controlword::mode_bit_4) != 0;
 }
 
 void SynchronousInterpolation::controlword(Axis& axis, std::uint16_t, std::uint16_t now) {

@@ -17,7 +17,7 @@ class CyclicSyncPosition {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis&) { follower_.stop(); }
+  void interrupt(Axis&, int direction) { follower_.hold(direction); }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
@@ -39,7 +39,7 @@ class CyclicSyncVelocity {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis&) {}
-  void interrupt(Axis&) {}
+  void interrupt(Axis&, int) {}
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 };
@@ -53,7 +53,7 @@ class CyclicSyncTorque {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis&) {}
-  void interrupt(Axis&) {}
+  void interrupt(Axis&, int) {}
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const;
 };
@@ -70,8 +70,8 @@ class InterpolatedPosition {
   void clear_buffer() { count_ = 0; }
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis&) { following_ = false; }
-  void interrupt(Axis&) { following_ = false; }
+  void resume(Axis&) { following_ = false, demand_.stop(); }
+  void interrupt(Axis&, int direction) { following_ = false, demand_.hold(direction); }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
   std::size_t buffered() const { return count_; }
@@ -81,6 +81,7 @@ class InterpolatedPosition {
   std::size_t head_ = 0;
   std::size_t count_ = 0;
   Line line_{};
+  LineDemand demand_{};
   bool enabled_ = false;    // controlword bit 4
   bool following_ = false;  // a record was taken since the mode was entered
   bool waited_ = false;     // the line's end has passed without another record
@@ -101,7 +102,7 @@ class SynchronousInterpolation {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis&) { disarm(); }
-  void interrupt(Axis&) { follower_.stop(); }
+  void interrupt(Axis&, int direction) { follower_.hold(direction); }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 

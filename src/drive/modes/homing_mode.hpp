@@ -15,7 +15,7 @@ class HomingMode {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis& axis);
-  void interrupt(Axis&) {}
+  void interrupt(Axis&, int) {}
   void abort() { homing_.abort(), active_ = false, start_requested_ = false; }
   // A fault ends it: that is a homing error.
   void fault() {

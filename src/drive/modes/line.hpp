@@ -20,11 +20,12 @@ class Line {
   void go(Counts to, double cycles) {
     const double whole = std::floor(place_);
     from_ += static_cast<Counts>(whole);
-    start_ = place_ - whole;
+    start_ = place_ -= whole;
     begin(to, cycles, 0.0);
   }
   // Leads from the end of this line, at the time of that end, to `to`.
   void chain(Counts to, double cycles) {
+    place_ -= static_cast<double>(to_ - from_);
     from_ = to_;
     start_ = 0.0;
     begin(to, cycles, elapsed_ - duration_);

@@ -17,7 +17,7 @@ class NoMode {
   }
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis&) {}
+  void interrupt(Axis&, int) {}
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return 0; }
 };

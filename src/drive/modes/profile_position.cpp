@@ -102,7 +102,9 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
   std::int64_t user = set_point.target;
   Counts base_remainder = 0;  // what a base in counts leaves over in user units
   if (set_point.relative) {
-    const std::uint16_t relative_to = set_point.option & 3u;
+    // A motion that was broken off has not made its target the one to count from.
+    const std::uint16_t asked = set_point.option & 3u;
+    const std::uint16_t relative_to = interrupted_ && asked != relative_to_actual ? relative_to_demand : asked;
     if (relative_to == relative_to_demand || relative_to == relative_to_actual) {
       const Counts base = relative_to == relative_to_demand ? axis.generator.nearest_position() : axis.position();
       const std::int64_t base_user = axis.units.to_user(base);
@@ -201,14 +203,14 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   target_ = target;
   running_set_point_ = set_point;
   passing_ = false;
-  interrupted_ = false;
+  interrupted_ = !running_;
   target_reached_ = false;
   window_.reset();
 }
 
 // A manufacturer's bit of the controlword: with it an absolute target is followed whenever it is written.
 void ProfilePosition::track(Axis& axis) {
-  const std::uint16_t word = axis.objects.controlword;
+  const std::uint16_t word = axis.controlword;
   const std::uint16_t needed = axis.policy.target_tracking | controlword::mode_bit_4;
   if (axis.policy.target_tracking != 0 && axis.new_set_point && (word & needed) == needed &&
       (word & controlword::mode_bit_6) == 0) {
@@ -221,6 +223,7 @@ void ProfilePosition::track(Axis& axis) {
 
 void ProfilePosition::step(Axis& axis) {
   track(axis);
+  keep_to_limits(axis);
   if (immediate_pending_) {
     immediate_pending_ = false;
     start(axis, immediate_, false);
@@ -253,11 +256,33 @@ void ProfilePosition::halt(Axis& axis) {
   if (axis.policy.halt_discards_set_points) {
     count_ = 0;
     immediate_pending_ = false;
+    interrupted_ |= running_;
     running_ = false;
   }
 }
 
-void ProfilePosition::interrupt(Axis&) {
+// 607Dh was changed under way: the motion ends at the limit, or, where that is too near or behind, as soon as it can.
+void ProfilePosition::keep_to_limits(Axis& axis) {
+  const Objects& objects = axis.objects;
+  if (!running_ || !axis.software_limits_active()) return;
+  const std::int64_t clipped =
+      std::clamp<std::int64_t>(target_user_, objects.min_position_limit, objects.max_position_limit);
+  if (clipped == target_user_) return;
+  if (axis.policy.out_of_limits == OutOfLimits::fault) return axis.raise(Cause::position_limit);
+  axis.limited = true;
+  target_user_ = clipped;
+  const Counts target = axis.units.to_counts(clipped);
+  const double velocity = axis.generator.velocity();
+  const auto way = static_cast<double>(target - axis.generator.nearest_position());
+  const double deceleration = axis.profile_deceleration();
+  if (velocity * way >= 0.0 && velocity * velocity <= 2.0 * deceleration * std::abs(way)) {
+    return plan(axis, running_set_point_, target, false);
+  }
+  axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
+  interrupt(axis, 0);
+}
+
+void ProfilePosition::interrupt(Axis&, int) {
   count_ = 0;
   immediate_pending_ = false;
   running_ = false;

@@ -17,7 +17,7 @@ class ProfilePosition {
   void step(Axis& axis);
   void halt(Axis& axis);
   void resume(Axis& axis);
-  void interrupt(Axis& axis);  // a limit switch ended the motion short of its target
+  void interrupt(Axis&, int);  // a limit switch ended the motion short of its target
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
@@ -44,6 +44,7 @@ class ProfilePosition {
   }
   SetPoint pop();
   void track(Axis& axis);
+  void keep_to_limits(Axis& axis);
   Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
   bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);
   void start(Axis& axis, const SetPoint& set_point, bool chained);

@@ -31,13 +31,6 @@ constexpr double shortest_line = 0.25;  // cycles
 
 }  // namespace
 
-// Demand of the loops from a line; the generator is kept at the same place so that a stop or another mode goes on from
-// here.
-void follow_line(Axis& axis, const Line& line, bool moving) {
-  axis.generator.place(line.now(), line.fraction(), moving ? line.rate() / axis.cycle_s : 0.0);
-  axis.follow_generator(Loop::position);
-}
-
 // The counts of a target in user units, for an axis that was sent to `last` before.
 Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
   axis.limited = false;
@@ -69,28 +62,27 @@ void await_target(Axis& axis) {
   axis.follow_generator(Loop::position);
 }
 
-// Whether the target comes when one is expected.
-bool SetPointFollower::begin(Axis& axis) {
-  if (!following_) {
-    line_.stand(axis.generator.position(), axis.generator.fraction());
-    following_ = true;
-    due_ = -2.0 * jitter;  // that is, not at all
-  }
-  return !too_late(due_);
+// Whether the line leads on to the target from the one before; false: it begins with it, to be there in `cycles`.
+bool SetPointFollower::begin(Axis& axis, std::int64_t user, double cycles) {
+  if (following_) return !too_late(due_);
+  following_ = true;
+  const Counts target = resolve_cyclic_target(axis, user, axis.generator.nearest_position());
+  demand_.begin(axis, line_, target, cycles);
+  return false;
 }
 
 void SetPointFollower::follow_sync(Axis& axis, std::int64_t user, double age) {
   const double period = period_.cycles(axis);
-  regular_ = begin(axis);
+  regular_ = begin(axis, user, period);
   // By the SYNC the target before was due `age` cycles ago.
   due_ = regular_ ? due_ - (due_ + age) * lock_share : -age;
   due_ = std::max(shortest_line, due_ + period);
-  line_.go(resolve_cyclic_target(axis, user, line_.target()), due_);
+  lead_to(axis, user);
 }
 
 void SetPointFollower::follow(Axis& axis, std::int64_t user) {
   const double period = period_.cycles(axis);
-  regular_ = begin(axis);
+  regular_ = begin(axis, user, period);
   if (!regular_) {  // the first after a pause: due one period from now
     due_ = period;
     phase_ = 0.0;
@@ -101,21 +93,30 @@ void SetPointFollower::follow(Axis& axis, std::int64_t user) {
     if (std::abs(phase_) > phase_slack) due_ -= phase_ * phase_share;
     due_ = std::max(1.0, due_ + period);
   }
+  lead_to(axis, user);
+}
+
+// A line whose speed has nothing to do with that of the one before is a jump, not a stream that would go on.
+void SetPointFollower::lead_to(Axis& axis, std::int64_t user) {
+  const double before = line_.rate();
   line_.go(resolve_cyclic_target(axis, user, line_.target()), due_);
+  streams_ = regular_ && !LineDemand::jumps(axis, (line_.rate() - before) / axis.cycle_s);
 }
 
 void SetPointFollower::step(Axis& axis) {
   if (!following_) return await_target(axis);
   const bool last_chance = std::ceil(due_) <= -jitter;
-  if (last_chance && regular_) {
+  if (last_chance && streams_) {
     // The next target is lost. The axis ran on for the time it might have been late; back to the last one.
-    regular_ = false;
+    streams_ = false;
     line_.go(line_.target(), period_.cycles(axis));
   }
-  const bool run_on = regular_ && !last_chance;
-  line_.step(run_on);
+  const bool run_on = streams_ && !last_chance;
   due_ -= 1.0;
-  follow_line(axis, line_, run_on || !line_.arrived());
+  demand_.follow(axis, line_, [&] {
+    line_.step(run_on);
+    return run_on || !line_.arrived();
+  });
 }
 
 }  // namespace servodrome::drive

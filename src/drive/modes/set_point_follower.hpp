@@ -2,6 +2,7 @@
 
 #include "drive/axis.hpp"
 #include "drive/modes/line.hpp"
+#include "drive/modes/line_demand.hpp"
 
 namespace servodrome::drive {
 
@@ -34,7 +35,10 @@ class InterpolationPeriod {
 class SetPointFollower {
  public:
   // Forgets the targets; the axis comes to rest from whatever it does.
-  void stop() { following_ = false; }
+  void stop() { following_ = false, demand_.stop(); }
+  // A limit in this direction, -1 or +1, ended the motion: see LineDemand::hold.
+  void hold(int direction) { following_ = false, demand_.hold(direction); }
+  bool on_line() const { return demand_.on_line(); }
   bool following() const { return following_; }
   // At the last target, with none expected this instant.
   bool arrived() const { return line_.arrived(); }
@@ -49,19 +53,20 @@ class SetPointFollower {
   double period_cycles(const Axis& axis) { return period_.cycles(axis); }
 
  private:
-  bool begin(Axis& axis);
+  bool begin(Axis& axis, std::int64_t user, double cycles);
+  void lead_to(Axis& axis, std::int64_t user);
 
   Line line_{};
+  LineDemand demand_{};
   InterpolationPeriod period_{};
   double due_ = 0.0;        // cycles until the line's target is due; below 0: since
   double phase_ = 0.0;      // mean of due_ when the next target comes
   bool following_ = false;  // a target was given
   bool regular_ = false;    // the last target came when it was due
+  bool streams_ = false;    // ... and the axis runs on while the next one may come
 };
 
-// What the modes of interpolation share: the loops' demand from a line, targets in counts, and coming to rest before
-// the first target.
-void follow_line(Axis& axis, const Line& line, bool moving);
+// What the modes of interpolation share: targets in counts, and coming to rest before the first target.
 Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last);
 void await_target(Axis& axis);
 

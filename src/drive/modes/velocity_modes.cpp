@@ -4,12 +4,32 @@
 
 namespace servodrome::drive {
 
+namespace {
+
+// Plans the way to a speed. A ramp of 0 lets the axis become no faster: false. It always lets it become slower: with
+// `quick_stop` (counts/s^2) where the deceleration is 0, and at once where that is 0 as well.
+bool plan_velocity(Axis& axis, double target, MotionLimits limits, double quick_stop, RampShape shape) {
+  Generator& generator = axis.generator;
+  const double velocity = generator.velocity();
+  const bool turns = target * velocity < 0.0;
+  const bool possible = limits.acceleration > 0.0 || (!turns && std::abs(target) <= std::abs(velocity));
+  if (!possible) target = turns ? 0.0 : velocity;
+  if (limits.deceleration <= 0.0) limits.deceleration = quick_stop;
+  if (limits.acceleration <= 0.0) limits.acceleration = limits.deceleration;
+  if (limits.jerk <= 0.0 && shape == RampShape::jerk_limited) shape = RampShape::linear;
+  const Trajectory::Result result = generator.run_at(target, limits, shape);
+  if (result == Trajectory::Result::bad_limits) generator.start_from(axis.position(), target);
+  return possible;
+}
+
+}  // namespace
+
 // --- Profile velocity
 
 void ProfileVelocity::enter(Axis& axis) {
   planned_ = false;
-  interrupted_ = false;
-  blocked_by_ = Signal::none;
+  given_up_ = false;
+  wanted_ = 0.0;
   slipping_ = clipped_ = false;
   windows_.restart();
   axis.limited = false;
@@ -43,44 +63,34 @@ void ProfileVelocity::step(Axis& axis) {
                         objects.motion_profile_type,
                         objects.max_profile_velocity,
                         axis.active(Signal::invert_direction)};
-  if (blocked_by_ != Signal::none && !axis.active(blocked_by_)) planned_ = false;  // the way is free again
-  if (!planned_ || request != request_) {
+  const bool same_target = planned_ && request.target == request_.target && request.inverted == request_.inverted;
+  if (!planned_ || (request != request_ && !(given_up_ && same_target))) {
     const RampShape shape = request.target == 0 ? axis.velocity_stop_shape() : axis.shape();
     // Standing still with nothing asked for is no motion that could be planned wrongly.
     if (request.target != 0 || !axis.generator.standing()) {
       if (const Cause cause = planning_fault(axis, shape); cause != Cause::none) axis.raise(cause);
     }
-    request_ = request;
     planned_ = true;
-    interrupted_ = false;
-    blocked_by_ = Signal::none;
     const double target_velocity = axis.units.velocity_to_counts(request.target);
-    const double wanted = request.inverted ? -target_velocity : target_velocity;
+    wanted_ = request.inverted ? -target_velocity : target_velocity;
     const double allowed = axis.max_velocity(true);
-    const double target = std::clamp(wanted, -allowed, allowed);
-    axis.limited = clipped_ = target != wanted;
+    const double target = std::clamp(wanted_, -allowed, allowed);
+    axis.limited = clipped_ = target != wanted_;
     MotionLimits limits = axis.profile_limits();
     limits.velocity = allowed;
-    axis.generator.run_at(target, limits, shape);
+    given_up_ = !plan_velocity(axis, target, limits, axis.quick_stop_ramp(), shape);
     windows_.changed();
   }
+  request_ = request;
   if (clipped_) axis.exceed_velocity(Mode::profile_velocity);
   axis.generator.step(axis.cycle_s);
   axis.follow_generator(loop);
   observe(axis);
 }
 
-// A limit ended the motion.
-void ProfileVelocity::interrupt(Axis& axis) {
-  interrupted_ = true;
-  for (const Signal limit : {Signal::negative_limit, Signal::positive_limit}) {
-    if (axis.active(limit)) blocked_by_ = limit;
-  }
-}
-
 void ProfileVelocity::observe(Axis& axis) {
   const double goal = axis.generator.velocity();
-  windows_.update(axis, goal, axis.generator.finished() && !interrupted_);
+  windows_.update(axis, wanted_, axis.generator.finished() && !given_up_);
   slipping_ = axis.policy.slippage_supported &&
               std::abs(axis.shown_velocity() - goal) > axis.objects.max_slippage * axis.units.velocity;
 }
@@ -181,7 +191,7 @@ double VelocityMode::quick_stop_deceleration(const Axis& axis) const {
 void VelocityMode::enter(Axis& axis) {
   planned_ = false;
   blocked_ = false;
-  word_ = axis.objects.controlword;
+  word_ = axis.controlword;
   axis.limited = false;
 }
 
@@ -210,11 +220,11 @@ void VelocityMode::step(Axis& axis) {
   if (locked) {
     if (planned_) axis.generator.start_from(axis.generator.nearest_position(), axis.generator.velocity());
     planned_ = false;
-  } else if (!planned_ || target != target_ || limits.acceleration != limits_.acceleration ||
-             limits.deceleration != limits_.deceleration) {
-    axis.generator.run_at(target, limits, RampShape::linear);
+  } else if (!planned_ || target != target_ ||
+             (!blocked_ &&
+              (limits.acceleration != limits_.acceleration || limits.deceleration != limits_.deceleration))) {
+    blocked_ = !plan_velocity(axis, target, limits, quick_stop_deceleration(axis), RampShape::linear);
     planned_ = true;
-    blocked_ = false;
     target_ = target;
     limits_ = limits;
   }

@@ -37,7 +37,7 @@ class ProfileVelocity {
   void observe(Axis& axis);  // what the statusword shows; also while a stop runs instead of `step`
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis& axis);
+  void interrupt(Axis&, int) { given_up_ = true; }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
@@ -56,8 +56,9 @@ class ProfileVelocity {
 
   Request request_{};
   bool planned_ = false;
-  bool interrupted_ = false;          // stands for a limit, with the request not met
-  Signal blocked_by_ = Signal::none;  // the limit switch in the way
+  // Ended by a limit, or without a ramp to begin with: the axis waits for another target, whatever else changes.
+  bool given_up_ = false;
+  double wanted_ = 0.0;  // the request in counts/s
   bool slipping_ = false;
   bool clipped_ = false;  // the request is above the greatest speed
   VelocityWindows windows_{};
@@ -74,7 +75,7 @@ class ImmediateVelocity {
   void observe(Axis& axis) { windows_.update(axis, target(axis), true); }
   void halt(Axis&) {}
   void resume(Axis&) {}
-  void interrupt(Axis&) {}
+  void interrupt(Axis&, int) {}
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return windows_.status(); }
 
@@ -94,7 +95,7 @@ class VelocityMode {
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis&) { blocked_ = true; }
+  void interrupt(Axis&, int) { blocked_ = true; }
   double deceleration(const Axis& axis) const;
   double quick_stop_deceleration(const Axis& axis) const;
   std::uint16_t status(const Axis&) const { return 0; }
@@ -107,7 +108,7 @@ class VelocityMode {
   double target_ = 0.0;
   MotionLimits limits_{};
   bool planned_ = false;
-  bool blocked_ = false;  // the axis met a limit and stands until it is asked for something else
+  bool blocked_ = false;  // as ProfileVelocity::given_up_
 };
 
 // Torque-controlled modes share the slope; profile torque mode (CiA 402-2).
@@ -121,7 +122,7 @@ class ProfileTorque {
   bool release(Axis& axis);  // instead of `step`: towards no torque, by 6087h; false when there is none any more
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis&) {}
+  void interrupt(Axis&, int) {}
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 

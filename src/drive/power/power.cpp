@@ -5,11 +5,13 @@ namespace servodrome::drive {
 
 namespace {
 
-// "Standing" for stops that have no ramp to tell when they are over.
-constexpr double standing_rpm = 1.0;
-// ... and of one whose windings are shorted: this share of the rated current for so long.
-constexpr float standing_current = 0.05F;
+// The shaft stands when it has been slower than this for so long ...
+constexpr double standing_rpm = 5.0;
 constexpr std::uint32_t standing_ms = 2;
+// ... and, while its windings are shorted, has had less than this share of the rated current.
+constexpr float standing_current = 0.05F;
+// A stop ends without the shaft's rest when its ramp has been over for so long: something keeps the axis moving.
+constexpr std::uint32_t rest_wait_ms = 2000;
 
 // Whether an option code is in a set of them (OptionCodes).
 bool has(std::uint32_t codes, std::int16_t code) {
@@ -21,12 +23,16 @@ bool has(std::uint32_t codes, std::int16_t code) {
 void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   controlword_ = now;
   change_mode();  // a mode that was written before acts with this controlword, not only from the next cycle on
-  const bool reset_edge = (now & controlword::fault_reset) != 0 && (before & controlword::fault_reset) == 0;
-  if (reset_edge) reset_faults();
-  // In the standard's table of commands bit 7 is 0 (CiA 402-2 table 9).
-  if ((now & controlword::fault_reset) == 0 || policy_.reset_word_is_a_command) handle_command(command_of(now));
+  if ((now & controlword::fault_reset) != 0) {
+    // A word with bit 7 resets faults and commands nothing: in the table of commands bit 7 is 0 (CiA 402-2 table 9).
+    const bool resets = (before & controlword::fault_reset) == 0 && reset_faults();
+    if (!resets || !policy_.reset_word_is_a_command) return;
+  }
+  const std::uint16_t commanded_before = axis_.controlword;
+  axis_.controlword = now;
+  handle_command(command_of(now));
   if (state_ == PowerState::operation_enabled) {
-    with_mode(*this, [&](auto& mode) { mode.controlword(axis_, before, now); });
+    with_mode(*this, [&](auto& mode) { mode.controlword(axis_, commanded_before, now); });
   }
 }
 
@@ -130,6 +136,8 @@ void Drive::engage_brake() {
 }
 
 void Drive::enter_state(PowerState to) {
+  const bool power = has_power_in(to);
+  if (power && energised()) take_over_shaft();
   state_ = to;
   pending_ = {};
   stopping_ = false;
@@ -142,7 +150,6 @@ void Drive::enter_state(PowerState to) {
   zero_speed_ = false;
   homing_mode_.abort();
   identification_.abort();
-  const bool power = has_power_in(to);
   if (power != energised()) {
     switch_power(power);
     if (power) axis_.take_over_actual();
@@ -172,15 +179,19 @@ void Drive::switch_power(bool on) {
   }
 }
 
-// Whether the motor goes its own way, so that what follows has to begin with where it is: under torque, and while it is
-// stopped without a ramp.
-bool Drive::demand_is_adrift() const {
-  const bool without_ramp = stop_ == Stop::current_limit || stop_ == Stop::voltage_limit;
-  return axis_.demand.loop == Loop::torque || (stopping_ && without_ramp);
+// What follows begins with what the shaft does, unless it does what is demanded of it: not under torque, not while it
+// is stopped without a ramp, and not after a demand that no motor follows, such as a cyclic set-point that jumps.
+void Drive::take_over_shaft() {
+  const Loop loop = axis_.demand.loop;
+  if (loop == Loop::off || loop == Loop::locked) return;
+  const bool without_ramp = stopping_ && (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit);
+  if (!without_ramp && axis_.follows_demand()) return;
+  without_ramp ? axis_.take_over_actual() : axis_.take_over_lagging();
+  smoothed_loop_ = Loop::off;
 }
 
 void Drive::begin_stop(Stop stop) {
-  if (demand_is_adrift()) axis_.take_over_actual();
+  take_over_shaft();
   identification_.abort();
   stop_ = stop;
   stopping_ = true;
@@ -188,10 +199,13 @@ void Drive::begin_stop(Stop stop) {
   short_circuit_ = stop == Stop::voltage_limit;
   braked_.reset();
   braked_to_rest_ = false;
+  rest_wait_cycles_ = 0;
   // Under torque slowing down begins with the torque slope 6087h (ISMC digest 3.5).
   releasing_torque_ =
       stop == Stop::slow_down_ramp && mode_ == Mode::profile_torque && axis_.demand.loop == Loop::torque;
-  if (!releasing_torque_) begin_ramp();
+  if (releasing_torque_) return;
+  begin_ramp();
+  axis_.follow_generator(stop_loop_);  // already in this cycle
 }
 
 // The ramp to rest of `stop_`, or what stands for it, from where the generator is.
@@ -223,17 +237,19 @@ void Drive::begin_ramp() {
 }
 
 double Drive::quick_stop_deceleration() const {
-  return mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_)
-                                 : axis_.ramp(axis_.objects.quick_stop_deceleration, axis_.objects.max_deceleration);
+  return mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_) : axis_.quick_stop_ramp();
 }
 
 bool Drive::stop_finished() const {
   if (releasing_torque_) return false;
   if (stop_ == Stop::voltage_limit) return braked_to_rest_;
-  if (stop_ == Stop::current_limit) {
-    return std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
-  }
-  return axis_.generator.standing();
+  if (stop_ == Stop::current_limit) return shaft_stands_;
+  return axis_.generator.standing() && (shaft_stands_ || rest_wait_cycles_ >= axis_.cycles(rest_wait_ms));
+}
+
+void Drive::watch_standstill() {
+  const bool slow = std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
+  shaft_stands_ = standstill_.update(slow, axis_.cycles(standing_ms));
 }
 
 void Drive::step_stop() {
@@ -248,13 +264,14 @@ void Drive::step_stop() {
     const CascadeState& loops = cascade_.state();
     const float square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
     const float least = standing_current * axis_.configuration.motor.rated_current_a;
-    const bool quiet = std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm) && square < least * least;
+    const bool quiet = shaft_stands_ && square < least * least;
     braked_to_rest_ = braked_.update(quiet, axis_.cycles(standing_ms));
   }
   if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
     axis_.generator.start_from(axis_.position(), 0.0);
   } else {
     axis_.generator.step(axis_.cycle_s);
+    rest_wait_cycles_ = axis_.generator.standing() ? rest_wait_cycles_ + 1 : 0;
   }
   axis_.follow_generator(stop_loop_);
 }
@@ -359,13 +376,14 @@ std::uint8_t Drive::error_register() const {
   return bits;
 }
 
-void Drive::reset_faults() {
-  if (state_ != PowerState::fault) return;
+// Whether faults were there, and none is left.
+bool Drive::reset_faults() {
+  if (state_ != PowerState::fault) return false;
   const CauseSet present = present_causes();
   for (const FaultRow& fault : policy_.faults) {
     if (!active_.test(fault.cause)) continue;
     if (fault.reset == ResetRule::clear_multi_turn && multi_turn_cleared_ && !present.test(fault.cause)) continue;
-    if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) return;
+    if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) return false;
   }
   active_.clear();
   newest_fault_ = nullptr;
@@ -373,6 +391,7 @@ void Drive::reset_faults() {
   axis_.raised = Cause::none;
   enter_state(PowerState::switch_on_disabled);
   if (events_ != nullptr) events_->errors_gone(error_register());
+  return true;
 }
 
 void Drive::communication_lost(Cause cause) {

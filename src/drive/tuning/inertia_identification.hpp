@@ -49,7 +49,7 @@ class InertiaIdentification {
   void step(Axis& axis);
   void halt(Axis&) { abort(); }
   void resume(Axis&) {}
-  void interrupt(Axis&) { abort(); }
+  void interrupt(Axis&, int) { abort(); }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return 0; }
 

@@ -1,0 +1,47 @@
+#pragma once
+
+#include "drive/axis.hpp"
+#include "drive/modes/line.hpp"
+
+namespace servodrome::drive {
+
+// The demand of a mode that follows a line of cyclic set-points.
+//
+// As a rule it is the line. A line that begins far away - the mode was entered with an old target, or a halt or a limit
+// held the axis while the master went on - is caught up with: the demand is the line plus a distance, which goes to
+// zero within Axis::catch_up_limits. After a limit ended the motion, the demand stands until the line lies on the side
+// of it that leads away from the limit, whether the limit is still there or not.
+class LineDemand {
+ public:
+  void stop() { *this = {}; }
+  // A limit in the direction of `held`, -1 or +1, ended the motion.
+  void hold(int held) { *this = {}, held_ = held; }
+  // The demand is the line's, neither on its way there nor held at a limit.
+  bool on_line() const { return !catching_up_ && held_ == 0; }
+
+  // Whether such a step of the speed, counts/s, is a jump rather than a motion that begins.
+  static bool jumps(const Axis& axis, double step) { return std::abs(step) > jump_share * axis.max_velocity(false); }
+  // Puts `line` where it begins: at the axis, or, if `target` is too far to be reached in `cycles`, at the target.
+  void begin(const Axis& axis, Line& line, Counts target, double cycles);
+  // One cycle: puts the generator and the loops' demand where they belong. `step` takes the line one cycle on and tells
+  // whether it moves.
+  template <typename Step>
+  void follow(Axis& axis, Line& line, Step&& step) {
+    const double before = distance_to(axis, line);
+    const double line_velocity = step() ? line.rate() / axis.cycle_s : 0.0;
+    follow(axis, line, before, line_velocity);
+  }
+
+ private:
+  static constexpr double jump_share = 0.1;  // of the greatest speed
+
+  // Of the demand from the line, counts.
+  static double distance_to(const Axis& axis, const Line& line);
+  void follow(Axis& axis, const Line& line, double distance, double line_velocity);
+
+  int held_ = 0;
+  bool catching_up_ = false;
+  double velocity_ = 0.0;  // of the demand while it catches up, counts/s
+};
+
+}  // namespace servodrome::drive
