@@ -11,41 +11,10 @@
 #include "drive/loops/cascade.hpp"
 #include "drive/loops/gains.hpp"
 #include "drive/policy.hpp"
+#include "drive/shown_velocity.hpp"
 #include "drive/touch_probe.hpp"
 
 namespace servodrome::drive {
-
-// The mean velocity over some position-loop cycles, for display: of a coarse encoder the loops' own estimate jumps from
-// count to count.
-class MeanVelocity {
- public:
-  static constexpr std::size_t longest = 32;
-
-  // One cycle: the position, in counts, after it. `cycles` 0 .. longest.
-  void update(Counts position, std::size_t cycles) {
-    if (cycles != cycles_) {
-      cycles_ = cycles;
-      forget();
-    }
-    if (cycles == 0) return;
-    const Counts before = filled_ == cycles ? positions_[next_] : filled_ == 0 ? position : positions_[0];
-    const std::size_t distance = filled_;
-    positions_[next_] = position;
-    next_ = next_ + 1 == cycles ? 0 : next_ + 1;
-    if (filled_ < cycles) ++filled_;
-    counts_per_cycle_ = distance == 0 ? 0.0 : static_cast<double>(position - before) / static_cast<double>(distance);
-  }
-  void forget() { filled_ = next_ = 0; }
-  bool active() const { return cycles_ != 0; }
-  double counts_per_cycle() const { return counts_per_cycle_; }
-
- private:
-  std::array<Counts, longest> positions_{};
-  std::size_t cycles_ = 0;
-  std::size_t filled_ = 0;
-  std::size_t next_ = 0;
-  double counts_per_cycle_ = 0.0;
-};
 
 // Thresholds of the monitors; a threshold of 0 switches its monitor off unless said otherwise.
 struct Monitors {
@@ -109,7 +78,8 @@ struct Configuration {
   bool locks_to_sync = true;                       // with Interpolation::target: the SYNC takes the target over
   double set_point_period_s = 0.0;                 // of cyclic set-points; 0: 60C2h
   double sync_period_s = 0.0;                      // of the SYNC that interpolation waits for; 0: 60C2h
-  std::uint32_t shown_velocity_cycles = 0;         // over which 606Ch is the mean; 0: the loops' estimate
+  float shown_velocity_ms = 0.0F;                  // by which 606Ch lags: see ShownVelocity; 0: as the motor needs it
+  float shown_velocity_filter_ms = 0.0F;           // time constant of a low pass after that; 0: none
   std::uint32_t remote_outputs = 0xFFFFFFFF;       // outputs that 60FEh may drive, bit n for output n
   bool brake_inverted = false;                     // the brake's output is wired the other way round
   bool brake_forced = false;                       // ... or commissioning simulates it as on
@@ -185,7 +155,7 @@ struct Axis {
   Configuration configuration{};
   Units units{};
   Generator generator{};
-  MeanVelocity mean_velocity{};
+  ShownVelocity velocity_display{};
   LoopDemand demand{};
 
   std::uint16_t controlword = 0;  // the last without bit 7, which commands nothing
@@ -210,10 +180,9 @@ struct Axis {
 
   Counts position() const { return encoder_position + offset; }
   double velocity() const { return static_cast<double>(loops->velocity_counts_per_s); }
-  // What 606Ch shows and its windows look at.
-  double shown_velocity() const {
-    return mean_velocity.active() ? mean_velocity.counts_per_cycle() / cycle_s : velocity();
-  }
+  // What 606Ch shows and its windows look at: quiet, and late by shown_velocity_lag_s().
+  double shown_velocity() const { return velocity_display.counts_per_cycle() / cycle_s; }
+  double shown_velocity_lag_s() const { return velocity_display.lag_cycles() * cycle_s; }
   float torque() const { return loops->torque; }
   bool active(Signal signal) const { return (signals & bit(signal)) != 0; }
   std::uint32_t cycles(std::uint32_t milliseconds) const {

@@ -38,6 +38,9 @@ void Drive::configure(const Configuration& configuration) {
   if (!energised()) set_rates();
   cascade_.configure(configuration.motor, configuration.gains, rates_);
   supervision_.configure(axis_);
+  const float shown_ms = configuration.shown_velocity_ms;
+  axis_.velocity_display.configure(shown_ms > 0.0F ? shown_ms : ShownVelocity::needed_ms(configuration.motor),
+                                   configuration.shown_velocity_filter_ms, axis_.cycle_s);
   if (touch_probe_.capability() != configuration.touch_probe) {
     touch_probe_ = TouchProbe(configuration.touch_probe);
     load_touch_probe();
@@ -108,13 +111,13 @@ void Drive::power_on(const Feedback& feedback) {
   supervision_.reset();
   cascade_ = {};
   cascade_.forget_motion();
-  axis_.mean_velocity.forget();
+  axis_.velocity_display.forget();
   restart();
 }
 
 void Drive::displaced(const Feedback& feedback) {
   cascade_.forget_motion();
-  axis_.mean_velocity.forget();
+  axis_.velocity_display.forget();
   wires_ = feedback.inputs;
   axis_.encoder_position = position_of_ms_ = feedback.position_counts;
   axis_.generator.reset(axis_.position());
@@ -188,7 +191,7 @@ void Drive::cycle(const Feedback& feedback) {
     axis_.counts_per_ms = axis_.encoder_position - position_of_ms_;
     position_of_ms_ = axis_.encoder_position;
   }
-  axis_.mean_velocity.update(axis_.encoder_position, axis_.configuration.shown_velocity_cycles);
+  axis_.velocity_display.update(axis_.encoder_position);
   dc_link_v_ = feedback.dc_link_v;
   winding_temperature_c_ = feedback.winding_temperature_c;
   power_stage_temperature_c_ = feedback.power_stage_temperature_c;

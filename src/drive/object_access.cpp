@@ -108,7 +108,7 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
                 }>}},
       {0x6044, {.refresh = refresh_by<[](Drive& drive) {
                   drive.axis_.objects.vl_velocity_actual_value =
-                      saturated<std::int16_t>(VelocityMode::to_vl(drive.axis_, drive.axis_.velocity()));
+                      saturated<std::int16_t>(VelocityMode::to_vl(drive.axis_, drive.axis_.shown_velocity()));
                 }>}},
       {0x604B,
        0x604C,

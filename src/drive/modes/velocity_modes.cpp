@@ -91,8 +91,10 @@ void ProfileVelocity::step(Axis& axis) {
 void ProfileVelocity::observe(Axis& axis) {
   const double goal = axis.generator.velocity();
   windows_.update(axis, wanted_, axis.generator.finished() && !given_up_);
+  // Of a ramp, against the demand as it was when what is shown now was measured.
+  const double shown_goal = goal - axis.generator.acceleration() * axis.shown_velocity_lag_s();
   slipping_ = axis.policy.slippage_supported &&
-              std::abs(axis.shown_velocity() - goal) > axis.objects.max_slippage * axis.units.velocity;
+              std::abs(axis.shown_velocity() - shown_goal) > axis.objects.max_slippage * axis.units.velocity;
 }
 
 std::uint16_t ProfileVelocity::status(const Axis&) const {

@@ -55,7 +55,7 @@ double speed_error(const drive::Drive& drive, const drive::Objects& objects) {
   const bool speed_mode = drive.mode() == Mode::profile_velocity || drive.mode() == Mode::immediate_velocity;
   const double wanted = speed_mode ? axis.units.velocity_to_counts(objects.target_velocity)
                                    : static_cast<double>(drive.loops().velocity_reference_counts_per_s);
-  const double error = wanted - axis.velocity();
+  const double error = wanted - axis.shown_velocity();
   return axis.units.velocity_inverted ? -error : error;
 }
 

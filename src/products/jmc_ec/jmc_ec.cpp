@@ -25,7 +25,6 @@ constexpr float following_error_near = 0.8F;  // of 6065h
 constexpr std::uint32_t jammed_ms = 500;
 constexpr std::uint32_t index_lost_revolutions = 3;
 constexpr double speed_reached_rpm = 20.0;
-constexpr std::uint32_t shown_velocity_cycles = 8;  // 4 ms: of 4000 increments a shorter mean jumps
 // A jerk-limited ramp (6086h = 3) is at the default of 60C5h after 100 ms; there is no object for it.
 constexpr std::uint32_t jerk_per_max_acceleration = 10;
 
@@ -98,7 +97,6 @@ drive::Configuration JmcEc::configuration() const {
   configuration.touch_probe = {
       .probes = 2, .input_rising = true, .input_falling = true, .index_rising = true, .index_falling = true};
   configuration.homing_end = drive::HomingEnd::offset;  // D-25
-  configuration.shown_velocity_cycles = shown_velocity_cycles;
   configuration.speed_windows.used = true;
   configuration.speed_windows.reached_counts_per_s =
       speed_reached_rpm / 60.0 * configuration.motor.counts_per_revolution;

@@ -107,6 +107,7 @@ void PanelControl::configure(const Panel& panel, drive::Configuration& configura
   drive::MotorData& motor = configuration.motor;
   motor.inertia_kgm2 *= static_cast<float>(1.0 + 0.01 * panel.inertia_ratio);
   configuration.gains = gains(panel, motor);
+  configuration.shown_velocity_filter_ms = 0.01F * panel.velocity_filter;  // P08-19 smooths 606Ch and d08 as well
   const auto counts_per_s = [&motor](int rpm) {
     return static_cast<float>(rpm) / 60.0F * static_cast<float>(motor.counts_per_revolution);
   };

@@ -91,8 +91,8 @@ drive::Configuration Pronet::configuration() const {
   const pronet::Encoder encoder = pronet::encoder_of(motor.counts_per_revolution);
   configuration.encoder_loss = encoder_loss(encoder);
   configuration.index_available = encoder == pronet::Encoder::incremental;  // L1365
-  // 5 units of 606Ch for one count of this encoder, where the loops' estimate makes hundreds.
-  if (encoder == pronet::Encoder::incremental) configuration.shown_velocity_cycles = 24;
+  // 5 units of 606Ch for one count of this encoder, so that 606Fh = 10 tells standing from moving.
+  if (encoder == pronet::Encoder::incremental) configuration.shown_velocity_ms = 12.0F;
   for (std::size_t i = 0; i < terminals; ++i) {
     configuration.inputs[i] = {signal_of(digit(pn.get<509>(), pn.get<510>(), i)),
                                digit(pn.get<516>(), pn.get<517>(), i) != 0};
