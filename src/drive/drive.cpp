@@ -110,6 +110,7 @@ void Drive::power_on(const Feedback& feedback) {
   axis_.counts_per_ms = 0;
   supervision_.reset();
   cascade_ = {};
+  look_at_ = 0;
   cascade_.forget_motion();
   axis_.velocity_display.forget();
   restart();
@@ -175,12 +176,26 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
       actuation.pwm_enabled = false;
     }
   }
+  if (cascade_.ticks() == look_at_) [[unlikely]]
+    look_for_open_phase(feedback, actuation);
   if (cycle_due) {
     cycle(feedback);
     actuation = outputs_;
   }
   cascade_.tick(feedback, actuation);
   return cycle_due;
+}
+
+// Apart from the tick, whose registers it would take.
+[[gnu::noinline]] void Drive::look_for_open_phase(const Feedback& feedback, const Actuation& actuation) {
+  look_at_ += supervision_.open_phase().next_look();
+  if (!outputs_.pwm_enabled) return;
+  supervision_.open_phase().look({.current_a = feedback.phase_current_a,
+                                  .voltage_v = actuation.phase_voltage_v,
+                                  .angle = cascade_.electrical_angle(),
+                                  .position = feedback.position_counts,
+                                  .dc_link_v = feedback.dc_link_v,
+                                  .field_turns = axis_.demand.loop != Loop::locked});
 }
 
 void Drive::cycle(const Feedback& feedback) {

@@ -182,6 +182,7 @@ class Drive final : public dictionary::Listener {
 
   // drive.cpp
   void cycle(const Feedback& feedback);
+  void look_for_open_phase(const Feedback& feedback, const Actuation& actuation);
   void update_inputs(const Feedback& feedback);
   void capture_edges(const Feedback& feedback);
   void note_edge(const SignalEdge& edge);
@@ -287,6 +288,7 @@ class Drive final : public dictionary::Listener {
   std::array<SignalEdge, edge_capacity> edges_{};
   std::size_t edge_count_ = 0;
   std::uint32_t tripped_ = 0;  // HardwareFault bits since the last cycle
+  std::uint32_t look_at_ = 0;  // for an open phase, by the ticks of the cascade
   Rates rates_{0, 0};          // in force
 };
 

@@ -35,15 +35,12 @@ constexpr auto hardware_causes = std::to_array<FlagCause>({
 
 // Dips shorter than this are ridden through.
 constexpr std::uint32_t under_voltage_ms = 5;
-// A phase is open when it stays without current while the others carry some for this long.
-constexpr std::uint32_t open_phase_ms = 50;
-// ... and "some" is this share of the rated current.
-constexpr float open_phase_share = 0.05F;
 
 }  // namespace
 
 void Supervision::configure(const Axis& axis) {
   const MotorData& motor = axis.configuration.motor;
+  open_phase_.configure(motor);
   i2t_.configure(static_cast<double>(motor.rated_current_a), static_cast<double>(motor.peak_current_a),
                  static_cast<double>(axis.configuration.monitors.i2t_peak_time_s), axis.cycle_s);
   const Monitors& monitors = axis.configuration.monitors;
@@ -73,7 +70,8 @@ void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& s
   if (situation.energised && axis.active(Signal::enable_refused)) present_.set(Cause::enable_refused);
   supply(axis, feedback, situation);
   temperatures(axis, feedback);
-  phases(axis, feedback, situation);
+  if (!situation.energised) open_phase_.reset();
+  if (open_phase_.open()) present_.set(Cause::phase_loss);
   motion(axis, situation);
   const Monitors& monitors = axis.configuration.monitors;
   if (monitors.limit_switches || monitors.limit_switch_levels) limit_switches(axis, situation);
@@ -134,36 +132,6 @@ void Supervision::temperatures(const Axis& axis, const Feedback& feedback) {
   hot(feedback.encoder_temperature_c, monitors.encoder_hot_c, Cause::encoder_hot);
   hot(feedback.ambient_temperature_c, monitors.ambient_hot_c, Cause::ambient_hot);
   if (feedback.ambient_temperature_c < monitors.ambient_cold_c) present_.set(Cause::ambient_cold);
-}
-
-void Supervision::phases(Axis& axis, const Feedback& feedback, const Situation& situation) {
-  if (!situation.energised) {
-    phase_cycles_ = 0;
-    open_phase_.reset();
-    return;
-  }
-  if (phase_cycles_ == 0) {
-    phase_peak_a_ = {};
-    phase_start_ = axis.encoder_position;
-  }
-  ++phase_cycles_;
-  for (std::size_t i = 0; i < 3; ++i)
-    phase_peak_a_[i] = std::max(phase_peak_a_[i], std::abs(feedback.phase_current_a[i]));
-  if (phase_cycles_ < axis.cycles(open_phase_ms)) return;
-  phase_cycles_ = 0;
-  const MotorData& motor = axis.configuration.motor;
-  const auto peaks = std::minmax_element(phase_peak_a_.begin(), phase_peak_a_.begin() + motor.phases);
-  const float least = *peaks.first;
-  const float most = *peaks.second;
-  // At rest one phase may rightly carry nothing: the angle decides. So either the field has turned meanwhile, or the
-  // current loop runs into the voltage limit without getting its current.
-  const Counts turned = std::abs(axis.encoder_position - phase_start_) * motor.pole_pairs;
-  const bool field_turned = turned >= static_cast<Counts>(motor.counts_per_revolution);
-  const float wanted = std::abs(axis.loops->torque_reference - axis.loops->torque);
-  const bool starved = axis.loops->voltage_limited && wanted > 0.1F;
-  const bool open = (most > open_phase_share * motor.rated_current_a && least < 0.02F * most && field_turned) ||
-                    (starved && least < 0.02F * motor.rated_current_a);
-  if (open_phase_.update(open, 2)) present_.set(Cause::phase_loss);
 }
 
 void Supervision::motion(Axis& axis, const Situation& situation) {

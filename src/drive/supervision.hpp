@@ -4,6 +4,7 @@
 #include "drive/cause_set.hpp"
 #include "drive/loops/i2t.hpp"
 #include "drive/modes/windows.hpp"
+#include "drive/open_phase.hpp"
 
 namespace servodrome::drive {
 
@@ -24,6 +25,7 @@ class Supervision {
   void reset() { *this = {}; }
   void configure(const Axis& axis);  // takes the configuration over and keeps what has been measured
   void cycle(Axis& axis, const Feedback& feedback, const Situation& situation);
+  OpenPhase& open_phase() { return open_phase_; }  // which looks at ticks of its own
 
   const CauseSet& present() const { return present_; }
   bool warning() const { return warning_; }
@@ -34,7 +36,6 @@ class Supervision {
  private:
   void supply(const Axis& axis, const Feedback& feedback, const Situation& situation);
   void temperatures(const Axis& axis, const Feedback& feedback);
-  void phases(Axis& axis, const Feedback& feedback, const Situation& situation);
   void motion(Axis& axis, const Situation& situation);
   void limit_switches(const Axis& axis, const Situation& situation);
 
@@ -49,10 +50,7 @@ class Supervision {
   Dwell under_voltage_{};
   Dwell power_failure_{};
   Dwell brake_resistor_{};
-  Dwell open_phase_{};
-  std::array<float, 3> phase_peak_a_{};
-  std::uint32_t phase_cycles_ = 0;
-  Counts phase_start_ = 0;
+  OpenPhase open_phase_{};
   std::uint32_t last_signals_ = 0;
   Counts brake_position_ = 0;
   Counts index_position_ = 0;  // where the last index pulse was

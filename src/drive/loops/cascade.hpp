@@ -101,6 +101,8 @@ class Cascade {
   }
 
   const CascadeState& state() const { return state_; }
+  Phase electrical_angle() const { return phase_; }  // as of the last tick
+  std::uint32_t ticks() const { return tick_; }
 
  private:
   static bool carries_current(const Feedback& feedback) {
