@@ -240,9 +240,9 @@ void Drive::cycle(const Feedback& feedback) {
   } else if (zero_speed_) {
     axis_.generator.start_from(axis_.position(), 0.0);
     axis_.follow_generator(Loop::velocity);
-  } else if (energised()) {
+  } else if (energised()) {  // the brake opens or closes: held where it is, with no motion to go on with later
+    if (!axis_.generator.standing()) axis_.generator.reset(axis_.generator.nearest_position());
     axis_.follow_generator(Loop::position);
-    axis_.demand.velocity = 0.0F;
   } else {
     axis_.generator.reset(axis_.position());  // nothing is demanded of a motor without power
   }

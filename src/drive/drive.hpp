@@ -169,6 +169,7 @@ class Drive final : public dictionary::Listener {
   void begin_stop(Stop stop);
   void begin_ramp();
   void take_over_shaft();
+  void keep_near_shaft();
   void watch_standstill();
   double quick_stop_deceleration() const;  // counts/s^2
   bool stop_finished() const;

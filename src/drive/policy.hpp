@@ -154,8 +154,7 @@ struct Policy {
   // mode_bit() of modes in which a set-point above the greatest speed is Cause::velocity_excessive; in the others it is
   // clipped, and Cause::velocity_clipped is there meanwhile.
   std::uint32_t excessive_velocity_faults = 0;
-  bool cyclic_position_keeps_speed = false;  // its demand is no faster than the greatest speed, and catches up later
-  std::uint32_t shaped_modes = 0xFFFFFFFF;   // mode_bit() of modes to which 6086h applies; the others ramp linearly
+  std::uint32_t shaped_modes = 0xFFFFFFFF;  // mode_bit() of modes to which 6086h applies; the others ramp linearly
   OutOfLimits out_of_limits = OutOfLimits::clip;
   bool limit_switches_stop = true;  // outside homing, a limit switch ends motion towards it
   bool software_limits_need_homing = false;

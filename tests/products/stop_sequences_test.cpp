@@ -327,6 +327,74 @@ TEST(StopBeforePowerOff, ReferenceDriveWaitsNoLongerThanTwoSeconds) {
   EXPECT_LT(ticks, 16 * 2500);
 }
 
+// What accelerates the axis in torque mode does not go on in the velocity loop of a stop.
+TEST(StopAfterTorque, ReferenceDriveAndIsmk) {
+  const auto halted = [](auto& rig, std::int64_t torque) {
+    rig.set(0x6060, 0, 4);
+    rig.set(0x6087, 0, 0);
+    ASSERT_TRUE(rig.enable());
+    rig.set(0x6071, 0, torque);
+    rig.run_ms(2);
+    const double speed = std::abs(rig.plant.velocity_rpm());
+    rig.set(0x60FF, 0, 0);
+    rig.set(0x6060, 0, 3);
+    double fastest = 0.0;
+    for (int i = 0; i < 2000; ++i) {
+      rig.run_ms(1);
+      fastest = std::max(fastest, std::abs(rig.plant.velocity_rpm()));
+    }
+    ASSERT_EQ(rig.device.drive().state(), PowerState::operation_enabled);
+    EXPECT_LT(fastest, 1.5 * speed + 30.0);
+    EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 1.0);
+  };
+  Rig<Generic402> reference;
+  halted(reference, 2000);
+  test::FactoryIsmkRig ismk;
+  halted(ismk, -3000);
+}
+
+// A ramp that the motor cannot follow: the axis goes past the demand, and is not pulled back over the way.
+TEST(StopBeyondTheMotor, DoesNotComeBack) {
+  plant::Parameters parameters = test::default_plant();
+  parameters.load.inertia_kgm2 = 20e-4;
+  Rig<Generic402> rig(parameters);
+  rig.set(0x6060, 0, 3);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x60FF, 0, 131072 * 20);
+  rig.run_ms(1500);
+  rig.set(0x6060, 0, 8);
+  rig.set(0x605D, 0, 2);
+  rig.set(0x6065, 0, 0xFFFFFFFF);
+  rig.set(0x6085, 0, 4'000'000'000);
+  rig.set(0x6072, 0, 500);
+  rig.control(0x10F);
+  std::int64_t furthest = 0;
+  for (int i = 0; i < 3000; ++i) {
+    rig.run_ms(1);
+    furthest = std::max(furthest, rig.plant.position_counts());
+  }
+  EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 1.0);
+  EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), static_cast<double>(furthest), 0.01 * 131072);
+}
+
+// The demand had run ahead of the shaft when it was told to stop.
+TEST(StopBeyondTheMotor, ProfileVelocityBrakesFromTheSpeedThatThereIs) {
+  Rig<Generic402> rig;
+  rig.set(0x6060, 0, 3);
+  rig.set(0x6083, 0, 4'000'000'000);
+  rig.set(0x6084, 0, 1'000'000);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x60FF, 0, 4'700'000);
+  rig.run_ms(1);
+  const double speed = std::abs(rig.plant.velocity_rpm()) / 60.0 * 131072.0;
+  const std::int64_t from = rig.plant.position_counts();
+  rig.set(0x60FF, 0, 0);
+  rig.run_ms(3000);
+  const double more = speed + 1'000'000.0;  // what the current that flows still brings
+  EXPECT_LT(static_cast<double>(rig.plant.position_counts() - from), more * more / 2e6 + 0.1 * 131072);
+  EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 0.5);
+}
+
 // --- Limits
 
 // L1145: "input the reverse shift instruction can make the motor exit the position limit state".

@@ -23,6 +23,7 @@ constexpr float push_s = 1.0F;
 // The speed limiter of the torque loop finds its load with this share of velocity_ki, so that running up to the limit
 // leaves little in the integral to overshoot with.
 constexpr float limiter_share = 0.25F;
+constexpr float held_load_hz = 20.0F;  // of what the load takes in the torque loop
 
 // Second-order velocity feedback: the flattest pass band.
 constexpr float velocity_low_pass_damping = 0.70710678F;
@@ -95,6 +96,8 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   if (disturbance_share_ == 0.0F) forget_disturbance();
   disturbance_share_ = gains.disturbance_share;
   disturbance_.gain = low_pass_gain(gains.disturbance_filter_hz, velocity_period_s);
+  held_load_.gain = low_pass_gain(held_load_hz, velocity_period_s);
+  held_load_.inertia = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * velocity_periods_per_s_;
   disturbance_.inertia = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * velocity_periods_per_s_;
   rest_.window_counts = gains.rest_window_counts;
   rest_.still_periods = static_cast<std::uint16_t>(standstill_s * velocity_periods_per_s_);
@@ -221,17 +224,19 @@ void Cascade::set_demand(const LoopDemand& demand) {
   feed_forward_ = feed_forward;
   if (demand.loop == previous) return;
   velocity_forward_.settle(demand.velocity);
-  // The torque goes on where it is: the velocity controller's integral takes over what the torque loop gave, while the
-  // torque loop's speed limiter starts from nothing.
+  // The velocity controller's integral takes over what the load takes of the torque loop's torque, not what accelerates
+  // the axis: that would go on. The torque loop's speed limiter starts from nothing.
   const auto has_controllers = [](Loop loop) { return loop != Loop::off && loop != Loop::locked; };
   if (!has_controllers(demand.loop) || !has_controllers(previous)) clear_controllers();
   feed_forward_ = feed_forward;
   if (demand.loop == Loop::torque) {
+    held_load_.load = previous == Loop::velocity || previous == Loop::position ? integral_ : 0.0F;
+    held_load_.velocity = state_.velocity_counts_per_s;
     integral_ = 0.0F;
     handover_ = 0.0F;
   } else if (previous == Loop::torque) {
     forget_disturbance();
-    integral_ = state_.torque_reference - feed_forward;
+    integral_ = held_load_.load - feed_forward;
     handover_ = 0.0F;
     command_filter_.value = state_.velocity_counts_per_s;
   }
@@ -439,6 +444,7 @@ float Cascade::torque_controller() {
     integral_ -= limiter_decay_ * integral_;
   }
   integral_ = clip(integral_, low, high);
+  held_load_.update(state_.torque_reference, state_.velocity_counts_per_s);
   return torque;
 }
 

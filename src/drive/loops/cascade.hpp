@@ -213,6 +213,7 @@ class Cascade {
   Biquad velocity_low_pass_{};                  // VelocityFeedback::second_order
   VelocityObserver observer_{};
   DisturbanceObserver disturbance_{};
+  DisturbanceObserver held_load_{};  // in the torque loop, for the loop after it
   ResonanceAnalysis* analysis_ = nullptr;
 };
 

@@ -22,10 +22,7 @@ void CyclicSyncPosition::step(Axis& axis) {
     follower_.follow(axis, given_);
   }
   axis.new_set_point = false;
-  const Counts from = axis.generator.position();
-  const double from_fraction = axis.generator.fraction();
   follower_.step(axis);
-  if (axis.policy.cyclic_position_keeps_speed && follower_.following()) keep_to_speed(axis, from, from_fraction);
   axis.demand.velocity += static_cast<float>(axis.units.velocity_to_counts(objects.velocity_offset));
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
 }
@@ -39,19 +36,6 @@ std::int64_t CyclicSyncPosition::within_change(Axis& axis, std::int64_t user) co
   const std::int64_t allowed = std::clamp<std::int64_t>(change, limits.least, limits.greatest);
   axis.position_change_clipped = allowed != change;
   return base + allowed;
-}
-
-// Of products that run on at the greatest speed where the targets ask for more. The line of the targets goes on; the
-// demand follows it from where it was in the last cycle.
-void CyclicSyncPosition::keep_to_speed(Axis& axis, Counts from, double from_fraction) {
-  const double distance =
-      static_cast<double>(axis.generator.position() - from) + (axis.generator.fraction() - from_fraction);
-  const double greatest = axis.max_velocity(false);
-  const double most = greatest * axis.cycle_s;
-  if (std::abs(distance) <= most * (1.0 + 1e-9)) return;
-  axis.exceed_velocity(Mode::cyclic_sync_position);
-  axis.generator.place(from, from_fraction + std::copysign(most, distance), std::copysign(greatest, distance));
-  axis.follow_generator(loop);
 }
 
 std::uint16_t CyclicSyncPosition::status(const Axis& axis) const {

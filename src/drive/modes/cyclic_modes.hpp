@@ -23,7 +23,6 @@ class CyclicSyncPosition {
 
  private:
   std::int64_t within_change(Axis& axis, std::int64_t user) const;
-  void keep_to_speed(Axis& axis, Counts from, double from_fraction);
 
   SetPointFollower follower_{};
   std::int64_t given_ = 0;  // the last target, with its offset

@@ -36,20 +36,32 @@ void LineDemand::follow(Axis& axis, const Line& line, double distance, double li
     catching_up_ = true;
     velocity_ = 0.0;
   }
-  double ahead = 0.0;
-  if (catching_up_) {
+  const double greatest = axis.max_velocity(false);
+  if (std::abs(line_velocity) > greatest * (1.0 + 1e-9)) {
+    axis.exceed_velocity(Mode::cyclic_sync_position);
+    if (!catching_up_) velocity_ = generator.velocity();
+    catching_up_ = true;
+  }
+  if (!catching_up_) {
+    generator.place(line.now(), line.fraction(), line_velocity);
+  } else {
     // Planned anew in each cycle, in coordinates that move with the line, so that a line whose speed changes is caught
     // all the same.
     MotionLimits limits = axis.catch_up_limits();
-    limits.velocity = std::max(limits.velocity - std::abs(line_velocity), least_share * limits.velocity);
+    limits.velocity = std::max(greatest - std::abs(line_velocity), least_share * greatest);
     Trajectory way;
     way.plan_position({distance, velocity_ - line_velocity, 0.0}, 0.0, 0.0, limits, RampShape::linear);
     const MotionState next = way.at(axis.cycle_s);
-    ahead = next.position;
-    velocity_ = line_velocity + next.velocity;
     catching_up_ = way.duration_s() > axis.cycle_s;
+    velocity_ = line_velocity + next.velocity;
+    double from = line.fraction() + next.position;
+    if (std::abs(velocity_) > greatest) {  // the line itself is as fast
+      velocity_ = std::copysign(greatest, velocity_);
+      from = static_cast<double>(generator.position() - line.now()) + generator.fraction() + velocity_ * axis.cycle_s;
+      catching_up_ = true;
+    }
+    generator.place(line.now(), from, velocity_);
   }
-  generator.place(line.now(), line.fraction() + ahead, catching_up_ ? velocity_ : line_velocity);
   axis.follow_generator(Loop::position);
 }
 

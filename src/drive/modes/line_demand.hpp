@@ -7,10 +7,10 @@ namespace servodrome::drive {
 
 // The demand of a mode that follows a line of cyclic set-points.
 //
-// As a rule it is the line. A line that begins far away - the mode was entered with an old target, or a halt or a limit
-// held the axis while the master went on - is caught up with: the demand is the line plus a distance, which goes to
-// zero within Axis::catch_up_limits. After a limit ended the motion, the demand stands until the line lies on the side
-// of it that leads away from the limit, whether the limit is still there or not.
+// As a rule it is the line. A line that begins far away (the mode was entered with an old target, or a halt or a limit
+// held the axis while the master went on), or that is faster than the axis may be, is caught up with: the demand is the
+// line plus a distance, which goes to zero within Axis::catch_up_limits. After a limit ended the motion, the demand
+// stands until the line lies on the side of it that leads away from the limit, whether the limit is still there or not.
 class LineDemand {
  public:
   void stop() { *this = {}; }

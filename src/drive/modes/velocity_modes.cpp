@@ -10,6 +10,11 @@ namespace {
 // `quick_stop` (counts/s^2) where the deceleration is 0, and at once where that is 0 as well.
 bool plan_velocity(Axis& axis, double target, MotionLimits limits, double quick_stop, RampShape shape) {
   Generator& generator = axis.generator;
+  const double shaft = axis.velocity();
+  const bool slows = std::abs(target) < std::abs(generator.velocity()) || target * generator.velocity() < 0.0;
+  if (slows && std::abs(shaft) < std::abs(generator.velocity()) && !axis.follows_demand()) {
+    generator.start_from(axis.position(), shaft);  // braking begins with the speed that there is
+  }
   const double velocity = generator.velocity();
   const bool turns = target * velocity < 0.0;
   const bool possible = limits.acceleration > 0.0 || (!turns && std::abs(target) <= std::abs(velocity));

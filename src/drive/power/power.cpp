@@ -190,6 +190,15 @@ void Drive::take_over_shaft() {
   smoothed_loop_ = Loop::off;
 }
 
+// An axis that cannot brake as its ramp asks for goes past the demand. It is not pulled back afterwards.
+void Drive::keep_near_shaft() {
+  const auto error = static_cast<double>(cascade_.state().following_error_counts);
+  const double most = axis_.lag(axis_.velocity());
+  if (std::abs(error) <= most) return;
+  axis_.generator.shift(static_cast<Counts>(std::copysign(most, error) - error));
+  smoothed_loop_ = Loop::off;
+}
+
 void Drive::begin_stop(Stop stop) {
   take_over_shaft();
   identification_.abort();
@@ -271,6 +280,7 @@ void Drive::step_stop() {
     axis_.generator.start_from(axis_.position(), 0.0);
   } else {
     axis_.generator.step(axis_.cycle_s);
+    if (stop_loop_ == Loop::position && axis_.demand.loop == Loop::position) keep_near_shaft();
     rest_wait_cycles_ = axis_.generator.standing() ? rest_wait_cycles_ + 1 : 0;
   }
   axis_.follow_generator(stop_loop_);

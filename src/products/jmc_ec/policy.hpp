@@ -76,7 +76,6 @@ constexpr drive::Policy make_policy() {
   policy.zero_ramps_are_greatest = true;  // D-34
   policy.end_velocity_is_start = end_velocity_is_start;
   policy.excessive_velocity_faults = excessive_velocity_faults;
-  policy.cyclic_position_keeps_speed = true;         // L3553
   policy.out_of_limits = drive::OutOfLimits::fault;  // L3511
   policy.slippage_supported = false;
   policy.homing_methods = homing_methods;
