@@ -74,6 +74,7 @@ class Node final : private dictionary::Listener {
 
   // The CAN controller's fault confinement state. Bus-off is a communication error; EMCY 8140h follows on recovery.
   void bus_state(BusState state, Time now);
+  BusState bus_state() const { return bus_state_; }
 
  private:
   enum class Service : std::uint8_t { none, nmt, sync, time, sdo, heartbeat, emergency, lss, rpdo };

@@ -131,7 +131,7 @@ describe::Description description_of(const Blueprint& blueprint) {
 
 std::uint32_t store_bytes(const Blueprint& blueprint) {
   constexpr std::size_t page = 4096;
-  std::size_t bank = sizeof(dictionary::StoreHeader);
+  std::size_t bank = sizeof(dictionary::StoreHeader) + 2 * (dictionary::Store::record_overhead + 4);  // with 1018h
   for (const Entry& entry : blueprint.table) {
     if (!entry.saved) continue;
     bank +=

@@ -37,7 +37,6 @@ struct Image {
 // may hold the newest values and must not be written over.
 struct Inspection {
   bool readable = false;
-  bool damaged = false;  // it held an image once
   std::optional<Image> image;
 };
 
@@ -45,9 +44,9 @@ Inspection inspect(Medium& medium, std::uint32_t bank, std::uint32_t capacity) {
   StoreHeader header;
   if (!medium.read(bank, std::as_writable_bytes(std::span(&header, 1)))) return {};
   const std::uint32_t room = capacity - static_cast<std::uint32_t>(sizeof header);
-  if (header.mark != StoreHeader::valid_mark) return {.readable = true, .damaged = false, .image = {}};
-  if (header.version != StoreHeader::current_version || header.payload_length > room) {
-    return {.readable = true, .damaged = true, .image = {}};
+  if (header.mark != StoreHeader::valid_mark || header.version != StoreHeader::current_version ||
+      header.payload_length > room) {
+    return {.readable = true, .image = {}};
   }
   std::uint32_t crc = crc_of_header(header);
   Chunk chunk;
@@ -57,14 +56,13 @@ Inspection inspect(Medium& medium, std::uint32_t bank, std::uint32_t capacity) {
     crc = crc32(part, crc);
     done += static_cast<std::uint32_t>(part.size());
   }
-  if (crc != header.crc) return {.readable = true, .damaged = true, .image = {}};
-  return {.readable = true, .damaged = false, .image = Image{bank, header}};
+  if (crc != header.crc) return {.readable = true, .image = {}};
+  return {.readable = true, .image = Image{bank, header}};
 }
 
 struct Banks {
   std::uint32_t capacity;
   bool readable;  // both
-  bool damaged;   // one of them
   std::optional<Image> newest;
 };
 
@@ -73,13 +71,26 @@ bool is_newer(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_
 
 Banks inspect(Medium& medium) {
   const std::uint32_t capacity = medium.size() / 2;
-  if (capacity < sizeof(StoreHeader)) return {capacity, false, false, {}};
+  if (capacity < sizeof(StoreHeader)) return {capacity, false, {}};
   const Inspection first = inspect(medium, 0, capacity);
   const Inspection second = inspect(medium, capacity, capacity);
   const bool second_is_newer =
       second.image && (!first.image || is_newer(second.image->header.sequence, first.image->header.sequence));
-  return {capacity, first.readable && second.readable, first.damaged || second.damaged,
-          second_is_newer ? second.image : first.image};
+  return {capacity, first.readable && second.readable, second_is_newer ? second.image : first.image};
+}
+
+// As it was made: nobody has ever begun to save. A medium that does not answer is not.
+bool is_erased(Medium& medium) {
+  Chunk chunk;
+  std::byte first{};
+  for (std::uint32_t done = 0; done < medium.size();) {
+    const auto part = std::span(chunk).first(std::min<std::size_t>(chunk_size, medium.size() - done));
+    if (!medium.read(done, part)) return false;
+    if (done == 0) first = part.front();
+    if (!std::all_of(part.begin(), part.end(), [first](std::byte byte) { return byte == first; })) return false;
+    done += static_cast<std::uint32_t>(part.size());
+  }
+  return first == std::byte{0x00} || first == std::byte{0xFF};
 }
 
 struct Record {
@@ -177,10 +188,45 @@ class RecordWriter {
   bool failed_ = false;
 };
 
+// ---- Whose values they are: records that come first, of objects that are not saved ----
+
+constexpr std::uint16_t identity = 0x1018;
+constexpr std::uint8_t product_code = 2;  // sub 1 is the vendor; revision and serial number may change
+
+void put_identity(RecordWriter& writer, const Dictionary& dictionary) {
+  for (std::uint8_t sub = 1; sub <= product_code; ++sub) {
+    const Entry* entry = dictionary.find(identity, sub);
+    ReadValue value;
+    if (entry == nullptr || dictionary.read(*entry, value) != AbortCode::none) continue;
+    writer.begin(identity, sub, static_cast<std::uint16_t>(value.bytes.size()));
+    writer.put(value.bytes);
+  }
+}
+
+// Whether the values were saved by a product as this one; an image without identity may have been. Nothing: the medium
+// does not answer.
+std::optional<bool> is_own(Medium& medium, const Image& image, const Dictionary& dictionary) {
+  RecordReader reader(medium, image);
+  for (Record record; reader.next(record) && record.index == identity;) {
+    const Entry* entry = dictionary.find(identity, record.sub);
+    ReadValue own;
+    std::array<std::byte, 8> number;
+    if (entry == nullptr || dictionary.read(*entry, own) != AbortCode::none || own.bytes.size() != record.size ||
+        record.size > number.size()) {
+      return false;
+    }
+    const auto saved = std::span(number).first(record.size);
+    if (!medium.read(record.address, saved)) return {};
+    if (!std::equal(saved.begin(), saved.end(), own.bytes.begin())) return false;
+  }
+  if (reader.failed()) return {};
+  return true;
+}
+
 void copy_area(RecordWriter& writer, Medium& medium, const Image& image, Area area) {
   RecordReader reader(medium, image);
   for (Record record; reader.next(record);) {
-    if (area_of(record.index) != area) continue;
+    if (area_of(record.index) != area || record.index == identity) continue;
     writer.begin(record.index, record.sub, record.size);
     Chunk chunk;
     for (std::uint32_t done = 0; done < record.size;) {
@@ -213,14 +259,22 @@ void put_area(RecordWriter& writer, const Dictionary& dictionary, Area area) {
   }
 }
 
+// What a new image is made of: of `areas` the present values or none, of the others those of the `old` image.
+struct NewImage {
+  const Dictionary& dictionary;
+  Area areas;
+  bool with_present_values;
+  std::optional<Image> old;
+};
+
 // All records of the new image, area by area.
-void put_records(RecordWriter& writer, Medium& medium, const Dictionary* source, Area areas,
-                 const std::optional<Image>& old) {
+void put_records(RecordWriter& writer, Medium& medium, const NewImage& image) {
+  put_identity(writer, image.dictionary);
   for (const Area area : {Area::communication, Area::manufacturer, Area::profile, Area::motor}) {
-    if (!contains(areas, area)) {
-      if (old) copy_area(writer, medium, *old, area);
-    } else if (source != nullptr) {
-      put_area(writer, *source, area);
+    if (!contains(image.areas, area)) {
+      if (image.old) copy_area(writer, medium, *image.old, area);
+    } else if (image.with_present_values) {
+      put_area(writer, image.dictionary, area);
     }
   }
 }
@@ -256,14 +310,21 @@ std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t crc) {
   return ~crc;
 }
 
-AbortCode Store::rewrite(const Dictionary* source, Area areas) {
+AbortCode Store::rewrite(const Dictionary& dictionary, Area areas, Content content) {
   const Banks banks = inspect(medium_);
   if (!banks.readable) return AbortCode::hardware_error;
-  if (source == nullptr && !banks.newest) return AbortCode::none;  // nothing saved, nothing to forget
+  NewImage image{dictionary, areas, content == Content::present, {}};
+  if (banks.newest) {
+    const std::optional<bool> own = is_own(medium_, *banks.newest, dictionary);
+    if (!own) return AbortCode::hardware_error;
+    if (*own) image.old = banks.newest;  // of another product's values none stays
+  } else if (content == Content::factory && is_erased(medium_)) {
+    return AbortCode::none;  // nothing saved, nothing to forget
+  }
 
   const std::uint32_t room = banks.capacity - static_cast<std::uint32_t>(sizeof(StoreHeader));
   RecordWriter counter(nullptr, 0, room, 0);
-  put_records(counter, medium_, source, areas, banks.newest);
+  put_records(counter, medium_, image);
   if (!counter.finish()) return AbortCode::hardware_error;
 
   const std::uint32_t bank = banks.newest && banks.newest->bank == 0 ? banks.capacity : 0;
@@ -274,7 +335,7 @@ AbortCode Store::rewrite(const Dictionary* source, Area areas) {
   header.sequence = banks.newest ? banks.newest->header.sequence + 1 : 1;
   header.payload_length = counter.length();
   RecordWriter writer(&medium_, bank + static_cast<std::uint32_t>(sizeof header), room, crc_of_header(header));
-  put_records(writer, medium_, source, areas, banks.newest);
+  put_records(writer, medium_, image);
   if (!writer.finish() || writer.length() != header.payload_length || !medium_.flush()) {
     return AbortCode::hardware_error;
   }
@@ -285,19 +346,15 @@ AbortCode Store::rewrite(const Dictionary* source, Area areas) {
   return inspect(medium_, bank, banks.capacity).image ? AbortCode::none : AbortCode::hardware_error;
 }
 
-bool Store::damaged() const {
+Store::Loaded Store::load(Dictionary& dictionary, Area areas) const {
   const Banks banks = inspect(medium_);
-  return !banks.newest && (banks.damaged || !banks.readable);
-}
-
-bool Store::load(Dictionary& dictionary, Area areas) const {
-  const Banks banks = inspect(medium_);
-  if (!banks.newest) return false;
+  if (!banks.newest) return banks.readable && is_erased(medium_) ? Loaded::nothing : Loaded::damaged;
+  if (!is_own(medium_, *banks.newest, dictionary).value_or(false)) return Loaded::damaged;
   RecordReader reader(medium_, *banks.newest);
   for (Record record; reader.next(record);) {
-    if (contains(areas, area_of(record.index)) && !load_record(medium_, dictionary, record)) return false;
+    if (contains(areas, area_of(record.index)) && !load_record(medium_, dictionary, record)) return Loaded::damaged;
   }
-  return !reader.failed();
+  return reader.failed() ? Loaded::damaged : Loaded::values;
 }
 
 }  // namespace servodrome::dictionary

@@ -7,14 +7,21 @@ namespace servodrome::dictionary {
 
 // The non-volatile values of a dictionary: the entries with `saved`, as 1010h and 1011h of CiA 301 treat them.
 //
-// The medium is two banks of half its size. A bank is a header (StoreHeader) and the records that it counts, area by
-// area in the order of their keys:
+// The medium is two banks of half its size. A bank is a header (StoreHeader) and the records that it counts: whose
+// values they are (1018h sub 1 and 2, where the table has them), then the values, area by area in the order of their
+// keys:
 //     index u16 | sub-index u8 | size u16 | `size` bytes of value        (all little endian)
 // The valid bank with the newest sequence number holds the values. A new image goes to the other bank: its old header
 // is wiped, then the records are written, then the header, whose last word makes it valid, with a flush after each. So
 // a loss of power at any byte leaves either all the old values or all the new ones.
 class Store {
  public:
+  enum class Loaded : std::uint8_t {
+    values,   // the objects have what was saved
+    nothing,  // the medium is as it was made: all bytes 00h, or all FFh
+    damaged,  // what was saved is spoilt, is another product's, or cannot be read
+  };
+
   static constexpr std::uint32_t record_overhead = 5;
   static constexpr std::uint32_t largest_value = 0xFFFF;  // bytes; of a string or domain
 
@@ -23,23 +30,22 @@ class Store {
   // Saves the values of `areas`; what was saved of the other areas stays. Owners are asked to refresh first.
   // Errors: hardware_error when the medium is too small or does not answer; the old values are then still there, unless
   // only the medium's last answer was a failure, which leaves old or new.
-  AbortCode save(const Dictionary& dictionary, Area areas) { return rewrite(&dictionary, areas); }
+  AbortCode save(const Dictionary& dictionary, Area areas) { return rewrite(dictionary, areas, Content::present); }
 
   // Forgets what was saved of `areas`, so that their factory values act after the next reset (CiA 301 7.5.2.14). The
-  // values in use do not change. Errors as `save`.
-  AbortCode restore_defaults(Area areas) { return rewrite(nullptr, areas); }
+  // values in use do not change. A damaged medium holds nothing afterwards. Errors as `save`.
+  AbortCode restore_defaults(const Dictionary& dictionary, Area areas) {
+    return rewrite(dictionary, areas, Content::factory);
+  }
 
   // Puts the saved values of `areas` into the objects, past access rules and owners: for use after `load_defaults`,
   // before a device starts. Records that fit no object of this table any more (unknown, not `saved`, another size, out
-  // of range) are skipped. False when there is no valid image, or when the medium stopped answering halfway; then the
-  // objects of `areas` need their factory values again.
-  bool load(Dictionary& dictionary, Area areas) const;
-
-  // Nothing can be loaded because what was saved is spoilt or cannot be read; not because nothing was saved.
-  bool damaged() const;
+  // of range) are skipped. Unless the answer is `values`, the objects of `areas` need their factory values again.
+  Loaded load(Dictionary& dictionary, Area areas) const;
 
  private:
-  AbortCode rewrite(const Dictionary* source, Area areas);
+  enum class Content : std::uint8_t { present, factory };
+  AbortCode rewrite(const Dictionary& dictionary, Area areas, Content content);
 
   Medium& medium_;
 };

@@ -159,7 +159,12 @@ const std::array products{
             products::Pronet::factory_node_id,
             8,
             {3, 2, 4},
-            describe_pronet},
+            describe_pronet,
+            nullptr,
+            {},
+            {},
+            Fieldbus::can,
+            0},
     Product{"generic402",
             "Reference drive with everything CiA 402-2 has",
             make<products::Generic402>,
@@ -178,7 +183,9 @@ const std::array products{
             describe_ismk,
             &ismk_serial,
             products::ismk::ratings,
-            products::ismk::default_rating},
+            products::ismk::default_rating,
+            Fieldbus::can,
+            products::ismk::output_count},
     Product{.name = "generic402-ec",
             .title = "Reference drive on EtherCAT",
             .make = make<products::Generic402Ec>,
@@ -195,7 +202,8 @@ const std::array products{
             .serial = &ismk_ea_serial,
             .models = products::ismk::ratings,
             .default_model = products::ismk::default_rating,
-            .fieldbus = Fieldbus::ethercat},
+            .fieldbus = Fieldbus::ethercat,
+            .output_wires = products::ismk::output_count},
     // CW-, HW+, CCW+, DI3 and DI4, JMC manual L270-276; CW is positive.
     Product{.name = "jmc_ec",
             .title = "JMC EC series, integrated servos and stepper drives, EtherCAT",
@@ -206,7 +214,8 @@ const std::array products{
             .serial = &jmc_ec_serial,
             .models = products::jmc_ec::models,
             .default_model = products::jmc_ec::default_rating,
-            .fieldbus = Fieldbus::ethercat},
+            .fieldbus = Fieldbus::ethercat,
+            .output_wires = 2},  // alarm and in position (L277-280)
 };
 
 }  // namespace

@@ -47,6 +47,7 @@ struct Product {
   std::span<const products::Model> models{};          // sizes with motors of their own; empty: any motor
   std::string_view default_model{};
   Fieldbus fieldbus = Fieldbus::can;
+  std::uint8_t output_wires = 4;          // DO0 ..
   std::uint32_t store_bytes = 32 * 1024;  // of its memory: two banks, each several times what its saved objects take
   const described::Blueprint* blueprint = nullptr;  // of a drive that is made of a maker's description
 };

@@ -52,6 +52,10 @@ double read_input(Axis& axis, const Channel& channel) {
   return static_cast<double>(axis.feedback().inputs >> channel.wire & 1u);
 }
 
+double read_output(Axis& axis, const Channel& channel) {
+  return static_cast<double>(axis.actuation().outputs >> channel.wire & 1u);
+}
+
 // As an SDO upload would read it.
 double read_object(Axis& axis, const Channel& channel) {
   if (!axis.powered()) return no_value;
@@ -74,13 +78,19 @@ Channel signal_channel(Axis& axis, std::string_view name) {
   for (const Signal& signal : signal_table) {
     if (signal.name == name) return {&axis, signal.read};
   }
-  unsigned wire = 0;
-  if (name.starts_with("DI") && name.size() <= 4) {
+  struct Wires {
+    std::string_view prefix;
+    unsigned count;
+    Channel::Read read;
+  };
+  const Product& product = *axis.settings().product;
+  for (const Wires& wires :
+       {Wires{"DI", product.input_wires, read_input}, Wires{"DO", product.output_wires, read_output}}) {
+    unsigned wire = 0;
+    if (!name.starts_with(wires.prefix) || name.size() > 4) continue;
     const auto [end, error] = std::from_chars(name.data() + 2, name.data() + name.size(), wire);
-    if (error == std::errc() && end == name.data() + name.size() &&
-        wire < static_cast<unsigned>(axis.settings().product->input_wires)) {
-      return {&axis, read_input, nullptr, wire};
-    }
+    const bool is_number = error == std::errc() && end == name.data() + name.size();
+    if (is_number && wire < wires.count) return {&axis, wires.read, nullptr, wire};
   }
   return {};
 }

@@ -21,7 +21,7 @@ struct Channel {
   Axis* axis = nullptr;
   Read read = nullptr;
   const dictionary::Entry* object = nullptr;  // of a channel that is an object
-  unsigned wire = 0;                          // of a channel that is an input
+  unsigned wire = 0;                          // of a channel that is an input or an output
 
   double value() const { return read(*axis, *this); }
   friend bool operator==(const Channel&, const Channel&) = default;
@@ -35,8 +35,8 @@ struct Signal {
 };
 std::span<const Signal> signals();
 
-// The channel of a signal, of an input ("DI0") or of an object that is a number. Without `read` if there is none of the
-// name or the object is no number that can be read.
+// The channel of a signal, of an input ("DI0"), of an output ("DO0") or of an object that is a number. Without `read`
+// if there is none of the name or the object is no number that can be read.
 Channel signal_channel(Axis& axis, std::string_view name);
 Channel object_channel(Axis& axis, const dictionary::Entry& object);
 

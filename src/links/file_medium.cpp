@@ -38,7 +38,8 @@ void sync_folder(const std::string& path) {
 
 }  // namespace
 
-FileMedium::FileMedium(const std::string& path, std::uint32_t size) : file_(-1), size_(size) {
+FileMedium::FileMedium(const std::string& path, std::uint32_t size)
+    : path_(std::filesystem::absolute(path).string()), file_(-1), size_(size) {
   OpenFile file{::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, S_IRUSR | S_IWUSR)};
   if (file.number < 0) {
     fail(path, "cannot open: " + last_error() + "; choose a file in a folder that exists and may be written to");
@@ -64,7 +65,16 @@ FileMedium::FileMedium(const std::string& path, std::uint32_t size) : file_(-1),
 
 FileMedium::~FileMedium() { ::close(file_); }
 
+// The path still leads to the file that was opened.
+bool FileMedium::in_place() const {
+  struct stat opened {};
+  struct stat found {};
+  return ::fstat(file_, &opened) == 0 && ::stat(path_.c_str(), &found) == 0 && opened.st_dev == found.st_dev &&
+         opened.st_ino == found.st_ino;
+}
+
 bool FileMedium::read(std::uint32_t address, std::span<std::byte> bytes) {
+  if (!in_place()) return false;
   while (!bytes.empty()) {
     const ssize_t count = ::pread(file_, bytes.data(), bytes.size(), static_cast<off_t>(address));
     if (count < 0 && errno == EINTR) continue;
@@ -76,6 +86,7 @@ bool FileMedium::read(std::uint32_t address, std::span<std::byte> bytes) {
 }
 
 bool FileMedium::write(std::uint32_t address, std::span<const std::byte> bytes) {
+  if (!in_place()) return false;
   while (!bytes.empty()) {
     const ssize_t count = ::pwrite(file_, bytes.data(), bytes.size(), static_cast<off_t>(address));
     if (count < 0 && errno == EINTR) continue;
@@ -86,6 +97,6 @@ bool FileMedium::write(std::uint32_t address, std::span<const std::byte> bytes) 
   return true;
 }
 
-bool FileMedium::flush() { return ::fdatasync(file_) == 0; }
+bool FileMedium::flush() { return in_place() && ::fdatasync(file_) == 0; }
 
 }  // namespace servodrome::links

@@ -7,7 +7,8 @@
 namespace servodrome::links {
 
 // A device's non-volatile memory in a file. The file belongs to one process at a time (advisory lock) and to the user
-// alone (mode 0600 when it is created; new bytes are zero).
+// alone (mode 0600 when it is created; new bytes are zero). When it is deleted, moved or replaced the memory answers no
+// more: what would be written would be lost.
 class FileMedium final : public dictionary::Medium {
  public:
   // Opens or creates `path` with exactly `size` bytes. Throws std::runtime_error, naming the file, when it cannot be
@@ -23,6 +24,9 @@ class FileMedium final : public dictionary::Medium {
   bool flush() override;
 
  private:
+  bool in_place() const;
+
+  std::string path_;  // absolute
   int file_;
   std::uint32_t size_;
 };

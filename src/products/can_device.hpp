@@ -47,6 +47,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
     drive().power_on(feedback);
     last_sync_ = {};
     node_.start(node_id_, now);
+    tell_lost_values();
   }
   void power_off() override {
     canopen::Frame frame;
@@ -76,12 +77,14 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
  protected:
   using Base::drive_objects;
   using Base::forget;
+  using Base::keep;
   using Base::listen;
   using Base::load_objects;
   using Base::objects;
   using Base::product;
   using Base::save;
   using Base::settings;
+  using Base::tell_lost_values;
 
   ~CanDevice() = default;
 
@@ -95,6 +98,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
       drive().objects_loaded();
       abort_connection();
     }
+    tell_lost_values();
   }
   void nmt_state_changed(canopen::NmtState state) override {
     if (state == canopen::NmtState::stopped) abort_connection();

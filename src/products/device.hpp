@@ -10,6 +10,7 @@
 #include "dictionary/dictionary.hpp"
 #include "drive/hardware.hpp"
 #include "drive/loops/motor_data.hpp"
+#include "products/lamps.hpp"
 #include "products/serial_port.hpp"
 
 namespace servodrome::dictionary {
@@ -108,6 +109,9 @@ class Device {
   // All objects, as the service port and the bench see them, and those that the fieldbus sees.
   virtual dictionary::Dictionary& dictionary() = 0;
   virtual dictionary::Dictionary& bus_dictionary() = 0;
+
+  // As the manual has them, or the standard of the bus; none where neither says anything.
+  virtual Lamps lamps(Time /*now*/) { return {}; }
 
   // The fault before the `n` last ones, 0 is the last; nullptr: so many are not remembered.
   virtual const PastFault* past_fault(std::size_t /*n*/) const { return nullptr; }

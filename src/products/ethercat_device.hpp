@@ -51,12 +51,21 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
     esc_.clock().set_oscillator(settings().ethercat.oscillator_ppb, now);
     esc_.power_on(now);
     slave_.start(now);
+    tell_lost_values();
   }
   void power_off() override {}
 
   void cycle(Time now) override { slave_.process_image_updated(now); }
   void poll(Time now) override { slave_.poll(now); }
   Time next_deadline() override { return slave_.next_deadline(); }
+
+  // RUN and ERR of ETG.1300.
+  Lamps lamps(Time) override {
+    Lamps lamps;
+    lamps.add(blinking_lamp("RUN", "green", ethercat::run_indicator(slave_.state())));
+    lamps.add(blinking_lamp("ERR", "red", ethercat::error_indicator(slave_.error(), slave_.status_code())));
+    return lamps;
+  }
 
   ethercat::Slave* ethercat_slave() override { return &slave_; }
   ethercat::Esc* ethercat_controller() override { return &esc_; }
@@ -67,12 +76,14 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
 
  protected:
   using Base::forget;
+  using Base::keep;
   using Base::listen;
   using Base::load_objects;
   using Base::objects;
   using Base::product;
   using Base::save;
   using Base::settings;
+  using Base::tell_lost_values;
 
   ~EthercatDevice() = default;
 

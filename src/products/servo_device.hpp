@@ -100,16 +100,21 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
   Product& product() { return static_cast<Product&>(*this); }
   void reconfigure() { drive_.configure(product().configuration()); }
 
-  // Saves an area at once, as products do with values that a user need not store himself.
+  // Saves an area at once.
   dictionary::AbortCode save(dictionary::Area areas) {
     if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
     return dictionary::Store(*settings_.store).save(dictionary_, areas);
   }
 
+  // The same for values that nobody stores himself: a memory that does not take them is a fault.
+  void keep(dictionary::Area areas, drive::Cause failed = drive::Cause::memory) {
+    if (settings_.store != nullptr && save(areas) != dictionary::AbortCode::none) drive_.raise(failed);
+  }
+
   // Forgets what was saved; acts after the next restart.
   dictionary::AbortCode forget(dictionary::Area areas) {
     if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
-    return dictionary::Store(*settings_.store).restore_defaults(areas);
+    return dictionary::Store(*settings_.store).restore_defaults(dictionary_, areas);
   }
 
   // The objects of these areas have their saved values: for what follows from them.
@@ -117,11 +122,20 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
 
   // `node_id`: what defaults that depend on it are made with.
   void load_objects(dictionary::Area areas, std::uint8_t node_id = 0) {
+    using Loaded = dictionary::Store::Loaded;
     load_factory_values(areas, node_id);
-    if (settings_.store != nullptr && !dictionary::Store(*settings_.store).load(dictionary_, areas)) {
-      load_factory_values(areas, node_id);  // nothing saved, or the memory failed halfway
+    Loaded loaded = Loaded::nothing;
+    if (settings_.store != nullptr) {
+      loaded = dictionary::Store(*settings_.store).load(dictionary_, areas);
+      if (loaded != Loaded::values) load_factory_values(areas, node_id);  // the memory may have failed halfway
     }
+    values_lost_ = loaded == Loaded::damaged;
     product().loaded(areas);
+  }
+
+  // Factory values in the place of lost ones are a fault. For when the drive runs: until then it takes none.
+  void tell_lost_values() {
+    if (values_lost_) drive_.raise(drive::Cause::memory);
   }
 
   // --- dictionary::Listener for Owner::product
@@ -136,6 +150,7 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
   }
 
   Settings settings_;
+  bool values_lost_ = false;
   ObjectMemory<ProductObjects> memory_;
   dictionary::Dictionary dictionary_;
   dictionary::Dictionary bus_dictionary_;  // over the same objects

@@ -66,7 +66,7 @@ struct Device {
   void reset() { dictionary.load_defaults(Area::all, node_id); }
   bool start(Medium& medium, Area areas = Area::all) {
     reset();
-    return Store(medium).load(dictionary, areas);
+    return Store(medium).load(dictionary, areas) == Store::Loaded::values;
   }
   bool operator==(const Device& other) const { return objects.values() == other.objects.values(); }
   void set_text(std::uint16_t index, std::string_view text) {
@@ -107,14 +107,122 @@ TEST(Store, SavedValuesComeBackAndOthersDoNot) {
 }
 
 TEST(Store, EmptyOrErasedMediumHoldsNothing) {
-  for (const std::byte fill : {std::byte{0x00}, std::byte{0xFF}, std::byte{0x53}}) {
+  for (const std::byte fill : {std::byte{0x00}, std::byte{0xFF}}) {
     FailingMedium medium(ample, fill);
     Device device;
-    EXPECT_FALSE(device.start(medium));
+    EXPECT_EQ(Store(medium).load(device.dictionary, Area::all), Store::Loaded::nothing);
     EXPECT_EQ(device, Device());
-    EXPECT_EQ(Store(medium).restore_defaults(Area::all), AbortCode::none);
+    EXPECT_EQ(Store(medium).restore_defaults(device.dictionary, Area::all), AbortCode::none);
     EXPECT_EQ(medium.written, 0U);
   }
+}
+
+// Whatever else it holds, if it is no image, was one once or is somebody else's: never the same as nothing.
+TEST(Store, OtherBytesAreDamageUntilTheyAreForgotten) {
+  for (const std::byte fill : {std::byte{0x53}, std::byte{0x01}, std::byte{0xFE}}) {
+    FailingMedium medium(ample, fill);
+    Device device;
+    EXPECT_EQ(Store(medium).load(device.dictionary, Area::all), Store::Loaded::damaged);
+    EXPECT_EQ(Store(medium).restore_defaults(device.dictionary, Area::communication), AbortCode::none);
+    EXPECT_EQ(Store(medium).load(device.dictionary, Area::all), Store::Loaded::values);
+    EXPECT_EQ(device, Device());
+  }
+  for (const std::size_t at : {std::size_t{0}, std::size_t{63}, std::size_t{64}, std::size_t{ample - 1}}) {
+    FailingMedium medium(ample);
+    medium.memory[at] = std::byte{0xFF};
+    Device device;
+    EXPECT_EQ(Store(medium).load(device.dictionary, Area::all), Store::Loaded::damaged) << at;
+  }
+}
+
+TEST(Store, AMediumThatDoesNotAnswerIsNotEmpty) {
+  for (std::uint64_t reads = 0; reads < 2 + ample / 64; ++reads) {
+    FailingMedium medium(ample);
+    medium.reads_until_failure = reads;
+    Device device;
+    EXPECT_EQ(Store(medium).load(device.dictionary, Area::all), Store::Loaded::damaged) << reads;
+  }
+}
+
+// A product with an identity: 1018h sub 1 and 2.
+struct Product {
+  struct Objects {
+    std::uint32_t vendor;
+    std::uint32_t product;
+    std::uint32_t revision;
+    std::int32_t position;
+  };
+  static constexpr std::array table{
+      element(0x1018, 1, ObjectCode::record, "Vendor", SERVODROME_FIELD(Objects, vendor), Access::ro),
+      element(0x1018, 2, ObjectCode::record, "Product", SERVODROME_FIELD(Objects, product), Access::ro),
+      element(0x1018, 3, ObjectCode::record, "Revision", SERVODROME_FIELD(Objects, revision), Access::ro),
+      var(0x2000, "Position", SERVODROME_FIELD(Objects, position), Access::rw, Pdo::none, {.saved = true}),
+      var(0x6000, "Missing in the other", SERVODROME_FIELD(Objects, revision), Access::rw, Pdo::none, {.saved = true})};
+
+  Product(std::uint32_t vendor, std::uint32_t product, std::uint32_t revision, std::size_t entries = table.size())
+      : objects{vendor, product, revision, 0}, dictionary(std::span(table).first(entries), bytes()) {}
+  Product(const Product&) = delete;
+  Product& operator=(const Product&) = delete;
+  std::span<std::byte> bytes() { return std::as_writable_bytes(std::span(&objects, 1)); }
+  Store::Loaded load(Medium& medium) { return Store(medium).load(dictionary, Area::all); }
+
+  Objects objects;
+  Dictionary dictionary;
+};
+
+TEST(Store, AnotherProductsValuesAreNotTaken) {
+  FailingMedium medium(ample);
+  Product mine(1, 2, 3);
+  mine.objects.position = 4711;
+  ASSERT_EQ(Store(medium).save(mine.dictionary, Area::all), AbortCode::none);
+  EXPECT_EQ(Product(1, 2, 3).load(medium), Store::Loaded::values);
+  EXPECT_EQ(Product(1, 2, 4).load(medium), Store::Loaded::values) << "a new revision takes what fits";
+  for (const auto& [vendor, product] : {std::pair{1U, 3U}, {5U, 2U}, {2U, 1U}}) {
+    Product other(vendor, product, 3);
+    EXPECT_EQ(other.load(medium), Store::Loaded::damaged);
+    EXPECT_EQ(other.objects.position, 0);
+  }
+  FailingMedium once = medium;
+  once.reads_until_failure = 5;  // two headers, the records, the first number of the identity
+  EXPECT_EQ(Store(once).save(mine.dictionary, Area::manufacturer), AbortCode::hardware_error);
+}
+
+TEST(Store, WhatAnotherProductSavedIsNotMixedIn) {
+  FailingMedium medium(ample);
+  Product mine(1, 2, 3);
+  Product other(1, 7, 3);
+  other.objects.position = 4711;
+  ASSERT_EQ(Store(medium).save(other.dictionary, Area::all), AbortCode::none);
+  mine.objects.position = 12;
+  ASSERT_EQ(Store(medium).save(mine.dictionary, Area::profile), AbortCode::none);
+  Product restarted(1, 2, 3);
+  EXPECT_EQ(restarted.load(medium), Store::Loaded::values);
+  EXPECT_EQ(restarted.objects.position, 0) << "the manufacturer's area was the other's";
+  // One's own stays, with its identity, when a part is saved or forgotten.
+  ASSERT_EQ(Store(medium).save(mine.dictionary, Area::manufacturer), AbortCode::none);
+  ASSERT_EQ(Store(medium).restore_defaults(mine.dictionary, Area::profile), AbortCode::none);
+  EXPECT_EQ(restarted.load(medium), Store::Loaded::values);
+  EXPECT_EQ(restarted.objects.position, 12);
+  EXPECT_EQ(Product(1, 7, 3).load(medium), Store::Loaded::damaged);
+}
+
+// An image that was saved by a table without identity, as all were once, is taken.
+TEST(Store, AnImageWithoutIdentityIsTaken) {
+  struct Plain {
+    std::int32_t position;
+  };
+  constexpr std::array entries{
+      var(0x2000, "Position", SERVODROME_FIELD(Plain, position), Access::rw, Pdo::none, {.saved = true})};
+  Plain plain{99};
+  const Dictionary old(entries, std::as_writable_bytes(std::span(&plain, 1)));
+  FailingMedium medium(ample);
+  ASSERT_EQ(Store(medium).save(old, Area::all), AbortCode::none);
+  Product mine(1, 2, 3);
+  EXPECT_EQ(mine.load(medium), Store::Loaded::values);
+  EXPECT_EQ(mine.objects.position, 99);
+  ASSERT_EQ(Store(medium).save(mine.dictionary, Area::all), AbortCode::none);
+  Dictionary reader(entries, std::as_writable_bytes(std::span(&plain, 1)));
+  EXPECT_EQ(Store(medium).load(reader, Area::all), Store::Loaded::damaged);
 }
 
 // The format, byte by byte: an image saved by one version is read by the next.
@@ -204,7 +312,7 @@ TEST(Store, RestoredAreasHaveFactoryValuesAfterTheNextStartOnly) {
   Store store(medium);
   Device device = device_with(3);
   ASSERT_EQ(store.save(device.dictionary, Area::all), AbortCode::none);
-  ASSERT_EQ(store.restore_defaults(Area::manufacturer), AbortCode::none);
+  ASSERT_EQ(store.restore_defaults(device.dictionary, Area::manufacturer), AbortCode::none);
   EXPECT_EQ(device, device_with(3));  // values in use stay
 
   ASSERT_TRUE(device.start(medium));
@@ -213,7 +321,7 @@ TEST(Store, RestoredAreasHaveFactoryValuesAfterTheNextStartOnly) {
   EXPECT_EQ(device.objects.guard_time_ms, 0x03030303U);
   EXPECT_EQ(device.objects.homing_method, -3);
 
-  ASSERT_EQ(store.restore_defaults(Area::all), AbortCode::none);
+  ASSERT_EQ(store.restore_defaults(device.dictionary, Area::all), AbortCode::none);
   ASSERT_TRUE(device.start(medium));
   EXPECT_EQ(device.objects.guard_time_ms, 100U);
   EXPECT_EQ(device.objects.homing_method, 35);
@@ -294,7 +402,7 @@ TEST(Store, CutAtEveryByteOfAnAreaSaveAndOfARestore) {
   restored.objects.homing_method = 35;
   restored.objects.position_counts = 0;
   expect_all_or_nothing(medium, device_with(2), restored, some_garbles,
-                        [](Medium& m) { return Store(m).restore_defaults(Area::profile); });
+                        [](Medium& m) { return Store(m).restore_defaults(Device().dictionary, Area::profile); });
 }
 
 TEST(Store, CutOfTheVeryFirstSaveLeavesFactoryValues) {
@@ -486,7 +594,7 @@ TEST(Store, UnknownResizedAndOutOfRangeRecordsAreSkipped) {
 
   Device device;
   Dictionary dictionary(newer, std::as_writable_bytes(std::span(&device.objects, 1)));
-  ASSERT_TRUE(Store(medium).load(dictionary, Area::all));
+  ASSERT_EQ(Store(medium).load(dictionary, Area::all), Store::Loaded::values);
   EXPECT_EQ(device.objects.guard_time_ms, 100U);
   EXPECT_EQ(device.objects.pdo_identifier, 0x205U);
   EXPECT_EQ(device.objects.gain, 7);
@@ -514,7 +622,7 @@ TEST(Store, OwnersAreAskedToRefreshBeforeASaveAndNotToldOfALoad) {
   FailingMedium medium(ample);
   ASSERT_EQ(Store(medium).save(dictionary, Area::all), AbortCode::none);
   device.objects.gain = 0;
-  ASSERT_TRUE(Store(medium).load(dictionary, Area::all));
+  ASSERT_EQ(Store(medium).load(dictionary, Area::all), Store::Loaded::values);
   EXPECT_EQ(device.objects.gain, 42);
   EXPECT_EQ(counter.calls, 0);
 }
@@ -530,7 +638,7 @@ TEST(Store, AValueLongerThanARecordCanSayIsRefused) {
   EXPECT_EQ(Store(large).save(dictionary, Area::all), AbortCode::none);
   std::vector<std::byte> other_objects(objects.size());
   Dictionary other(entries, other_objects);
-  ASSERT_TRUE(Store(large).load(other, Area::all));
+  ASSERT_EQ(Store(large).load(other, Area::all), Store::Loaded::values);
   EXPECT_EQ(other_objects, objects);
   ASSERT_EQ(dictionary.write(entries[0], std::vector<std::byte>(0x10000)), AbortCode::none);
   EXPECT_EQ(Store(large).save(dictionary, Area::all), AbortCode::hardware_error);
@@ -680,8 +788,8 @@ TEST(Store, RandomTablesValuesAndCutsAgreeWithAModel) {
       const RandomDevice::Values next = merge(remembered, restore ? factory : device.values(), areas);
       const bool cut = random() % 3 == 0;
       if (cut) medium.power_ends_after = medium.written + random() % 2000;
-      const AbortCode abort =
-          restore ? Store(medium).restore_defaults(areas) : Store(medium).save(device.dictionary(), areas);
+      const AbortCode abort = restore ? Store(medium).restore_defaults(device.dictionary(), areas)
+                                      : Store(medium).save(device.dictionary(), areas);
       if (medium.dead) {
         ++cuts;
         EXPECT_EQ(abort, AbortCode::hardware_error);

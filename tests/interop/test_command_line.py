@@ -243,6 +243,17 @@ def test_parameters_are_saved_behind_a_link(line, tmp_path):
 
 
 @pytest.mark.once
+def test_parameters_are_saved_with_o_as_other_commands_do(line, tmp_path):
+    drive = ("--bus", line.links["can0"][0], "--node", "2")
+    servodrome("params", "save", tmp_path / "positional.par", *drive)
+    servodrome("params", "save", "-o", tmp_path / "option.par", *drive)
+    assert (tmp_path / "option.par").read_text() == (tmp_path / "positional.par").read_text()
+    assert "give one FILE" in servodrome("params", "save", *drive, status=2)
+    assert "give one FILE" in servodrome("params", "save", tmp_path / "a.par", "-o", tmp_path / "b.par", *drive, status=2)
+    assert not (tmp_path / "a.par").exists()
+
+
+@pytest.mark.once
 def test_candump_log_is_read_by_python_can(start_line, connect, tmp_path):
     line = start_line(log=tmp_path / "bus.log")
     network = connect(line)

@@ -294,6 +294,7 @@ TEST_F(BenchApi, InjectedFaultsReachTheDrive) {
   EXPECT_EQ(get("/axes/left/faults")["injected"], json::array());
 }
 
+// Those of the ISMC that are off from the factory are switched on: 2017h bit 1 (L2823) and 2200h.
 TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
   for (const char* axis : {"left", "right"}) {
     const std::string target = fmt::format("/axes/{}", axis);
@@ -301,6 +302,9 @@ TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
     for (const json& fault : faults["injectable"]["drive"]) {
       const std::string code = fault["code"];
       ask(Method::post, target + "/power", R"({"action":"cycle"})");
+      dictionary::Dictionary& ismc = line_.find_axis("left")->device().dictionary();
+      ismc.set_number(0x2017, 0, 2);
+      ismc.set_number(0x2200, 1, 1000);
       pass(50ms);
       ASSERT_EQ(get(target)["faults"], json::array()) << code;
       ASSERT_EQ(ask(Method::post, target + "/faults", fmt::format(R"({{"inject":"{}"}})", code)).status, 200U);

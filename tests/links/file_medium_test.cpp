@@ -79,12 +79,12 @@ TEST_F(FileMediumTest, AStoreInAFileSurvivesTheProcess) {
   dictionary::Dictionary values(table, std::as_writable_bytes(std::span(&objects, 1)));
   {
     FileMedium medium(path, 256);
-    EXPECT_FALSE(dictionary::Store(medium).load(values, dictionary::Area::all));
+    EXPECT_EQ(dictionary::Store(medium).load(values, dictionary::Area::all), dictionary::Store::Loaded::nothing);
     ASSERT_EQ(dictionary::Store(medium).save(values, dictionary::Area::all), dictionary::AbortCode::none);
   }
   objects.position = 0;
   FileMedium medium(path, 256);
-  ASSERT_TRUE(dictionary::Store(medium).load(values, dictionary::Area::all));
+  ASSERT_EQ(dictionary::Store(medium).load(values, dictionary::Area::all), dictionary::Store::Loaded::values);
   EXPECT_EQ(objects.position, -123456);
 }
 
@@ -114,6 +114,26 @@ TEST_F(FileMediumTest, AFileThatShrankDoesNotAnswer) {
   std::array<std::byte, 8> bytes{};
   EXPECT_TRUE(medium.read(0, bytes));
   EXPECT_FALSE(medium.read(8, bytes));
+}
+
+// What is written to a file that has no name any more is lost with the process.
+TEST_F(FileMediumTest, AFileThatIsNoMoreThereDoesNotAnswer) {
+  std::array<std::byte, 8> bytes{};
+  const auto expect_answers = [&](FileMedium& medium, bool answers) {
+    EXPECT_EQ(medium.read(0, bytes), answers);
+    EXPECT_EQ(medium.write(0, bytes), answers);
+    EXPECT_EQ(medium.flush(), answers);
+  };
+  FileMedium medium(path, 64);
+  expect_answers(medium, true);
+  fs::rename(path, path + ".moved");
+  expect_answers(medium, false);
+  std::ofstream(path) << std::string(64, 'x');  // another file of that name
+  expect_answers(medium, false);
+  fs::remove(path);
+  expect_answers(medium, false);
+  fs::rename(path + ".moved", path);
+  expect_answers(medium, true);
 }
 
 }  // namespace

@@ -23,6 +23,7 @@ struct Options {
   BusOptions bus;
   std::string eds;
   std::vector<std::string> files;
+  std::string output;  // save: in the place of a file
   bool connection = false;
   bool date = false;         // save
   bool force = false;        // load
@@ -114,6 +115,9 @@ ordered_json json_of(std::span<const host::ObjectAddress> objects) {
 }
 
 void save(const Options& options) {
+  if (options.files.empty() == options.output.empty()) {
+    throw Failure::wrong_use("params save: give one FILE to write to (FILE or -o FILE; - is standard output)");
+  }
   const InterruptGuard guard;
   Drive drive(options);
   host::ParameterFile file{.identity = host::DriveIdentity::read(drive.link.objects(), drive.product())};
@@ -122,7 +126,7 @@ void save(const Options& options) {
   end_line(options);
   file.values = std::move(read.values);
   if (options.date) file.date = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
-  const std::string& path = options.files.front();
+  const std::string& path = options.files.empty() ? options.output : options.files.front();
   if (path == "-") {
     fmt::print("{}", file.text());
     return;
@@ -322,7 +326,8 @@ void add_params(CLI::App& app) {
 
   const auto saved = std::make_shared<Options>();
   CLI::App* command = params->add_subcommand("save", "Write the parameters of a drive into a text file");
-  command->add_option("FILE", saved->files, "Where to; - for standard output")->required()->expected(1);
+  command->add_option("FILE", saved->files, "Where to; - for standard output")->expected(0, 1);
+  command->add_option("-o,--output", saved->output, "The same, as other commands have it");
   command->add_flag("--date", saved->date, "Write the date into the file; without it equal drives give equal files");
   add_common(*command, *saved);
   command->callback([saved] { save(*saved); });

@@ -19,6 +19,27 @@ const char* word(canopen::NmtState state) {
   return "unknown";
 }
 
+const char* word(products::Light light) {
+  switch (light) {
+    case products::Light::off: return "off";
+    case products::Light::on: return "on";
+    case products::Light::blinking: return "blinking";
+    case products::Light::flickering: return "flickering";
+    case products::Light::flashes: return "flashes";
+  }
+  return "unknown";
+}
+
+Json lamps_view(products::Device& device, Time now) {
+  Json lamps = Json::array();
+  const products::Lamps shown = device.lamps(now);
+  for (const products::Lamp& lamp : shown.all()) {
+    lamps.push_back({{"name", lamp.name}, {"colour", lamp.colour}, {"light", word(lamp.light)}});
+    if (lamp.light == products::Light::flashes) lamps.back()["flashes"] = lamp.flashes;
+  }
+  return lamps;
+}
+
 }  // namespace
 
 const char* mode_name(drive::Mode mode) {
@@ -48,6 +69,17 @@ std::vector<const drive::FaultRow*> active_faults(Axis& axis) {
     if (const drive::FaultRow* row = drive.row(static_cast<drive::Cause>(cause))) faults.push_back(row);
   }
   return faults;
+}
+
+std::vector<const drive::FaultRow*> active_warnings(Axis& axis) {
+  std::vector<const drive::FaultRow*> warnings;
+  if (!axis.powered()) return warnings;
+  const drive::Drive& drive = axis.device().drive();
+  for (unsigned cause = 1; cause < 256; ++cause) {
+    if (!drive.warns(static_cast<drive::Cause>(cause))) continue;
+    if (const drive::FaultRow* row = drive.row(static_cast<drive::Cause>(cause))) warnings.push_back(row);
+  }
+  return warnings;
 }
 
 Json view_of(const drive::FaultRow& row) {
@@ -92,6 +124,13 @@ Json view_of(const Line& line, Axis& axis) {
     view["error_code"] = device.dictionary().number(0x603F);
     view["homed"] = drive.homed();
     view["in_motion"] = drive.in_motion();
+    view["outputs"] = Json::object();
+    for (unsigned wire = 0; wire < settings.product->output_wires; ++wire) {
+      view["outputs"][fmt::format("DO{}", wire)] = (axis.actuation().outputs >> wire & 1U) != 0;
+    }
+    view["lamps"] = lamps_view(device, line.now());
+    view["warnings"] = Json::array();
+    for (const drive::FaultRow* row : active_warnings(axis)) view["warnings"].push_back(view_of(*row));
   }
   view["faults"] = Json::array();
   for (const drive::FaultRow* row : active_faults(axis)) view["faults"].push_back(view_of(*row));

@@ -28,6 +28,8 @@ Json clock_view(const Line& line);
 
 // The drive's active faults; none without power.
 std::vector<const drive::FaultRow*> active_faults(Axis& axis);
+// What it warns of: motion goes on.
+std::vector<const drive::FaultRow*> active_warnings(Axis& axis);
 // {"code": "0x7380", "name": ...}
 Json view_of(const drive::FaultRow& row);
 

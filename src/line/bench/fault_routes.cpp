@@ -62,9 +62,9 @@ void explain(Json& fault, const Axis& axis, const drive::FaultRow& row) {
   fault["remedy"] = text->remedy;
 }
 
-Json explained_faults(Axis& axis) {
+Json explained(Axis& axis, const std::vector<const drive::FaultRow*>& rows) {
   Json faults = Json::array();
-  for (const drive::FaultRow* row : active_faults(axis)) {
+  for (const drive::FaultRow* row : rows) {
     Json fault = view_of(*row);
     explain(fault, axis, *row);
     faults.push_back(std::move(fault));
@@ -130,7 +130,8 @@ Json show_faults(Call& call) {
   }
   Json plant_faults = Json::array();
   for (const plant::InjectionName& known : plant::injection_names) plant_faults.push_back(known.name);
-  return Json{{"active", explained_faults(axis)},
+  return Json{{"active", explained(axis, active_faults(axis))},
+              {"warnings", explained(axis, active_warnings(axis))},
               {"history", past_faults(axis)},
               {"injected", std::move(injected)},
               {"injectable", {{"plant", std::move(plant_faults)}, {"drive", std::move(drive_faults)}}}};

@@ -58,6 +58,29 @@ void Generic402::refresh(const dictionary::Entry& entry) {
   }
 }
 
+// RUN and ERR of CiA 303-3.
+Lamps Generic402::lamps(Time) {
+  Lamp run{"RUN", "green"};
+  switch (node().nmt_state()) {
+    case canopen::NmtState::initialising: break;
+    case canopen::NmtState::stopped: run = {run.name, run.colour, Light::flashes, 1}; break;
+    case canopen::NmtState::pre_operational: run.light = Light::blinking; break;
+    case canopen::NmtState::operational: run.light = Light::on; break;
+  }
+  Lamp error{"ERR", "red"};
+  switch (node().bus_state()) {
+    case canopen::BusState::error_active:
+      if (node().communication_error()) error = {error.name, error.colour, Light::flashes, 2};
+      break;
+    case canopen::BusState::error_passive: error = {error.name, error.colour, Light::flashes, 1}; break;
+    case canopen::BusState::bus_off: error.light = Light::on; break;
+  }
+  Lamps lamps;
+  lamps.add(run);
+  lamps.add(error);
+  return lamps;
+}
+
 std::span<const std::byte> Generic402::domain(const dictionary::Entry&) { return settings().description; }
 
 bool Generic402::lss_bit_timing_supported(std::uint8_t index) {

@@ -24,6 +24,7 @@ class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024>
 
   void power_on(const drive::Feedback& feedback, Time now) override;
   SerialPort* serial_port() override { return &serial_port_; }
+  Lamps lamps(Time now) override;
 
  private:
   friend CanDevice;

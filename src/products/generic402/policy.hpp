@@ -33,6 +33,7 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::encoder_hot, 0xFF31, 0x09, Reaction::option_code, ResetRule::when_cause_gone, "Excess encoder temperature"},
     {Cause::gate_supply, 0x5111, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Gate driver supply"},
     {Cause::internal_hardware, 0x5200, 0x21, Reaction::power_off, ResetRule::power_cycle, "Control hardware"},
+    {Cause::memory, 0x5530, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Non-volatile data memory"},
     {Cause::brake, 0xFF10, 0x21, Reaction::option_code, ResetRule::when_cause_gone, "Brake does not hold"},
     {Cause::encoder_connection, 0x7305, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Encoder connection"},
     {Cause::encoder_crc, 0x7510, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Encoder checksum"},

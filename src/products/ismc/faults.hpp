@@ -129,6 +129,8 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
      "Hall status feedback abnormal"},  // L2833
     // Not in the manual's table: a master that is lost by guarding or heartbeat (G4).
     {Cause::communication_lost, 0x8130, 0x11, Reaction::option_code, ResetRule::when_cause_gone, "Master lost"},
+    // Nor is it what becomes of a memory that cannot be used, as 1010h is not (G32): the code of CiA 402-2.
+    {Cause::memory, 0x5530, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Non-volatile data memory"},
 });
 
 }  // namespace servodrome::products::ismc

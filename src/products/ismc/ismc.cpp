@@ -41,6 +41,7 @@ drive::Configuration Ismc::configuration() const {
   configuration.motor.peak_current_a = motor.rated_current_a * static_cast<float>(own.peak_current) * 0.001F;
   configuration.gains = drive::default_gains(motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
   configuration.monitors.i2t = (own.protection_enable & i2t_enable) != 0;
+  if (!configuration.monitors.i2t) configuration.ignored.set(drive::Cause::i2t);
   configuration.monitors.i2t_peak_time_s = static_cast<float>(own.peak_current_time_ms) * 0.001F;
   configuration.monitors.ambient_cold_c = static_cast<float>(own.minimum_ambient_c);
   configuration.monitors.motor_hot_c = 0.0F;  // the winding is watched by a contact on an input (7124h)
@@ -48,6 +49,8 @@ drive::Configuration Ismc::configuration() const {
   if (own.velocity_tracking_threshold != velocity_tracking_off) {
     configuration.monitors.velocity_error = own.velocity_tracking_threshold;
     configuration.monitors.velocity_error_ms = own.velocity_tracking_time_ms;
+  } else {
+    configuration.ignored.set(drive::Cause::velocity_error);
   }
   for (std::size_t i = 0; i < own.input_function.size(); ++i) {
     configuration.inputs[i] = {signal_of(own.input_function[i]), false};  // active high (L2176)
@@ -78,7 +81,7 @@ dictionary::AbortCode Ismc::check(const dictionary::Entry& entry, std::span<cons
 void Ismc::written(const dictionary::Entry& entry) {
   // Bus settings act after a restart and outlive it without 1010h (L334, L2922).
   if (entry.index == 0x2004 || entry.index == 0x2401) {
-    save(dictionary::Area::manufacturer);
+    keep(dictionary::Area::manufacturer);
     return;
   }
   reconfigure();

@@ -26,6 +26,13 @@ class Ismc final : public CanDevice<Ismc, ismc::Objects> {
 
   explicit Ismc(const Settings& settings) : CanDevice(settings) {}
 
+  // It flashes on a fault (L2755); how often is not printed.
+  Lamps lamps(Time) override {
+    Lamps lamps;
+    lamps.add({"fault", "red", drive().any_fault() ? Light::blinking : Light::off});
+    return lamps;
+  }
+
  private:
   friend CanDevice;
   friend ServoDevice;

@@ -23,12 +23,25 @@ class IsmkDevice : public Fieldbus {
   void power_on(const drive::Feedback& feedback, Time now) override {
     servo_.before_power_on();
     Fieldbus::power_on(feedback, now);
-    servo_.after_power_on();
+    servo_.after_reset();
     open_serial_port();
   }
   void cycle(Time now) override {
     if (servo_.cycle(now)) return power_on(servo_.restart_feedback(), now);
     Fieldbus::cycle(now);
+  }
+
+  // Table 3-1 (L534-539); those of the bus flicker with its traffic, which is not shown.
+  Lamps lamps(Time now) override {
+    Lamps lamps;
+    lamps.add({"PWR", "green", Light::on});
+    const unsigned outputs = objects().servo.io.output_real;
+    lamps.add({"RUN", "green", steady((outputs & 1U << ismk::run_output) != 0)});
+    lamps.add({"ERR", "red", steady((outputs & 1U << ismk::error_output) != 0)});
+    const Lamps of_bus = Fieldbus::lamps(now);
+    for (const Lamp& lamp : of_bus.all())
+      lamps.add({lamp.name == "RUN" ? "BUS RUN" : "BUS ERR", lamp.colour, lamp.light, lamp.flashes});
+    return lamps;
   }
 
   const Model& rating() const { return servo_.rating(); }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "dictionary/store.hpp"
 #include "products/ismk/units.hpp"
 
 namespace servodrome::products::ismk {
@@ -84,11 +83,6 @@ void Servo::before_power_on() {
   motion_control_.power_on();
   restart_requested_ = false;
   tuning_.reset(static_cast<double>(rating().motor.inertia_kgm2));
-}
-
-void Servo::after_power_on() {
-  after_reset();
-  if (settings_.store != nullptr && dictionary::Store(*settings_.store).damaged()) drive_.raise(drive::Cause::memory);
 }
 
 void Servo::before_reset(bool whole) {

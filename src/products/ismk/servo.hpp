@@ -25,10 +25,8 @@ class Servo {
   void loaded() { MotionControl::loaded(objects_); }
   drive::Configuration configuration();
 
-  // Before the device's own power-on, and after it.
+  // Around the device's own power-on, and a reset by the bus. `whole`: of the application too.
   void before_power_on();
-  void after_power_on();
-  // Around a reset by the bus. `whole`: of the application too.
   void before_reset(bool whole);
   void after_reset();
 

@@ -74,6 +74,8 @@ inline constexpr auto output_functions = [] {
 inline constexpr std::array fixed_outputs{drive::OutputCondition::ready, drive::OutputCondition::error,
                                           drive::OutputCondition::brake_released};
 inline constexpr std::size_t output_count = 2 + fixed_outputs.size();
+inline constexpr unsigned run_output = 2;  // lamps (L537-538)
+inline constexpr unsigned error_output = 3;
 inline constexpr std::size_t brake_output = 4;
 // Polarity and simulation list eight inputs (L2113-2115), five have functions, DI1 and DI2 have terminals.
 inline constexpr std::size_t input_count = 8;

@@ -100,4 +100,41 @@ jmc_ec::Leds JmcEc::leds(Time now) {
   return leds;
 }
 
+namespace {
+
+// L1138-1168: single to quadruple flash.
+Lamp error_lamp(jmc_ec::ErrorLed led) {
+  constexpr Lamp lamp{"ERR", "red"};
+  if (led == jmc_ec::ErrorLed::off) return lamp;
+  if (led == jmc_ec::ErrorLed::on) return {lamp.name, lamp.colour, Light::on};
+  return {lamp.name, lamp.colour, Light::flashes, static_cast<std::uint8_t>(led)};
+}
+
+}  // namespace
+
+Lamps JmcEc::lamps(Time now) {
+  const jmc_ec::Leds leds = this->leds(now);
+  const auto lamp = [](std::string_view name, std::string_view colour, jmc_ec::Lamp state) -> Lamp {
+    switch (state) {
+      case jmc_ec::Lamp::off: return {name, colour, Light::off};
+      case jmc_ec::Lamp::on: return {name, colour, Light::on};
+      case jmc_ec::Lamp::flashing: return {name, colour, Light::blinking};
+      case jmc_ec::Lamp::single_flash: return {name, colour, Light::flashes, 1};
+    }
+    return {name, colour};
+  };
+  Lamps lamps;
+  lamps.add(lamp("power", "green", leds.power));
+  if (leds.alarm_flashes != 0) {
+    lamps.add({"alarm", "red", Light::flashes, leds.alarm_flashes});
+  } else {
+    lamps.add({"alarm", "red", steady(leds.alarm_on)});
+  }
+  lamps.add(lamp("RUN", "green", leds.run));
+  lamps.add(error_lamp(leds.error));
+  lamps.add(lamp("IN", "yellow", leds.data_in));
+  lamps.add(lamp("OUT", "yellow", leds.data_out));
+  return lamps;
+}
+
 }  // namespace servodrome::products

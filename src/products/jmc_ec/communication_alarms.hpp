@@ -9,7 +9,7 @@ namespace servodrome::products::jmc_ec {
 
 // The error LED of the bus pair (L1150-1160), whose code is not ETG.1300's (C-07).
 enum class ErrorLed : std::uint8_t {
-  off,
+  off,              // the numbers of the others are their flashes
   single_flash,     // boot error
   double_flash,     // communication setting
   triple_flash,     // synchronisation or data

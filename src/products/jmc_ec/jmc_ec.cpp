@@ -117,9 +117,6 @@ void JmcEc::power_on(const drive::Feedback& feedback, Time now) {
   set_position_window();
   drive().inject(drive::Cause::motor_mismatch, false);
   drive().inject(jmc_ec::cause::power_cycle_pending, false);
-  if (settings().store != nullptr && dictionary::Store(*settings().store).damaged()) {
-    drive().raise(drive::Cause::memory);  // AL.051
-  }
 }
 
 void JmcEc::cycle(Time now) {

@@ -48,6 +48,7 @@ class JmcEc final
   // The alarm that is shown: the newest fault, else that of the bus, else a warning; "" without one.
   jmc_ec::AlarmText alarm() { return jmc_ec::alarm_text(shown_alarm()); }
   jmc_ec::Leds leds(Time now);
+  Lamps lamps(Time now) override;
   const jmc_ec::PanelControl& panel() const { return panel_control_; }
 
  private:

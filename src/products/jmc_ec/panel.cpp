@@ -85,9 +85,7 @@ void JmcEc::panel_written(const Entry& entry) {
   }
   if (!is_panel(entry.index)) return;
   jmc_ec::PanelControl::written(objects().panel);
-  if (settings().store != nullptr && save(dictionary::Area::manufacturer) != AbortCode::none) {
-    drive().raise(jmc_ec::cause::parameter_storage);  // AL.062
-  }
+  keep(dictionary::Area::manufacturer, jmc_ec::cause::parameter_storage);  // AL.062
   drive().inject(jmc_ec::cause::power_cycle_pending, panel_control_.power_cycle_needed(objects().panel));
   reconfigure();
   set_position_window();

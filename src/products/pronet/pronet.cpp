@@ -43,9 +43,6 @@ void Pronet::power_on(const drive::Feedback& feedback, Time now) {
   apply_transmit_masks();
   const pronet::ParameterValues& pn = objects().manufacturer.parameters;
   const bool address_valid = pn.get<704>() >= 1 && pn.get<704>() <= 127;
-  if (settings().store != nullptr && dictionary::Store(*settings().store).damaged()) {
-    drive().raise(drive::Cause::memory);
-  }
   if (!address_valid || pn.digit<703>(0) >= bit_rates.size()) drive().raise(drive::Cause::bus_settings);
 }
 
@@ -149,7 +146,7 @@ void Pronet::warning_raised(const drive::FaultRow& warning) {
 void Pronet::written(const dictionary::Entry& entry) {
   if (entry.index < 0x2004) return apply_transmit_masks();
   // Parameters are kept as soon as they are written; those that act after a restart do nothing else.
-  if (entry.saved) save(dictionary::Area::manufacturer);
+  if (entry.saved) keep(dictionary::Area::manufacturer);
   const pronet::Parameter* parameter = pronet::find_parameter(entry.index);
   const bool acts_later = entry.saved && (parameter == nullptr || parameter->effect == pronet::Effect::after_restart);
   if (acts_later) return;

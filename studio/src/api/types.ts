@@ -8,6 +8,13 @@ export interface Fault {
   remedy?: string;
 }
 
+export interface Lamp {
+  name: string;
+  colour: 'green' | 'red' | 'yellow';
+  light: 'off' | 'on' | 'blinking' | 'flickering' | 'flashes';
+  flashes?: number;
+}
+
 export interface AxisView {
   name: string;
   product: string;
@@ -27,6 +34,9 @@ export interface AxisView {
   error_code?: number;
   homed?: boolean;
   in_motion?: boolean;
+  outputs?: Record<string, boolean>;
+  lamps?: Lamp[];
+  warnings?: Fault[];
   faults?: Fault[];
   position_counts: number;
   // Of a drive on a bus nothing but what its objects say is known.

@@ -4,6 +4,7 @@ import type { AxisView, Geometry, HomingMethod, StatesView, Units } from '../api
 import { axisPath, cancelJob, power, runJob, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
 import { Button, Choice, NumberInput, Panel, Readout } from '../parts/controls';
+import { Front } from '../parts/front';
 import { HomingFigure } from '../parts/homing_figure';
 import { useReplay } from '../replay';
 import { JogButton } from '../parts/jog';
@@ -41,6 +42,7 @@ export function AxisPage() {
               <Word name="Statusword" value={axis.statusword} bits={statusBits(axis.statusword ?? 0, axis.mode)} />
             </div>
           </Panel>
+          <Front axis={axis} />
         </div>
       </div>
     </>

@@ -27,14 +27,24 @@ NamedChannel LineSource::channel(const Channel& channel, Json view) {
           [channel] { return channel.value(); }};
 }
 
+namespace {
+
+// "DI0 .. DI5, DO0 .. DO3"
+std::string wires_of(const Product& product) {
+  std::string text = fmt::format("DI0 .. DI{}", product.input_wires - 1);
+  if (product.output_wires > 0) text += fmt::format(", DO0 .. DO{}", product.output_wires - 1);
+  return text;
+}
+
+}  // namespace
+
 NamedChannel LineSource::signal(Axis& axis, std::string_view name) {
   const Channel found = signal_channel(axis, name);
   if (found.read == nullptr) {
     std::vector<std::string_view> names;
     for (const line::Signal& signal : line::signals()) names.push_back(signal.name);
-    throw ApiError{
-        422, fmt::format("there is no signal \"{}\"", name.substr(0, 40)), axis.settings().name,
-        suggestion(name, names) + fmt::format("; inputs are DI0 .. DI{}", axis.settings().product->input_wires - 1)};
+    throw ApiError{422, fmt::format("there is no signal \"{}\"", name.substr(0, 40)), axis.settings().name,
+                   suggestion(name, names) + "; inputs and outputs are " + wires_of(*axis.settings().product)};
   }
   std::string_view unit;
   for (const line::Signal& signal : line::signals()) {
