@@ -228,6 +228,48 @@ TEST(SdoServer, BlockDownloadFrames) {
   EXPECT_EQ(std::string(device->objects.name.bytes.data(), device->objects.name.length), "123456789");
 }
 
+// A buffer of 64 bytes takes ten segments: of the last one a single byte and six of padding. An eleventh is too many.
+// The object takes 40 bytes; what fills it exactly is taken, and one more is refused.
+TEST(SdoServer, BlockDownloadUpToTheLastByte) {
+  auto device = make_device();
+  device->start();
+  const auto segment = [](unsigned command, const char* bytes) {
+    constexpr const char* digits = "0123456789ABCDEF";
+    return std::string("601 # ") + digits[command >> 4] + digits[command & 15] + bytes;
+  };
+  const auto download = [&](unsigned bytes) {
+    device->send("601 # C0 01 20 00 00 00 00 00");
+    const unsigned segments = (bytes + 6) / 7;
+    Frames answers;
+    for (unsigned n = 1; n <= segments; ++n) {
+      answers = device->send(segment(n == segments ? 0x80 | n : n, " 41 41 41 41 41 41 41"));
+      if (!answers.empty() && answers[0].substr(6, 2) == "80") return answers[0];
+    }
+    answers = device->send(segment(0xC1 | (7 * segments - bytes) << 2, " 00 00 00 00 00 00 00"));
+    return answers.empty() ? std::string() : answers[0];
+  };
+  const std::size_t capacity = device->objects.name.bytes.size();
+  ASSERT_EQ(capacity, 40U);
+  EXPECT_EQ(download(40), "581 # A1 00 00 00 00 00 00 00");
+  EXPECT_EQ(device->objects.name.length, 40U);
+  EXPECT_EQ(download(41), "581 # 80 01 20 00 12 00 07 06");
+  EXPECT_EQ(device->objects.name.length, 40U);
+  EXPECT_EQ(download(70).substr(6, 2), "80");
+  EXPECT_EQ(download(39), "581 # A1 00 00 00 00 00 00 00");
+}
+
+// Half of the time-out, and never longer than half a second.
+TEST(SdoServer, BlockDownloadAsksAgainInTime) {
+  for (const auto& [timeout, after] : {std::pair{100ms, 50ms}, {999ms, 499ms}, {1000ms, 500ms}, {10000ms, 500ms}}) {
+    auto device = make_device<>({.sdo_timeout = timeout});
+    device->start();
+    device->send("601 # C4 01 20 00 00 00 00 00");
+    device->send("601 # 01 31 32 33 34 35 36 37");
+    EXPECT_EQ(device->advance(after - 1ms), Frames{}) << timeout.count();
+    EXPECT_EQ(device->advance(2ms).size(), 1U) << timeout.count();
+  }
+}
+
 TEST(SdoServer, BlockDownloadAsksAgainWhenTheEndOfABlockIsLost) {
   auto device = make_device<>({.sdo_timeout = 1s});
   device->start();

@@ -73,9 +73,10 @@ TEST(BadDataSheet, AsManyObjectsAsThereAreIndices) {
   EXPECT_NE(complaint_about_eds(text).find("at most 32768"), std::string::npos);
 }
 
-// As read, or refused with a sentence: nothing else may happen.
+// As read, or refused with a sentence that begins with the file: nothing else may happen.
 TEST(BadDataSheet, CutAndSpoiltFilesAreTakenOrRefused) {
   std::mt19937 random(402);
+  int refused = 0;
   for (const char* name : {"mapping_counts.dcf", "capital_access.eds", "compact_arrays.eds"}) {
     const std::string good = content_of(name);
     for (int i = 0; i < 150; ++i) {
@@ -83,9 +84,14 @@ TEST(BadDataSheet, CutAndSpoiltFilesAreTakenOrRefused) {
       for (unsigned n = random() % 8; n > 0 && !bad.empty(); --n) {
         bad[random() % bad.size()] = static_cast<char>(random() % 255 + 1);
       }
-      complaint_about_eds(bad);
+      const std::string complaint = complaint_about_eds(bad);
+      refused += complaint.empty() ? 0 : 1;
+      EXPECT_TRUE(complaint.empty() || complaint.starts_with("x.eds")) << complaint;
     }
+    EXPECT_EQ(complaint_about_eds(good), "") << name;
   }
+  EXPECT_GT(refused, 150) << "of 450";
+  EXPECT_LT(refused, 450);
 }
 
 TEST(BadSlaveInformation, SaysLineAndElement) {
@@ -107,13 +113,20 @@ TEST(BadSlaveInformation, SaysLineAndElement) {
 TEST(BadSlaveInformation, CutAndSpoiltFilesAreTakenOrRefused) {
   std::mt19937 random(402);
   const std::string good = content_of("slots_and_modules.xml");
+  EXPECT_EQ(complaint_about_esi(good), "");
+  int refused = 0;
   for (int i = 0; i < 300; ++i) {
     std::string bad = i % 4 == 0 ? good.substr(0, random() % good.size()) : good;
     for (unsigned n = random() % 8; n > 0 && !bad.empty(); --n) {
       bad[random() % bad.size()] = static_cast<char>('0' + random() % 75);
     }
-    complaint_about_esi(bad);
+    const std::string complaint = complaint_about_esi(bad);
+    refused += complaint.empty() ? 0 : 1;
+    EXPECT_TRUE(complaint.empty() || complaint.starts_with("x.xml")) << complaint;
+    EXPECT_TRUE(i % 4 != 0 || !complaint.empty()) << "XML that is cut off";
   }
+  EXPECT_GE(refused, 75);
+  EXPECT_LT(refused, 300);
 }
 
 TEST(LineFileOfDescriptions, ComplainsAtTheKey) {

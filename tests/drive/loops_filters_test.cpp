@@ -93,6 +93,25 @@ TEST(Filters, SettledOrRetunedAtRestNothingMoves) {
   Biquad notch = make_notch(300.0F, 50.0F, 0.1F, static_cast<float>(period_s));
   notch.settle(0.7F);
   for (int k = 0; k < 100; ++k) ASSERT_NEAR(notch.apply(0.7F), 0.7F, 1.0e-5F);
+  // Another notch takes over what it was: at rest the output does not move, whatever it is tuned to.
+  Biquad resting = make_notch(300.0F, 50.0F, 0.1F, static_cast<float>(period_s));
+  resting.settle(0.0F);
+  for (const float frequency_hz : {100.0F, 900.0F, 2500.0F}) {
+    resting = make_notch(frequency_hz, 0.2F * frequency_hz, 0.0F, static_cast<float>(period_s), resting);
+    for (int k = 0; k < 100; ++k) ASSERT_EQ(resting.apply(0.0F), 0.0F) << frequency_hz;
+  }
+  // Under a constant input it goes on from there, and comes back to it: nothing begins at 0 again.
+  Biquad retuned = make_notch(320.0F, 50.0F, 0.1F, static_cast<float>(period_s), notch);
+  EXPECT_EQ(retuned.state1, notch.state1);
+  EXPECT_EQ(retuned.state2, notch.state2);
+  float least = 1.0F;
+  for (int k = 0; k < 4000; ++k) least = std::min(least, retuned.apply(0.7F));
+  EXPECT_GT(least, 0.6F);
+  EXPECT_NEAR(retuned.apply(0.7F), 0.7F, 1.0e-5F);
+  Biquad low_pass = make_low_pass(500.0F, 0.7F, static_cast<float>(period_s));
+  low_pass.settle(-0.3F);
+  EXPECT_NEAR(low_pass.apply(-0.3F), -0.3F, 1.0e-5F);
+  EXPECT_EQ(make_low_pass(400.0F, 0.7F, static_cast<float>(period_s), low_pass).state1, low_pass.state1);
 }
 
 // The notch sits in the torque reference: an elastic load whose resonance makes the axis ring is quiet with it.

@@ -2,6 +2,7 @@
 #include <complex>
 #include <cstdio>
 #include <gtest/gtest.h>
+#include <memory>
 #include <vector>
 
 #include "drive/tuning/resonance_analysis.hpp"
@@ -32,6 +33,74 @@ TEST(Fft, IsTheTransformAndMayBeSpread) {
     }
     EXPECT_NEAR(static_cast<double>(real[k]), expected.real(), 1.0e-4) << k;
     EXPECT_NEAR(static_cast<double>(imaginary[k]), expected.imag(), 1.0e-4) << k;
+  }
+}
+
+// What an axis answers to a torque: a rigid one, and resonances above it, each with a share of the acceleration.
+class Resonators {
+ public:
+  struct Mode {
+    double frequency_hz;
+    double share;
+  };
+  explicit Resonators(std::vector<Mode> modes) : modes_(std::move(modes)), states_(modes_.size() + 1) {}
+
+  // A period of 125 us with this torque; the encoder then.
+  Counts step(double torque) {
+    constexpr int substeps = 16;
+    constexpr double dt = 125e-6 / substeps;
+    constexpr double counts = 1.0e9;  // for a unit of position
+    double position = 0.0;
+    for (int k = 0; k < substeps; ++k) {
+      states_.back().speed += dt * torque;
+      states_.back().position += dt * states_.back().speed;
+      for (std::size_t i = 0; i < modes_.size(); ++i) {
+        const double w = 2.0 * pi * modes_[i].frequency_hz;
+        State& state = states_[i];
+        state.speed += dt * (modes_[i].share * torque - 2.0 * 0.02 * w * state.speed - w * w * state.position);
+        state.position += dt * state.speed;
+      }
+    }
+    for (const State& state : states_) position += state.position;
+    return std::llround(counts * position);
+  }
+
+ private:
+  struct State {
+    double position = 0.0;
+    double speed = 0.0;
+  };
+  std::vector<Mode> modes_;
+  std::vector<State> states_;
+};
+
+// There is room for two: of more the highest are kept, whichever comes first in frequency, and none is kept twice.
+TEST(Resonances, OfMoreThanThereIsRoomForTheHighest) {
+  using Mode = Resonators::Mode;
+  const auto analysis = std::make_unique<ResonanceAnalysis>();
+  for (const auto& [low, middle, high] :
+       {std::tuple{1.0, 0.4, 1.0}, {0.2, 1.0, 1.0}, {1.0, 1.0, 0.2}, {0.9, 0.2, 0.5}}) {
+    Resonators axis({Mode{250.0, low}, Mode{500.0, middle}, Mode{1000.0, high}});
+    analysis->begin({});
+    Counts position = 0;
+    double torque = 0.0;
+    for (int i = 0; analysis->running(); ++i) {
+      ASSERT_LT(i, 100000);
+      torque = static_cast<double>(analysis->exchange({.position = position, .torque = static_cast<float>(torque)}));
+      position = axis.step(torque);
+      analysis->compute(64);
+    }
+    ASSERT_EQ(analysis->count(), ResonanceAnalysis::most_resonances) << low << middle << high;
+    EXPECT_GE(analysis->resonance(0).height, analysis->resonance(1).height);
+    std::vector<double> expected;
+    if (low > std::min(middle, high)) expected.push_back(250.0);
+    if (middle > std::min(low, high)) expected.push_back(500.0);
+    if (high > std::min(low, middle)) expected.push_back(1000.0);
+    std::vector<double> found;
+    for (std::size_t i = 0; i < 2; ++i) found.push_back(static_cast<double>(analysis->resonance(i).frequency_hz));
+    std::sort(found.begin(), found.end());
+    ASSERT_EQ(expected.size(), 2U);
+    for (std::size_t i = 0; i < 2; ++i) EXPECT_NEAR(found[i], expected[i], 0.03 * expected[i]);
   }
 }
 

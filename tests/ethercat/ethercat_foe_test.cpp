@@ -24,7 +24,10 @@ struct MemoryFiles final : FoeFiles {
     complete = last;
     return FoeError::none;
   }
+  std::string_view reason() const override { return why; }
+
   Bytes content, received;
+  std::string why;
   bool complete = false;
 };
 
@@ -107,6 +110,20 @@ TEST_F(Foe, Errors) {
   EXPECT_EQ(foe(4, 1), error(FoeError::illegal));
   post(4, {1, 0, 0});
   EXPECT_EQ(load_u16(&fetch()[8]), static_cast<unsigned>(MailboxError::size_too_short));
+}
+
+// The reason goes out as far as there is room: one byte less, all of it, and what is too long is cut, not the mailbox
+// overrun.
+TEST_F(Foe, ReasonsOfEveryLength) {
+  for (const std::size_t length : {std::size_t{0}, std::size_t{1}, packet - 1, packet, packet + 1, 4 * packet}) {
+    std::string text(length, 'x');
+    if (!text.empty()) text.back() = 'y';
+    files.why = text;
+    const Bytes answer = foe(1, 0x1234, name("nothing"));
+    ASSERT_GE(answer.size(), 6U) << length;
+    EXPECT_EQ(Bytes(answer.begin(), answer.begin() + 6), error(FoeError::not_found));
+    EXPECT_EQ(std::string(answer.begin() + 6, answer.end()), text.substr(0, packet)) << length;
+  }
 }
 
 TEST_F(Foe, NotOfferedWithoutFiles) {

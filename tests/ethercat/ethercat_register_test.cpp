@@ -125,6 +125,37 @@ TEST(DlControl, OnlyTheLoopsAreLentForASecond) {
   EXPECT_EQ(line.get<std::uint32_t>(0, reg::dl_control), 0x01070001U);
 }
 
+// Which bits of a register a master can write (ETG.1000.4): all ones are written, and what sticks is read.
+TEST(Registers, OnlyTheBitsThatAreThereStick) {
+  struct Row {
+    unsigned address;
+    std::uint8_t writable;
+  };
+  for (const auto& [address, writable] : std::to_array<Row>({
+           {0x0010, 0xFF},  // station address
+           {0x0011, 0xFF},
+           {0x0101, 0xFF},  // loops of the ports
+           {0x0102, 0x0F},  // RX FIFO and EBUS jitter
+           {0x0103, 0x01},  // station alias
+           {0x0108, 0xFF},  // physical read/write offset
+           {0x0200, 0xFF},  // event mask
+           {0x0400, 0xFF},  // watchdog divider
+           {0x0606, 0x07},  // FMMU 0: first logical bit
+           {0x0607, 0x07},  // last logical bit
+           {0x060A, 0x07},  // physical start bit
+           {0x060F, 0x00},  // reserved
+           {0x0000, 0x00},  // type
+           {0x0004, 0x00},  // FMMUs supported
+       })) {
+    Line line(1);
+    line.write(0, static_cast<std::uint16_t>(address), {0x00});
+    const auto off = line.get<std::uint8_t>(0, static_cast<std::uint16_t>(address));
+    line.write(0, static_cast<std::uint16_t>(address), {0xFF});
+    const auto on = line.get<std::uint8_t>(0, static_cast<std::uint16_t>(address));
+    EXPECT_EQ(on & ~off, writable) << std::hex << address;
+  }
+}
+
 // ---- Slave information interface ----
 
 class SiiOwner : public testing::Test {

@@ -175,13 +175,35 @@ TEST(EthercatSii, IsTakenFromTheApplication) {
 TEST(EthercatSii, ADamagedMemoryIsTakenAsFarAsItGoes) {
   EthercatLine line;
   std::vector<std::uint8_t> image(line.device(0).sii.begin(), line.device(0).sii.end());
-  for (std::size_t size = 0; size < 600; ++size) parse_sii(std::span(image).first(size));
+  const SiiContent whole = parse_sii(image);
+  ASSERT_EQ(whole.name, "Test device");
+  ASSERT_FALSE(whole.rx_pdos.empty());
+  // Of one that ends early, what comes before its end: whole parts, and never another value.
+  std::size_t last_parts = 0;
+  for (std::size_t size = 0; size <= image.size(); ++size) {
+    const SiiContent part = parse_sii(std::span(image).first(size));
+    EXPECT_TRUE(part.name.empty() || part.name == whole.name) << size;
+    EXPECT_LE(part.rx_pdos.size(), whole.rx_pdos.size()) << size;
+    EXPECT_LE(part.sync_managers.size(), whole.sync_managers.size()) << size;
+    EXPECT_EQ(part.checksum_right, size >= 128) << size;
+    const std::size_t parts = part.sync_managers.size() + part.rx_pdos.size() + part.tx_pdos.size() + part.fmmus.size();
+    EXPECT_GE(parts, last_parts) << size;
+    last_parts = parts;
+  }
+  EXPECT_EQ(last_parts, whole.sync_managers.size() + whole.rx_pdos.size() + whole.tx_pdos.size() + whole.fmmus.size());
   std::uint32_t seed = 1;
+  int right = 0;
   for (int i = 0; i < 20000; ++i) {
     seed = seed * 1664525U + 1013904223U;
     image[seed >> 8 & 0x3FF] = static_cast<std::uint8_t>(seed >> 24);
-    parse_sii(std::span(image).first(1024));
+    const SiiContent content = parse_sii(std::span(image).first(1024));
+    right += content.checksum_right ? 1 : 0;
+    // Nothing is made up: a category holds no more than the memory has room for.
+    EXPECT_LE(content.name.size(), 255U);
+    EXPECT_LE(content.sync_managers.size() * 8, 1024U);
+    EXPECT_LE(content.fmmus.size(), 1024U);
   }
+  EXPECT_LT(right, 20000 / 64) << "a checksum of 8 bits is right by accident in one of 256";
 }
 
 TEST(EthercatStates, UpAndDown) {

@@ -50,6 +50,27 @@ TEST_F(ServerTest, ReadsRegisters) {
   EXPECT_EQ(ask("03 FF FF 00 02"), "83 02") << "nothing lies behind the last register";
 }
 
+// Where each object has two registers at least, a small one has two if the next one's number leaves room, and one if
+// not.
+TEST_F(ServerTest, ObjectsEndWhereTheNextBegins) {
+  constexpr auto spread =
+      std::to_array<Register>({{0, 0x2000, 0, 1}, {1, 0x2001, 0, 1}, {4, 0x2000, 0, 1}, {7, 0x2001, 0, 1}});
+  profile.registers_per_object_at_least = 2;
+  const Server wide{device.dictionary, spread, profile};
+  const auto answer = [&](const std::string& request) {
+    std::array<std::uint8_t, longest_pdu> response{};
+    const auto bytes = bytes_of(request);
+    return hex_of(std::span(response).first(const_cast<Server&>(wide).answer(bytes, response)));
+  };
+  EXPECT_EQ(answer("03 00 00 00 02"), "03 04 12 34 FF FD") << "1 is the next object";
+  EXPECT_EQ(answer("03 00 04 00 02").substr(0, 5), "03 04") << "5 is the rest of 4";
+  EXPECT_EQ(answer("03 00 05 00 01").substr(0, 5), "03 02");
+  EXPECT_EQ(answer("03 00 06 00 01"), "83 02") << "6 is nothing";
+  EXPECT_EQ(answer("03 00 03 00 01"), "83 02");
+  EXPECT_EQ(answer("03 00 08 00 01").substr(0, 5), "03 02");
+  EXPECT_EQ(answer("03 00 09 00 01"), "83 02");
+}
+
 TEST_F(ServerTest, WritesRegisters) {
   EXPECT_EQ(ask("06 00 00 BE EF"), "06 00 00 BE EF");
   EXPECT_EQ(objects.plain, 0xBEEF);

@@ -99,6 +99,45 @@ TEST(Coupling, StaticTwistIsTorqueOverStiffness) {
   EXPECT_NEAR(rig.plant.load_position_counts(), -0.007 * 131072 / (2.0 * std::numbers::pi), 1e-3);
 }
 
+// The load's own friction acts on the load: it holds up to its static torque whatever the spring does, and slides with
+// less.
+TEST(Coupling, StaticFrictionOfTheLoadHoldsIt) {
+  Parameters p = two_masses();
+  p.load.damping_nms = 0.05;
+  p.load.coulomb_friction_nm = 0.1;
+  p.load.static_friction_nm = 0.15;
+  Rig rig(p);
+  for (const double torque : {0.149, -0.149}) {
+    rig.plant.set_external_torque_nm(torque);
+    rig.run(16000);
+    EXPECT_EQ(rig.plant.position_counts(), 0) << torque;
+    EXPECT_EQ(rig.plant.coupling_twist_rad(), 0.0) << torque;
+  }
+  rig.plant.set_external_torque_nm(-0.151);
+  rig.run(16000);
+  // Both masses at the acceleration of what is left beside the sliding friction.
+  EXPECT_NEAR(rig.speed_rad_s(), (0.151 - 0.1) / (p.motor.rotor_inertia_kgm2 + 1.0e-4), 0.01 * 51.0 / 0.128);
+  rig.plant.set_external_torque_nm(-0.12);  // less than what it broke loose with, more than it slides with
+  const double before = rig.speed_rad_s();
+  rig.run(1600);
+  EXPECT_GT(rig.speed_rad_s(), before);
+}
+
+TEST(Coupling, ViscosityOfTheLoadEndsItsSpeed) {
+  Parameters p = two_masses();
+  p.load.damping_nms = 0.05;
+  for (const double viscous : {1.0e-3, 4.0e-3}) {
+    p.load.viscous_friction_nms = viscous;
+    Rig rig(p);
+    rig.plant.set_external_torque_nm(-0.08);
+    rig.run(16 * 3000);  // 3 s: many times (J1 + J2) / viscous
+    EXPECT_NEAR(rig.speed_rad_s(), 0.08 / viscous, 1e-3 * 0.08 / viscous) << viscous;
+    rig.plant.set_external_torque_nm(0.0);
+    rig.run(16 * 3000);
+    EXPECT_NEAR(rig.speed_rad_s(), 0.0, 1e-3);
+  }
+}
+
 TEST(Coupling, BacklashLetsTheLoadSwingFreely) {
   Parameters p = two_masses();
   p.load.backlash_rad = 0.1;

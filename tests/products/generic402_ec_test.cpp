@@ -236,6 +236,17 @@ TEST(Generic402EcClock, SetsTheInterpolationPeriod) {
   EXPECT_EQ(bus.get(0x60C2, 1), 4);  // no SYNC0: the master's business
 }
 
+// The period is taken on the way up only: what a master sets after that stays when it goes back to Safe-Operational.
+TEST(Generic402EcClock, KeepsTheInterpolationPeriodOnTheWayDown) {
+  Bus bus;
+  bus.connect(1'000'000);
+  ASSERT_EQ(bus.get(0x60C2, 1), 1);
+  bus.set(0x60C2, 1, 4);
+  ASSERT_EQ(bus.request(4), Bus::good(4));
+  EXPECT_EQ(bus.get(0x60C2, 1), 4);
+  EXPECT_EQ(bus.get(0x60C2, 2), -3);
+}
+
 // ---- Stored parameters ----
 
 TEST(Generic402EcStore, OnCommand) {

@@ -212,5 +212,29 @@ TEST(InertiaEstimator, KnowsWhenItKnowsNothing) {
   EXPECT_FALSE(estimator.estimate(found));
 }
 
+// Four unknowns and an opinion about their errors take eight windows: with seven it says nothing, with eight it is
+// right.
+TEST(InertiaEstimator, TooFewWindowsAreNoEstimate) {
+  drive::InertiaEstimator estimator;
+  estimator.begin({.counts_per_revolution = 65536.0, .rated_torque_nm = rated_nm, .cycle_s = 1e-3});
+  constexpr double inertia = 1.0e-4;
+  constexpr double rad_per_count = 2.0 * 3.14159265358979 / 65536.0;
+  InertiaEstimate found;
+  double speed = 0.0;
+  double position = 0.0;
+  for (int i = 0; estimator.windows() < 8; ++i) {
+    ASSERT_LT(i, 4000);
+    EXPECT_FALSE(estimator.estimate(found)) << estimator.windows();
+    const double acceleration = 400.0 * std::sin(2.0 * 3.14159265358979 * i / 300.0);  // rad/s2
+    estimator.sample(static_cast<drive::Counts>(std::llround(position / rad_per_count)),
+                     static_cast<float>(inertia * acceleration / rated_nm));
+    speed += acceleration * 1e-3;
+    position += speed * 1e-3;
+  }
+  ASSERT_TRUE(estimator.estimate(found));
+  EXPECT_EQ(found.windows, 8U);
+  EXPECT_NEAR(found.inertia_kgm2, inertia, 0.05 * inertia);
+}
+
 }  // namespace
 }  // namespace servodrome::test

@@ -70,15 +70,37 @@ TEST(IsmkUnits, PrintedExamplesAreExactWithRoundToNearest) {
 }
 
 // Peak current is 2048 in every rating; 1 Arms of the 48 Ap one is 60.33 (L3467).
+// Table 1.3.1 (L302-313): peak and continuous current, rated and greatest torque, rotor inertia in kgcm2.
+struct Plate {
+  const char* model;
+  double peak_a, continuous_a_rms, rated_nm, peak_nm, inertia_kgcm2;
+};
+constexpr auto plates = std::to_array<Plate>({
+    {"40-010", 18.0, 4.0, 0.32, 0.96, 0.044},
+    {"60-020", 24.0, 7.0, 0.64, 1.92, 0.17},
+    {"60-040", 48.0, 12.0, 1.27, 3.81, 0.31},
+    {"80-075", 100.0, 23.0, 2.39, 7.17, 0.85},
+});
+
 TEST(IsmkUnits, CurrentOfEveryRating) {
-  for (const products::Model& model : products::ismk::ratings) {
-    IsmkRig rig(model.name);
+  ASSERT_EQ(products::ismk::ratings.size(), plates.size());
+  for (const Plate& plate : plates) {
+    IsmkRig rig(plate.model);
+    const products::Model& model = rig.device.rating();
+    ASSERT_EQ(model.name, plate.model);
+    EXPECT_NEAR(static_cast<double>(model.motor.peak_current_a), plate.peak_a, 1e-5);
+    EXPECT_NEAR(static_cast<double>(model.stage_rated_current_a), plate.continuous_a_rms * std::sqrt(2.0), 1e-4);
+    EXPECT_NEAR(static_cast<double>(model.motor.rated_torque_nm), plate.rated_nm, 1e-6);
+    EXPECT_NEAR(static_cast<double>(model.motor.torque_constant_nm_per_a), plate.peak_nm / plate.peak_a, 1e-6);
+    EXPECT_NEAR(static_cast<double>(model.motor.inertia_kgm2), plate.inertia_kgcm2 * 1e-4, 1e-10);
+    EXPECT_EQ(model.motor.rated_speed_rpm, 3000.0F);       // L310
+    EXPECT_EQ(model.motor.counts_per_revolution, 65536U);  // L2445
     rig.run_ms(5);
     const drive::MotorData& motor = rig.device.drive().configuration().motor;
     const double peak_dec =
         static_cast<double>(motor.peak_current_a / motor.rated_current_a) / rig.device.drive().axis().units.current;
     EXPECT_NEAR(peak_dec, 2048.0, 1e-2) << model.name;
-    EXPECT_EQ(rig.get(0x6510, 3), std::llround(static_cast<double>(model.motor.peak_current_a)));
+    EXPECT_EQ(rig.get(0x6510, 3), std::llround(plate.peak_a));
     EXPECT_EQ(rig.get(0x6410, 3), 65536);
     rig.set(0x6060, 0, 4);
     rig.plant.lock_rotor(true);
@@ -86,9 +108,7 @@ TEST(IsmkUnits, CurrentOfEveryRating) {
     rig.control(0x0F);
     rig.run_ms(50);
     EXPECT_NEAR(static_cast<double>(rig.get(0x6078)), 512.0, 8.0) << model.name;
-    EXPECT_NEAR(static_cast<double>(rig.device.drive().loops().current_q_a),
-                static_cast<double>(model.motor.peak_current_a) / 4.0,
-                0.02 * static_cast<double>(model.motor.peak_current_a));
+    EXPECT_NEAR(static_cast<double>(rig.device.drive().loops().current_q_a), plate.peak_a / 4.0, 0.02 * plate.peak_a);
     // 6073h in the same unit.
     rig.set(0x6073, 0, 256);
     rig.run_ms(50);

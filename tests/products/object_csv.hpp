@@ -39,6 +39,9 @@ inline std::string text_of(dictionary::Type type) {
     case Type::unsigned8: return "UNSIGNED8";
     case Type::unsigned16: return "UNSIGNED16";
     case Type::unsigned32: return "UNSIGNED32";
+    case Type::integer64: return "INTEGER64";
+    case Type::unsigned64: return "UNSIGNED64";
+    case Type::domain: return "DOMAIN";
     case Type::visible_string: return "VISIBLE_STRING";
     default: return "other";
   }
