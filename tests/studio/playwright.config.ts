@@ -15,7 +15,8 @@ export default defineConfig({
   globalTimeout: 20 * 60_000,
   fullyParallel: true,
   workers: Number(process.env.STUDIO_WORKERS ?? 2),
-  reporter: report ? [['line'], ['junit', { outputFile: report }]] : 'line',
+  // The JSON report tells which tests passed at a later try: ./test counts them.
+  reporter: report ? [['line'], ['junit', { outputFile: report }], ['json', { outputFile: report.replace(/xml$/, 'json') }]] : 'line',
   use: {
     viewport: { width: 1280, height: 820 },
     trace: 'retain-on-failure',
