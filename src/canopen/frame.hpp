@@ -3,6 +3,8 @@
 #include <array>
 #include <cstdint>
 
+#include "canopen/time.hpp"
+
 namespace servodrome::canopen {
 
 // A classical CAN frame (ISO 11898-1). CANopen uses base (11-bit) identifiers only; extended frames exist on a bus and
@@ -15,6 +17,12 @@ struct Frame {
   std::array<std::uint8_t, 8> data{};
 
   friend bool operator==(const Frame&, const Frame&) = default;
+};
+
+// A frame that is to be sent, and since when it waits.
+struct WaitingFrame {
+  Frame frame;
+  Time since{0};
 };
 
 }  // namespace servodrome::canopen

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <span>
 
 #include "canopen/frame.hpp"
@@ -12,24 +13,64 @@ namespace servodrome::canopen {
 // next one.
 class Link {
  public:
+  // Where a frame waits. A frame that was sent leaves its place for good.
+  using Place = std::uint64_t;
+  static constexpr Place no_place = ~Place{0};
+
   // `ring` holds the frames that wait; its size is a power of two.
-  explicit Link(std::span<Frame> ring) : ring_(ring), mask_(static_cast<std::uint32_t>(ring.size() - 1)) {}
+  explicit Link(std::span<WaitingFrame> ring) : ring_(ring), mask_(ring.size() - 1) {}
 
   Time now() const { return now_; }
   void set_now(Time now) { now_ = now; }
 
-  // False if the ring is full; the frame is lost then.
+  // Behind all others. False if the ring is full; the frame is lost then.
   bool transmit(const Frame& frame) {
     if (head_ - tail_ > mask_) {
       overrun_ = true;
       return false;
     }
-    ring_[head_++ & mask_] = frame;
+    ring_[head_++ & mask_] = {frame, now_};
     return true;
   }
+  // For a service of which only the newest frame counts: if the one at `place` still waits, this one waits there
+  // instead; else it waits behind all others. False if the ring is full; the caller tries again.
+  bool transmit_newest(const Frame& frame, Place& place) {
+    if (waits(place)) {
+      ring_[place & mask_].frame = frame;
+      return true;
+    }
+    if (head_ - tail_ > mask_) return false;
+    place = head_;
+    return transmit(frame);
+  }
+  // The frame at `place` is not sent after all. True if it still waited.
+  bool withdraw(Place& place) {
+    const bool waited = waits(place);
+    if (waited) ring_[place & mask_].frame.length = withdrawn;
+    while (head_ != tail_ && ring_[(head_ - 1) & mask_].frame.length == withdrawn) --head_;
+    place = no_place;
+    return waited;
+  }
+  bool waits(Place place) const { return place - tail_ < head_ - tail_; }
+
+  // The frame to be sent next; nullptr: none. It waits on until sent() tells that it is on its way, and may change or
+  // be withdrawn until then.
+  const WaitingFrame* next() {
+    while (head_ != tail_ && ring_[tail_ & mask_].frame.length == withdrawn) ++tail_;
+    return head_ == tail_ || muted() ? nullptr : &ring_[tail_ & mask_];
+  }
+  // `frame` was sent. If the one at the front became another while the wire had it, it is still to be sent.
+  void sent(const Frame& frame) {
+    const WaitingFrame* front = next();
+    if (front == nullptr || front->frame.id != frame.id || front->frame.length != frame.length) return;
+    const auto data = front->frame.data.begin();
+    if (std::equal(data, data + frame.length, frame.data.begin())) ++tail_;
+  }
   bool take(Frame& frame) {
-    if (head_ == tail_ || muted()) return false;
-    frame = ring_[tail_++ & mask_];
+    const WaitingFrame* front = next();
+    if (front == nullptr) return false;
+    frame = front->frame;
+    ++tail_;
     return true;
   }
   void discard() { tail_ = head_; }
@@ -56,13 +97,15 @@ class Link {
   void clear_wake() { wake_ = never; }
 
  private:
+  static constexpr std::uint8_t withdrawn = 0xFF;  // as a frame's length
+
   Time now_{0};
   Time wake_ = never;
   Time muted_until_{0};
-  std::span<Frame> ring_;
-  std::uint32_t mask_;
-  std::uint32_t head_ = 0;
-  std::uint32_t tail_ = 0;
+  std::span<WaitingFrame> ring_;
+  std::uint64_t mask_;
+  std::uint64_t head_ = 0;
+  std::uint64_t tail_ = 0;
   bool overrun_ = false;
 };
 

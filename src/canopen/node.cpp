@@ -246,13 +246,14 @@ void Node::run_due() {
 }
 
 // The ring is empty: a block upload may fill the bus now, and lost frames can be reported.
-bool Node::produce(Frame& frame) {
+bool Node::produce() {
   if (link_.take_overrun()) {
     emergency_.begin(CommunicationError::overrun, overrun_code);
     emergency_.end(CommunicationError::overrun);
-    if (link_.take(frame)) return true;
+    if (link_.next() != nullptr) return true;
   }
-  return sdo_.produce(frame);
+  Frame frame;
+  return sdo_.produce(frame) && link_.transmit(frame);
 }
 
 // ---- communication errors (CiA 301 7.5.2.33, object 1029h) ----
@@ -288,6 +289,7 @@ void Node::bus_state(BusState state, Time now) {
   const BusState before = bus_state_;
   bus_state_ = state;
   if (state == BusState::bus_off) {
+    tpdos_.bus_off();
     link_.discard();
     sdo_.reset();
     communication_lost(LossCause::bus_off, CommunicationError::bus_off);

@@ -38,7 +38,14 @@ class Node final : private dictionary::Listener {
   // When poll() has something to do; may be early, never late. canopen::never: nothing is planned.
   Time next_deadline() const { return link_.wake(); }
   // The next frame to send. False: there is none.
-  bool take(Frame& frame) { return link_.take(frame) || (!link_.muted() && produce(frame)); }
+  bool take(Frame& frame) { return next_frame() != nullptr && link_.take(frame); }
+  // The same for a controller that can take a frame back as long as the wire has not begun with it: look again after
+  // each call, for the frame may have got newer data or be dropped, and tell which one was sent.
+  const WaitingFrame* next_frame() {
+    const WaitingFrame* next = link_.next();
+    return next != nullptr || link_.muted() || !produce() ? next : link_.next();
+  }
+  void frame_sent(const Frame& frame) { link_.sent(frame); }
 
   NmtState nmt_state() const { return state_; }
   std::uint8_t node_id() const { return node_id_; }
@@ -84,7 +91,7 @@ class Node final : private dictionary::Listener {
   void written(const dictionary::Entry& entry) override;
 
   void run_due();
-  bool produce(Frame& frame);
+  bool produce();
   void receive_remote(const Frame& frame);
   void receive_nmt(const Frame& frame);
   void receive_time(const Frame& frame);

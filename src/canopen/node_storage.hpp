@@ -8,7 +8,7 @@ namespace servodrome::canopen {
 
 // The memory a node works in, sized by the device.
 struct NodeMemory {
-  std::span<Frame> transmit_ring;  // a power of two
+  std::span<WaitingFrame> transmit_ring;  // a power of two
   std::span<Rpdo> rpdos;
   std::span<MappedObject> rpdo_objects;  // mapping entries per PDO times PDOs
   std::span<std::uint16_t> rpdo_pending;
@@ -37,7 +37,7 @@ class NodeStorage {
   }
 
  private:
-  std::array<Frame, TransmitFrames> transmit_ring_{};
+  std::array<WaitingFrame, TransmitFrames> transmit_ring_{};
   std::array<Rpdo, Rpdos> rpdos_{};
   std::array<MappedObject, Rpdos * MappingEntries> rpdo_objects_{};
   std::array<std::uint16_t, Rpdos> rpdo_pending_{};

@@ -63,7 +63,7 @@ Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
                                 static_cast<std::int32_t>(std::lround(settings.ethercat->oscillator_ppm * 1000.0))};
   }
   device_ = settings.product->make(device_settings);
-  if (bus_ != nullptr) port_ = bus_->attach(*this);
+  if (bus_ != nullptr) port_ = bus_->attach(*this, 1);  // the frames wait in the device
   if (ethercat_ != nullptr) {
     const Time hop = controller_delay + settings.ethercat->cable;
     ethercat_slave_ = device_->ethercat_slave();
@@ -191,7 +191,8 @@ void Axis::send_waiting(Time now) {
     while (device_->take(frame)) {
     }
   } else {
-    while (bus_->queue_space(port_) > 0 && device_->take(frame)) bus_->transmit(port_, frame, now);
+    const canopen::WaitingFrame* next = device_->next_frame();
+    bus_->offer(port_, next != nullptr ? &next->frame : nullptr, next != nullptr ? next->since : now);
     follow_bit_rate();
   }
   if (serial_ != nullptr) follow_serial_format();
@@ -240,8 +241,10 @@ void Axis::on_frame(const canopen::Frame& frame, Time at) {
   send_waiting(at);
 }
 
-// The queue has room again for what the device still has to send.
-void Axis::on_sent(const canopen::Frame&, std::uint32_t, Time at) { send_waiting(at); }
+void Axis::on_sent(const canopen::Frame& frame, std::uint32_t, Time at) {
+  device_->frame_sent(frame);
+  send_waiting(at);
+}
 
 void Axis::on_error_state(links::ErrorState state, Time at) {
   if (!powered_) return;

@@ -68,6 +68,8 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   void poll(Time now) override { node_.poll(now); }
   Time next_deadline() override { return node_.next_deadline(); }
   bool take(canopen::Frame& frame) override { return node_.take(frame); }
+  const canopen::WaitingFrame* next_frame() override { return node_.next_frame(); }
+  void frame_sent(const canopen::Frame& frame) override { node_.frame_sent(frame); }
 
   canopen::Node& node() { return node_; }
   canopen::Node* can_node() override { return &node_; }

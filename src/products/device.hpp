@@ -97,6 +97,9 @@ class Device {
   virtual std::uint32_t bit_rate() const { return 0; }  // in force now, bit/s
   virtual void receive(const canopen::Frame&, Time /*now*/) {}
   virtual bool take(canopen::Frame&) { return false; }
+  // For a controller that can take a frame back until the wire has begun with it (canopen::Node::next_frame).
+  virtual const canopen::WaitingFrame* next_frame() { return nullptr; }
+  virtual void frame_sent(const canopen::Frame&) {}
 
   // EtherCAT. nullptr: the device is not on it.
   virtual ethercat::Slave* ethercat_slave() { return nullptr; }

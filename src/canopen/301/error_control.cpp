@@ -16,6 +16,7 @@ void ErrorControl::configure(std::uint8_t node_id) {
   heartbeat_time_ = Time{0};
   heartbeat_deadline_ = never;
   life_deadline_ = never;
+  place_ = Link::no_place;  // what waits since before a boot-up message stays before it
   reconfigure();
 }
 
@@ -33,24 +34,24 @@ void ErrorControl::reconfigure() {
 
 // The boot-up message is the first error control message; the heartbeat counts from it.
 void ErrorControl::boot_up() {
-  send(0);
+  link_.transmit(message(0));
   if (heartbeat_time_ != Time{0}) {
     heartbeat_deadline_ = link_.now() + heartbeat_time_;
     link_.wake_at(heartbeat_deadline_);
   }
 }
 
-void ErrorControl::send(std::uint8_t state) {
+Frame ErrorControl::message(std::uint8_t state) const {
   Frame frame;
   frame.id = can_id_;
   frame.length = 1;
   frame.data[0] = state;
-  link_.transmit(frame);
+  return frame;
 }
 
 bool ErrorControl::guard_request(NmtState state) {
   if (!guarding_allowed()) return false;
-  send(static_cast<std::uint8_t>(static_cast<std::uint8_t>(state) | (toggle_ ? toggle_bit : 0U)));
+  link_.transmit(message(static_cast<std::uint8_t>(static_cast<std::uint8_t>(state) | (toggle_ ? toggle_bit : 0U))));
   toggle_ = !toggle_;
   // Life guarding starts with the first request (CiA 301 7.2.8.2.2.1).
   if (life_time_ != Time{0}) {
@@ -65,7 +66,7 @@ bool ErrorControl::guard_request(NmtState state) {
 bool ErrorControl::poll(NmtState state) {
   const Time now = link_.now();
   if (heartbeat_deadline_ <= now) {
-    send(static_cast<std::uint8_t>(state));
+    link_.transmit_newest(message(static_cast<std::uint8_t>(state)), place_);  // one at most waits for the bus
     heartbeat_deadline_ += heartbeat_time_;
     if (heartbeat_deadline_ <= now) heartbeat_deadline_ = now + heartbeat_time_;
   }

@@ -28,7 +28,7 @@ class ErrorControl {
     return profile_.node_guarding == NodeGuarding::simultaneous ||
            (profile_.node_guarding == NodeGuarding::heartbeat_wins && heartbeat_time_ == Time{0});
   }
-  void send(std::uint8_t state);
+  Frame message(std::uint8_t state) const;
 
   Link& link_;
   dictionary::Dictionary& dictionary_;
@@ -40,6 +40,7 @@ class ErrorControl {
   Time heartbeat_deadline_ = never;
   Time life_time_{0};
   Time life_deadline_ = never;
+  Link::Place place_ = Link::no_place;  // of the last heartbeat
 };
 
 }  // namespace servodrome::canopen

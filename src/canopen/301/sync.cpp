@@ -89,7 +89,7 @@ bool Sync::poll(std::uint8_t& counter) {
   frame.length = expected_length_;
   frame.data[0] = overflow_ != 0 ? counter_ : std::uint8_t{0};
   counter = frame.data[0];
-  link_.transmit(frame);
+  link_.transmit_newest(frame, place_);  // one at most waits for the bus
   counter_ = counter_ >= overflow_ ? std::uint8_t{1} : static_cast<std::uint8_t>(counter_ + 1);
   // Periods are counted from the plan, so that late polls do not add up; a node left alone for long starts over.
   deadline_ += period_;

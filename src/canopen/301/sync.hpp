@@ -55,6 +55,7 @@ class Sync {
   Time period_{0};
   Time window_{0};
   Time deadline_ = never;
+  Link::Place place_ = Link::no_place;
 };
 
 }  // namespace servodrome::canopen

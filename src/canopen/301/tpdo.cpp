@@ -13,12 +13,17 @@ constexpr std::uint8_t acyclic_synchronous = 0;
 constexpr std::uint8_t last_synchronous_type = 240;
 constexpr std::uint8_t synchronous_remote = 252;
 constexpr std::uint8_t manufacturer_event_driven = 254;
+constexpr Time retry_time = std::chrono::milliseconds(1);  // while the queue is full
+
+// What no SYNC and no remote frame asks for again.
+bool by_event(const Tpdo& pdo) { return pdo.type == acyclic_synchronous || pdo.type >= manufacturer_event_driven; }
 }  // namespace
 
 void Tpdos::configure() {
   operational_ = false;
   for (std::size_t i = 0; i < pdos_.size(); ++i) {
     const std::uint64_t change_mask = pdos_[i].change_mask;  // the device's, not the communication area's
+    link_.withdraw(pdos_[i].place);
     pdos_[i] = {};
     pdos_[i].change_mask = change_mask;
     configure(static_cast<std::uint16_t>(i));
@@ -57,8 +62,9 @@ void Tpdos::configure(std::uint16_t number) {
     link_.wake_at(pdo.event_deadline);
   }
   if (!pdo.valid) pdo.waiting = false;
+  const bool withdrawn = link_.withdraw(pdo.place);  // it waited as it was configured before
   const bool event_triggered = pdo.on_change || pdo.type == acyclic_synchronous;
-  if (operational_ && pdo.valid && !was_valid && event_triggered) trigger(number);  // it has never been sent
+  if (operational_ && pdo.valid && (!was_valid || withdrawn) && event_triggered) trigger(number);
   rebuild_lists();
 }
 
@@ -99,6 +105,7 @@ void Tpdos::set_operational(bool operational) {
   operational_ = operational;
   for (std::size_t i = 0; i < pdos_.size(); ++i) {
     Tpdo& pdo = pdos_[i];
+    link_.withdraw(pdo.place);
     pdo.waiting = false;
     pdo.event_deadline = never;
     pdo.syncs_left = pdo.type;
@@ -113,15 +120,29 @@ void Tpdos::set_operational(bool operational) {
   }
 }
 
+void Tpdos::bus_off() {
+  for (Tpdo& pdo : pdos_) {
+    if (!link_.withdraw(pdo.place) || !by_event(pdo)) continue;
+    pdo.waiting = true;
+    link_.wake_at(pdo.not_before);
+  }
+}
+
+// One that still waits for the bus gets the new data where it waits.
 void Tpdos::send(Tpdo& pdo, std::uint64_t data) {
-  pdo.data = data;
-  pdo.waiting = false;
   Frame frame;
   frame.id = pdo.can_id;
   frame.length = pdo.mapping.bytes();
   std::memcpy(frame.data.data(), &data, sizeof data);
-  link_.transmit(frame);
   const Time now = link_.now();
+  if (!link_.transmit_newest(frame, pdo.place)) {
+    pdo.waiting = by_event(pdo);
+    pdo.not_before = now + retry_time;
+    link_.wake_at(pdo.not_before);
+    return;
+  }
+  pdo.data = data;
+  pdo.waiting = false;
   pdo.not_before = now + pdo.inhibit_time;
   if (pdo.event_deadline != never) {
     pdo.event_deadline = now + pdo.event_time;
@@ -130,7 +151,7 @@ void Tpdos::send(Tpdo& pdo, std::uint64_t data) {
 }
 
 void Tpdos::send_when_allowed(std::uint16_t number, Tpdo& pdo) {
-  if (link_.now() >= pdo.not_before) {
+  if (may_send(pdo)) {
     send(pdo, pack_data(number, pdo));
   } else {
     pdo.waiting = true;
@@ -145,7 +166,7 @@ void Tpdos::send_changed() {
     if (pdo.waiting) continue;  // packed anew when its inhibit time is over
     const std::uint64_t data = pack_data(number, pdo);
     if (((data ^ pdo.data) & pdo.change_mask) == 0) continue;
-    if (link_.now() >= pdo.not_before) {
+    if (may_send(pdo)) {
       send(pdo, data);
     } else {
       pdo.waiting = true;
@@ -208,7 +229,7 @@ void Tpdos::poll() {
     Tpdo& pdo = pdos_[i];
     const bool held = pdo.waiting && pdo.type != acyclic_synchronous;
     const bool due = held || pdo.event_deadline <= now;
-    if (due && now >= pdo.not_before) {
+    if (due && may_send(pdo)) {
       send(pdo, pack_data(i, pdo));
     } else if (due) {
       pdo.waiting = true;

@@ -12,13 +12,14 @@ struct Tpdo {
   bool valid = false;
   bool remote_allowed = false;  // bit 30 of the COB-ID is 0
   bool on_change = false;       // asynchronous, and sent when its data changes
-  bool waiting = false;         // due, but held back by the inhibit time
+  bool waiting = false;         // due, but held back by the inhibit time or a full queue
   std::uint8_t type = 0;
   std::uint8_t sync_start_value = 0;
   std::uint8_t syncs_left = 0;  // until a cyclic synchronous TPDO is sent
   bool awaits_sync_start = false;
   std::uint16_t can_id = 0;
-  std::uint64_t data = 0;  // last sent or, for type 252, last sampled
+  Link::Place place = Link::no_place;  // where it waits for the bus
+  std::uint64_t data = 0;              // last given to the bus or, for type 252, last sampled
   std::uint64_t change_mask = ~std::uint64_t{0};
   Time inhibit_time{0};
   Time not_before{0};
@@ -48,6 +49,8 @@ class Tpdos {
   void set_change_mask(std::uint16_t number, std::uint64_t mask) { pdos_[number].change_mask = mask; }
 
   void set_operational(bool operational);
+  // The bus is off: what waits for it is lost, and is due again if it was an event.
+  void bus_off();
 
   // Process data may have changed: asynchronous TPDOs whose data did are sent.
   void process_image_updated() {
@@ -63,6 +66,8 @@ class Tpdos {
   std::uint64_t pack_data(std::size_t number, const Tpdo& pdo) const {
     return pack(dictionary_, std::span<const MappedObject>(objects(number)).first(pdo.mapping.count));
   }
+  // Its inhibit time is over, or the frame that began it still waits and can take newer data.
+  bool may_send(const Tpdo& pdo) const { return link_.now() >= pdo.not_before || link_.waits(pdo.place); }
   void send(Tpdo& pdo, std::uint64_t data);
   void send_when_allowed(std::uint16_t number, Tpdo& pdo);
   void send_changed();

@@ -62,14 +62,13 @@ CanBus::Port& CanBus::at(PortId port) const { return *ports_.at(static_cast<std:
 
 bool CanBus::transmit(PortId port, const canopen::Frame& frame, Time now, std::uint32_t tag) {
   Port& sender = at(port);
-  const bool can_send = sender.participation == Participation::normal && sender.error_state != ErrorState::bus_off;
-  if (!can_send || sender.count == sender.queue.size() || !is_valid(frame)) {
+  if (!sender.can_send() || sender.count == sender.queue.size() || !is_valid(frame)) {
     ++sender.counters.refused;
     return false;
   }
   Port::Queued& entry = sender.queue[(sender.first + sender.count) % sender.queue.size()];
   entry.frame = normalized(frame);
-  entry.ready = std::max(now, now_);
+  entry.ready = now;
   entry.delay = Time{};
   entry.tag = tag;
   entry.key = arbitration_key(frame);
@@ -82,6 +81,22 @@ bool CanBus::transmit(PortId port, const canopen::Frame& frame, Time now, std::u
   ++sender.count;
   review_private_attempts();
   return true;
+}
+
+void CanBus::offer(PortId port, const canopen::Frame* frame, Time since) {
+  Port& sender = at(port);
+  if (sender.sending || !sender.can_send() || (frame == nullptr && sender.count == 0)) return;
+  if (frame == nullptr) {
+    sender.count = 0;
+    review_private_attempts();
+  } else if (sender.count == 0) {
+    transmit(port, *frame, since);
+  } else if (Port::Queued& entry = sender.queue[sender.first]; entry.frame != *frame) {
+    entry.frame = normalized(*frame);
+    entry.ready = since;
+    entry.key = arbitration_key(*frame);
+    entry.bits = frame_length_bits(entry.frame);
+  }
 }
 
 std::size_t CanBus::pending(PortId port) const { return at(port).count; }

@@ -86,8 +86,9 @@ struct BusConfig {
 // never goes back; the same calls give the same frames at the same nanoseconds.
 //
 // Each port has a FIFO transmit queue, as a CANopen stack's single transmit mailbox behind a software queue: only its
-// oldest frame takes part in arbitration. Two ports that win with the same arbitration field send one frame together if
-// their frames are equal and break each other with an error frame if not, as on a wire.
+// oldest frame takes part in arbitration. A drive's port holds one frame, its controller's mailbox (offer()). Two ports
+// that win with the same arbitration field send one frame together if their frames are equal and break each other with
+// an error frame if not, as on a wire.
 //
 // A sender needs another port to acknowledge. One that has none (alone, cut off, or set to another bit rate) tries in
 // private: its error counter climbs to error passive (ISO 11898-1, 12.1.4.2 exception 1: not further), its frame stays
@@ -111,6 +112,10 @@ class CanBus {
   // Queues a frame to be sent from `now` on. False, and counted as refused, if the queue is full, the port is off,
   // listen-only or bus-off, or the frame is not one (length above 8, identifier too wide).
   bool transmit(PortId port, const canopen::Frame& frame, Time now, std::uint32_t tag = 0);
+  // For a port with a queue of one, the transmit mailbox of a controller: `frame` is what it has to send now, since
+  // `since`; nullptr: nothing. Replaces or takes back what waits there, but not what is on the wire: that ends with
+  // Receiver::on_sent() or is repeated.
+  void offer(PortId port, const canopen::Frame* frame, Time since);
   std::size_t pending(PortId port) const;      // frames queued or being sent
   std::size_t queue_space(PortId port) const;  // frames transmit() would still take
 

@@ -40,6 +40,7 @@ struct CanBus::Port {
   Time private_attempt_at = never;  // end of an attempt nobody acknowledges
 
   bool attached() const { return receiver != nullptr; }
+  bool can_send() const { return participation == Participation::normal && error_state != ErrorState::bus_off; }
   const Queued& head() const { return queue[first]; }
   void pop() {
     first = (first + 1) % queue.size();
