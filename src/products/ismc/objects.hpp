@@ -143,6 +143,8 @@ inline constexpr auto cia402_objects = std::to_array<std::uint16_t>(
      0x6087, 0x6088, 0x6098, 0x6099, 0x609A, 0x60A4, 0x60B0, 0x60B1, 0x60B2, 0x60B8, 0x60B9, 0x60BA, 0x60C2,
      0x60C5, 0x60C6, 0x60E0, 0x60E1, 0x60FC, 0x60FD, 0x60FE, 0x60FF, 0x6502});
 
+inline constexpr std::int64_t tpdo_inhibit_time = 100;  // 10 ms, in 100 us
+
 inline constexpr auto object_table = dictionary::make_table<[] {
   using namespace dictionary;  // NOLINT(google-build-using-namespace)
   using Communication = decltype(Objects::communication);
@@ -172,6 +174,9 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.map_pdo(0x1601, {0x60FF0020, 0x60810020});
   builder.map_pdo(0x1A00, {0x60410010, 0x60610008, 0x60640020});
   builder.map_pdo(0x1A01, {0x606C0020, 0x60780010});
+  // "A prohibition time has been set for TxPDO" (L714), and none is printed: an axis in motion changes its process data
+  // every cycle, and three of them would fill a bus of 1 Mbit/s (G6).
+  for (std::uint16_t index = 0x1800; index <= 0x1803; ++index) builder.set_default(index, 3, tpdo_inhibit_time);
   for (const std::uint16_t index : std::to_array<std::uint16_t>({0x1402, 0x1403, 0x1802, 0x1803})) {
     builder.at(index, 1).default_value |= 0x80000000;
   }
