@@ -109,6 +109,7 @@ void Drive::power_on(const Feedback& feedback) {
   axis_.encoder_position = position_of_ms_ = feedback.position_counts;
   axis_.counts_per_ms = 0;
   supervision_.reset();
+  latched_.clear();
   cascade_ = {};
   look_at_ = 0;
   cascade_.forget_motion();

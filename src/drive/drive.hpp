@@ -191,6 +191,7 @@ class Drive final : public dictionary::Listener {
   void change_mode();
   void run_mode();
   void limit_switches(Counts before);
+  bool pushes_limit_switch() const;
   void finish_identification();
   void smooth_demand();
   float known_load();  // torque, fraction of rated
@@ -258,7 +259,8 @@ class Drive final : public dictionary::Listener {
 
   CauseSet active_{};  // latched faults
   CauseSet injected_{};
-  CauseSet warned_{};  // warnings that were told
+  CauseSet latched_{};  // remembered by what failed until it loses its supply
+  CauseSet warned_{};   // warnings that were told
   bool outside_warning_ = false;
   bool units_valid_ = true;
   const FaultRow* newest_fault_ = nullptr;

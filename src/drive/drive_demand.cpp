@@ -11,11 +11,24 @@ constexpr std::uint32_t lagging_modes =
 
 }  // namespace
 
+// Towards an active limit switch: by the demand's velocity, in torque control by the torque.
+bool Drive::pushes_limit_switch() const {
+  const LoopDemand& demand = axis_.demand;
+  const double towards = demand.loop == Loop::torque ? static_cast<double>(demand.torque) : axis_.generator.velocity();
+  return (axis_.active(Signal::negative_limit) && towards < 0.0) ||
+         (axis_.active(Signal::positive_limit) && towards > 0.0);
+}
+
 // Outside homing a limit switch ends every motion towards it; away from it the axis may move. So does a software limit
 // in the modes that have no target position, early enough to stand at it. `before`: where the demand was before this
 // cycle.
 void Drive::limit_switches(Counts before) {
-  if (!policy_.limit_switches_stop || mode_ == Mode::homing || axis_.demand.loop == Loop::torque) return;
+  if (mode_ == Mode::homing) return;
+  if (policy_.limit_switches == LimitSwitches::fault) {
+    if (pushes_limit_switch()) axis_.raise(Cause::position_limit);
+    return;
+  }
+  if (axis_.demand.loop == Loop::torque) return;
   const double velocity = axis_.generator.velocity();
   const double quick = quick_stop_deceleration();
   bool blocked = (axis_.active(Signal::negative_limit) && velocity < 0.0) ||
@@ -149,10 +162,8 @@ void Drive::set_limits() {
     if (configuration.torque_mode_velocity_negative > 0.0) {
       demand.velocity_limit_negative = std::min(most, static_cast<float>(configuration.torque_mode_velocity_negative));
     }
-    if (policy_.limit_switches_stop) {
-      if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
-      if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
-    }
+    if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
+    if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
     // The speed from which the axis still comes to rest before its software limit.
     const Axis::Room room = axis_.room();
     const auto approach = [quick = quick_stop_deceleration(), most](double way) {

@@ -144,6 +144,7 @@ enum class Reaction : std::uint8_t {
 enum class ResetRule : std::uint8_t {
   when_cause_gone,                   // controlword bit 7, once the cause has gone
   power_cycle,                       // restart of the drive
+  power_off,                         // what failed remembers it until it loses its supply, a restart does not help
   clear_multi_turn,                  // controlword bit 7, once the encoder's turns have been cleared
   clear_multi_turn_and_power_cycle,  // the encoder's turns must be cleared before the restart
 };

@@ -71,6 +71,12 @@ enum class OutOfLimits : std::uint8_t {
   fault,  // Cause::position_limit
 };
 
+// What an active limit switch does outside of homing to a motion towards it.
+enum class LimitSwitches : std::uint8_t {
+  stop,   // the motion ends, that direction is blocked
+  fault,  // Cause::position_limit
+};
+
 // One bit of 60FDh.
 struct DigitalInputBit {
   enum class Source : std::uint8_t { wire, signal };
@@ -156,7 +162,7 @@ struct Policy {
   std::uint32_t excessive_velocity_faults = 0;
   std::uint32_t shaped_modes = 0xFFFFFFFF;  // mode_bit() of modes to which 6086h applies; the others ramp linearly
   OutOfLimits out_of_limits = OutOfLimits::clip;
-  bool limit_switches_stop = true;  // outside homing, a limit switch ends motion towards it
+  LimitSwitches limit_switches = LimitSwitches::stop;
   bool software_limits_need_homing = false;
   bool software_limits_switch_range_off = false;  // 607Bh is off while 607Dh is valid
   bool slippage_supported = true;                 // statusword bit 13 in profile velocity

@@ -141,6 +141,8 @@ class Witness final : public products::Device {
   }
   Time next_deadline() override { return device_->next_deadline(); }
   bool take(canopen::Frame& frame) override { return device_->take(frame); }
+  const canopen::WaitingFrame* next_frame() override { return device_->next_frame(); }
+  void frame_sent(const canopen::Frame& frame) override { device_->frame_sent(frame); }
   drive::Drive& drive() override { return device_->drive(); }
   dictionary::Dictionary& dictionary() override { return device_->dictionary(); }
   dictionary::Dictionary& bus_dictionary() override { return device_->bus_dictionary(); }

@@ -105,6 +105,14 @@ constexpr bool uses_index(const Method& method) {
   return false;
 }
 
+// Whether a leg runs at that speed. A retraction that is not set (`retracts`) is not run.
+constexpr bool uses_speed(const Method& method, HomingSpeed speed, bool retracts) {
+  for (std::size_t i = 0; i < method.leg_count; ++i) {
+    if (method.legs[i].speed == speed && (retracts || method.legs[i].until != Until::retracted)) return true;
+  }
+  return false;
+}
+
 constexpr bool needs_limit_switch(const Method& method, Direction end) {
   for (std::size_t i = 0; i < method.leg_count; ++i) {
     const Leg& leg = method.legs[i];

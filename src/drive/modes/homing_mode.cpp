@@ -32,6 +32,15 @@ bool has_inputs_for(const Axis& axis, const Method& method) {
   return !needs_home_switch(method) || has(Signal::home);
 }
 
+// The speeds that the method uses and the ramp are set. The way back to home is run at the slow speed.
+bool can_run(const Method& method, const HomingConfig& config) {
+  const bool retracts = config.retraction != 0;
+  const bool returns = method.returns_to_latch || config.end != HomingEnd::as_method;
+  if (config.fast <= 0.0 && uses_speed(method, HomingSpeed::fast, retracts)) return false;
+  if (config.slow <= 0.0 && (returns || uses_speed(method, HomingSpeed::slow, retracts))) return false;
+  return config.acceleration > 0.0;
+}
+
 }  // namespace
 
 void HomingMode::enter(Axis& axis) {
@@ -106,9 +115,7 @@ void HomingMode::start(Axis& axis) {
       .blind_window = axis.configuration.homing_blind_window,
       .index_width = axis.configuration.motor.index_width_counts,
       .reversed = axis.units.position_inverted};
-  if (method->leg_count > 0 && (config.fast <= 0.0 || config.slow <= 0.0 || config.acceleration <= 0.0)) {
-    return fail(axis, Cause::profile_value_zero);
-  }
+  if (method->leg_count > 0 && !can_run(*method, config)) return fail(axis, Cause::profile_value_zero);
   acceleration_ = config.acceleration;
   offset_applies_ = method->offset_applies;
   active_ = true;

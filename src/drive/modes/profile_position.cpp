@@ -162,7 +162,8 @@ void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained)
     running_ = false;
     return;
   }
-  if (set_point.velocity > axis.max_velocity(true) * (1.0 + 1e-9)) {
+  const bool clipped = set_point.velocity > axis.max_velocity(true) * (1.0 + 1e-9);
+  if (clipped) {
     axis.exceed_velocity(Mode::profile_position);
     if (axis.raised == Cause::velocity_excessive) {
       running_ = false;
@@ -174,6 +175,7 @@ void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained)
     running_ = false;
     return;
   }
+  axis.limited = axis.limited || clipped;
   plan(axis, set_point, target, chained);
 }
 

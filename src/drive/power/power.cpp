@@ -320,6 +320,7 @@ void Drive::raise(Cause cause) {
   if (fault->reaction == Reaction::none) return;
   active_.set(cause);
   if (fault->reset == ResetRule::clear_multi_turn) multi_turn_cleared_ = false;
+  if (fault->reset == ResetRule::power_off) latched_.set(cause);
   newest_fault_ = fault;
   axis_.objects.error_code = fault->code;
   if (events_ != nullptr) events_->fault_raised(*fault);  // as the drive is when it happens
@@ -371,6 +372,7 @@ void Drive::collect_faults() {
 CauseSet Drive::present_causes() const {
   CauseSet present = supervision_.present();
   present |= injected_;
+  present |= latched_;
   if (!units_valid_) present.set(Cause::factor_group);
   if (axis_.velocity_clipped) present.set(Cause::velocity_clipped);
   if (axis_.position_change_clipped) present.set(Cause::position_change_clipped);

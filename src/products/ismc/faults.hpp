@@ -87,16 +87,16 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
      "Z pulse repetition positioning error"},  // L2667;L2818
     {Cause::encoder_connection, 0x7380, 0x21, Reaction::power_off, ResetRule::when_cause_gone,
      "Encoder connection error"},  // L2780
-    {Cause::encoder_multi_turn, 0x7383, 0x21, Reaction::power_off, ResetRule::power_cycle,
+    {Cause::encoder_multi_turn, 0x7383, 0x21, Reaction::power_off, ResetRule::power_off,
      "Encoder multi-turn info error"},  // L2781
     {Cause::encoder_hot, 0x7384, 0x09, Reaction::option_code, ResetRule::when_cause_gone,
-     "Encoder overheating"},                                                                                   // L2788
-    {Cause::encoder_count, 0x7385, 0x21, Reaction::power_off, ResetRule::power_cycle, "Encoder count error"},  // L2782
-    {Cause::encoder_count_overflow, 0x7389, 0x21, Reaction::power_off, ResetRule::clear_multi_turn_and_power_cycle,
+     "Encoder overheating"},                                                                                 // L2788
+    {Cause::encoder_count, 0x7385, 0x21, Reaction::power_off, ResetRule::power_off, "Encoder count error"},  // L2782
+    {Cause::encoder_count_overflow, 0x7389, 0x21, Reaction::power_off, ResetRule::power_off,
      "Encoder count overflow error"},  // L2783
     {Cause::encoder_crc, 0x738A, 0x21, Reaction::power_off, ResetRule::when_cause_gone,
      "Encoder communication CRC error"},  // L2784
-    {Cause::encoder_delimiter, 0x738B, 0x21, Reaction::power_off, ResetRule::power_cycle,
+    {Cause::encoder_delimiter, 0x738B, 0x21, Reaction::power_off, ResetRule::power_off,
      "Encoder delimiter error"},                                                                        // L2785
     {Cause::hall_wiring, 0x738C, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Hall error"},  // L2812
     {Cause::over_speed, 0x8482, 0x21, Reaction::option_code, ResetRule::when_cause_gone,

@@ -192,13 +192,13 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < builder.count; ++i) {
     const Entry entry = builder.entries[i];
-    const bool absent = (entry.index == 0x60A4 && entry.sub > 1) || (entry.index == 0x60C2 && entry.sub > 1);
+    const bool absent = (entry.index == 0x60A4 && entry.sub > 1);
     if (!absent) builder.entries[kept++] = entry;
   }
   builder.count = kept;
   builder.set_default(0x60A4, 1, 1310720);
-  builder.at(0x60C2, 0).default_value = 1;
-  builder.set_range(0x60C2, 1, 0, 4);  // 1 to 4 ms (L1933); 0 raises 6553h
+  builder.set_range(0x60C2, 1, 0, 4);    // 1 to 4 ms (L1933); 0 raises 6553h
+  builder.set_range(0x60C2, 2, -3, -3);  // masters write it (G52)
   builder.at(0x60C2, 1).unit = "ms";
   builder.at(0x60E0, 0).type = Type::integer16;  // printed INT16 (G43)
   builder.at(0x60E1, 0).type = Type::integer16;
@@ -212,6 +212,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.at(0x6099, 1).pdo = Pdo::none;
   builder.at(0x6099, 2).pdo = Pdo::none;
   builder.at(0x60C2, 1).pdo = Pdo::none;
+  builder.at(0x60C2, 2).pdo = Pdo::none;
   // Units as the manual names them: all quantities of motion are in user units, which are counts (L1096-1099).
   for (std::size_t i = 0; i < builder.count; ++i) {
     Entry& entry = builder.entries[i];
