@@ -189,7 +189,9 @@ TEST(IsmcHoming, ASpeedThatTheMethodDoesNotUseMayBeZero) {
         axis.run_ms(5);
         const bool enough = (fast || !row.uses_fast) && (slow || !row.uses_slow);
         EXPECT_EQ((axis.status() & state_mask) != in_fault, enough);
-        if (!enough) EXPECT_EQ(axis.get(0x603F), 0x6280);
+        if (!enough) {
+          EXPECT_EQ(axis.get(0x603F), 0x6280);
+        }
       }
     }
   }
@@ -274,7 +276,9 @@ TEST(IsmcEncoder, AnInternalErrorStaysUntilPowerOff) {
       EXPECT_EQ((axis.status() & state_mask) == in_fault, row.latched) << int{command};
       EXPECT_EQ(axis.get(0x603F), row.latched ? row.code : 0);
       EXPECT_EQ((axis.get(0x1001) & 0x20) != 0, row.latched);
-      if (command == 0x81) EXPECT_EQ(sent_emergency(axis, row.code), row.latched);
+      if (command == 0x81) {
+        EXPECT_EQ(sent_emergency(axis, row.code), row.latched);
+      }
       reset_fault(axis);
       EXPECT_EQ((axis.status() & state_mask) == in_fault, row.latched);
     }
