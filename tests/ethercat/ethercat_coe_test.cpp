@@ -398,6 +398,20 @@ TEST_F(Information, EntryDescriptions) {
   EXPECT_EQ(ask(5, {0x18, 0x10}), (Bytes{7, 0, 0, 0, 0x13, 0x00, 0x07, 0x06}));
 }
 
+// A place of a record without an entry: a description of nothing, as other slaves give it. What is above the highest
+// sub-index does not exist.
+TEST_F(Information, GapsOfRecords) {
+  EXPECT_EQ(ask(5, {0x32, 0x1C, 0x0E, 0x78}), (Bytes{6, 0, 0, 0, 0x32, 0x1C, 0x0E, 0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(ask(5, {0x32, 0x1C, 0x1F, 0}), (Bytes{6, 0, 0, 0, 0x32, 0x1C, 0x1F, 0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(ask(5, {0x32, 0x1C, 0x20, 0})[8], 0x01) << "sync error, BOOLEAN";
+  EXPECT_EQ(ask(5, {0x32, 0x1C, 0x21, 0}), (Bytes{7, 0, 0, 0, 0x11, 0x00, 0x09, 0x06}));
+  EXPECT_EQ(ask(5, {0x31, 0x1C, 0x01, 0}), (Bytes{7, 0, 0, 0, 0x00, 0x00, 0x02, 0x06})) << "no object";
+  // Reading it is what it was.
+  AbortCode code{};
+  upload(0x1C32, 0x0E, false, &code);
+  EXPECT_EQ(code, AbortCode::sub_index_does_not_exist);
+}
+
 // 10F1h and one entry of the record 2010h.
 TEST_F(Information, StartUpParameters) {
   static constexpr StartUpParameter start_up[] = {{"PS", 0x10F1, 2, 10, ""}, {"PS", 0x2010, 3, 1, ""}};

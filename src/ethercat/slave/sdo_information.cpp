@@ -156,9 +156,29 @@ void SdoInformation::describe_object(std::span<const std::uint8_t> data, Message
   reply.bytes(std::span(name.data(), std::min(name.size(), reply.left())));
 }
 
+// Whether the object has no such sub-index, and a higher one.
+bool SdoInformation::is_gap(std::uint16_t index, std::uint8_t sub) const {
+  AbortCode code{};
+  const Entry* first = dictionary_.find(index, 0, code);
+  if (first == nullptr) return false;
+  const std::span<const Entry> table = dictionary_.table();
+  return sub < table[object_end(static_cast<std::size_t>(first - table.data())) - 1].sub;
+}
+
+// As slaves describe a place of a record that holds nothing: no type, no bits, no access, no name. A master that asks
+// for all sub-indices goes on without an error.
+void SdoInformation::describe_gap(std::span<const std::uint8_t> data, Message& reply) const {
+  begin(reply, entry_response, 0);
+  reply.u16(load_u16(data.data()));
+  reply.u8(data[2]);
+  reply.u8(0);
+  for (int word = 0; word < 3; ++word) reply.u16(0);
+}
+
 void SdoInformation::describe_entry(std::span<const std::uint8_t> data, Message& reply) const {
   AbortCode code{};
   const Entry* entry = dictionary_.find(load_u16(data.data()), data[2], code);
+  if (entry == nullptr && is_gap(load_u16(data.data()), data[2])) return describe_gap(data, reply);
   if (entry == nullptr) return error(code, reply);
   const std::uint32_t unit = unit_code(entry->unit);
   unsigned info = 0;

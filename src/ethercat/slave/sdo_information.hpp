@@ -26,6 +26,8 @@ class SdoInformation {
   void list(std::span<const std::uint8_t> data, Message& reply);
   void put_indices(Message& reply);
   void describe_object(std::span<const std::uint8_t> data, Message& reply) const;
+  bool is_gap(std::uint16_t index, std::uint8_t sub) const;
+  void describe_gap(std::span<const std::uint8_t> data, Message& reply) const;
   void describe_entry(std::span<const std::uint8_t> data, Message& reply) const;
   bool belongs(std::size_t object, unsigned list) const;
   std::size_t object_end(std::size_t object) const;
