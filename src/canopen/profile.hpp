@@ -9,10 +9,11 @@
 // a service whose object is missing from the product's dictionary is not there.
 namespace servodrome::canopen {
 
-// Transmission types of PDOs (CiA 301 tables 67 and 72). 241..251 are reserved and always refused.
+// Transmission types of PDOs (CiA 301 tables 67 and 72).
 struct TransmissionTypes {
   bool acyclic_synchronous = true;        // 0
   bool cyclic_synchronous = true;         // 1..240
+  bool reserved = false;                  // 241..251: as 254, in products that take them
   bool synchronous_remote = true;         // 252, TPDO only
   bool asynchronous_remote = true;        // 253, TPDO only
   bool manufacturer_event_driven = true;  // 254
@@ -21,6 +22,7 @@ struct TransmissionTypes {
   constexpr bool contains(std::uint8_t type) const {
     if (type == 0) return acyclic_synchronous;
     if (type <= 240) return cyclic_synchronous;
+    if (type <= 251) return reserved;
     switch (type) {
       case 252: return synchronous_remote;
       case 253: return asynchronous_remote;
@@ -29,6 +31,8 @@ struct TransmissionTypes {
       default: return false;
     }
   }
+  // The type that `type` works as.
+  static constexpr std::uint8_t in_force(std::uint8_t type) { return type > 240 && type <= 251 ? 254 : type; }
 };
 
 // A PDO whose CAN-ID the device accepts within limits only; `index` is that of its communication parameter.

@@ -105,6 +105,49 @@ TEST(IsmkCanopen, PdosOfTheExample) {
   EXPECT_NEAR(static_cast<double>(frames_of(rig, 0x181)), 10.0, 1.0);
 }
 
+// "Supports all 256 transmission modes" (L3018), in both directions: what CiA 301 reserves works as 254.
+TEST(IsmkCanopen, EveryTransmissionType) {
+  IsmkRig rig;
+  rig.run_ms(5);
+  for (int type = 0; type < 256; ++type) {
+    EXPECT_EQ(rig.set(0x1400, 2, type), AbortCode::none) << type;
+    EXPECT_EQ(rig.get(0x1400, 2), type);
+    rig.set(0x1800, 1, 0x80000181);
+    EXPECT_EQ(rig.set(0x1800, 2, type), AbortCode::none) << type;
+    EXPECT_EQ(rig.get(0x1800, 2), type);
+  }
+  rig.set(0x1A00, 0, 0);
+  rig.set(0x1A00, 1, 0x60600008);
+  rig.set(0x1A00, 0, 1);
+  rig.send(0x000, {0x01, 0x01});
+  for (const int type : {241, 247, 251, 254}) {
+    rig.set(0x1800, 1, 0x80000181);
+    rig.set(0x1800, 2, type);
+    rig.set(0x1800, 1, 0x181);
+    rig.run_ms(5);
+    rig.sent.clear();
+    for (int i = 0; i < 300; ++i) rig.send(0x080, {});
+    EXPECT_EQ(frames_of(rig, 0x181), 0U) << type << " is not of the SYNC";
+    rig.set(0x6060, 0, rig.get(0x6060) == 3 ? 1 : 3);
+    rig.run_ms(5);
+    EXPECT_EQ(frames_of(rig, 0x181), 1U) << type << " on change";
+    rig.set(0x1800, 1, 0x80000181);
+    rig.set(0x1800, 5, 20);
+    rig.set(0x1800, 1, 0x181);
+    rig.sent.clear();
+    rig.run_ms(205);
+    EXPECT_NEAR(static_cast<double>(frames_of(rig, 0x181)), 10.0, 1.0) << type << " by the event timer";
+    rig.set(0x1800, 1, 0x80000181);
+    rig.set(0x1800, 5, 0);
+  }
+  for (const int type : {241, 251, 252, 253}) {
+    rig.set(0x1400, 2, type);
+    rig.send(0x201, {0x06, 0x00});
+    rig.send(0x201, {0x07, 0x00});
+    EXPECT_EQ(rig.get(0x6040), 0x07) << type;
+  }
+}
+
 // L3105, L3206-3215: 1000 ms x 3 from the first remote frame on; 6007h decides whether anyone minds.
 TEST(IsmkCanopen, NodeProtection) {
   for (const int option : {0, 1}) {

@@ -291,6 +291,33 @@ TEST(IsmkSpeed, RampsInMode3) {
   EXPECT_NE(rig.status() & bit_12, 0) << "speed is zero (L1229)";
 }
 
+// Bit 10 is 60FFh less actual, as 60F9h sub 1Ch has it (L1220-1226), against 60F9h sub 0Ah: whatever ramp is under way,
+// and whatever 607Fh makes of the target.
+TEST(IsmkSpeed, ReachedIsTheSpeedErrorInMode3) {
+  Enabled rig(3);
+  const auto error_inside = [&] { return std::abs(rig.get(0x60F9, 0x1C)) < rig.get(0x60F9, 0x0A); };
+  const auto shown = [&] { return (rig.status() & target_reached) != 0; };
+  rig.set(0x6083, 0, 10737);  // a tenth
+  int disagree = 0;
+  for (const double target : {90.0, 600.0, -300.0}) {
+    rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(target)));
+    for (int ms = 0; ms < 1500; ++ms) {
+      rig.run_ms(1);
+      const double off = std::abs(std::abs(static_cast<double>(rig.get(0x60F9, 0x1C))) - 178956.0);
+      if (off > velocity_dec_from_rpm(5) && shown() != error_inside()) ++disagree;
+    }
+    EXPECT_TRUE(shown()) << target;
+  }
+  EXPECT_EQ(disagree, 0);
+  // 60FFh of 900 rpm, of which 607Fh lets 600 through.
+  rig.set(0x607F, 0, std::llround(velocity_dec_from_rpm(600)));
+  rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(900)));
+  rig.run_ms(3000);
+  EXPECT_NEAR(rpm(rig), 600.0, 10.0);
+  EXPECT_NEAR(static_cast<double>(rig.get(0x60F9, 0x1C)), velocity_dec_from_rpm(300), velocity_dec_from_rpm(10));
+  EXPECT_FALSE(shown());
+}
+
 // "The actual speed will immediately reach the target speed" (L1165): as fast as the current limit lets.
 TEST(IsmkSpeed, Mode3NegativeHasNoRamps) {
   Enabled rig(-3);

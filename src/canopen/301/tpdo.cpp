@@ -41,7 +41,7 @@ void Tpdos::configure(std::uint16_t number) {
   pdo.valid = (cob_id & cob_id::invalid) == 0;
   pdo.remote_allowed = profile_.remote_frames && (cob_id & cob_id::bit_30) == 0;
   pdo.can_id = static_cast<std::uint16_t>(cob_id & cob_id::can_id_mask);
-  pdo.type = value_of<std::uint8_t>(dictionary_, index, 2, 255);
+  pdo.type = TransmissionTypes::in_force(value_of<std::uint8_t>(dictionary_, index, 2, 255));
   pdo.inhibit_time = profile_.inhibit_time_unit * value_of<int>(dictionary_, index, 3, 0);
   pdo.event_time = std::chrono::milliseconds(value_of<int>(dictionary_, index, 5, 0));
   pdo.sync_start_value = value_of<std::uint8_t>(dictionary_, index, 6, 0);

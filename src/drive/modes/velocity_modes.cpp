@@ -112,7 +112,7 @@ void VelocityWindows::update(const Axis& axis, double goal, bool arrived) {
   const double error = std::abs(velocity - goal);
   const SpeedWindows& own = axis.configuration.speed_windows;
   if (own.used) {
-    target_reached_ = arrived && error < own.reached_counts_per_s;
+    target_reached_ = error < own.reached_counts_per_s;  // 60FFh less actual, and nothing else
     speed_zero_ = zero_.update(std::abs(axis.counts_per_ms) <= own.zero_counts_per_ms, axis.cycles(own.zero_ms));
     return;
   }

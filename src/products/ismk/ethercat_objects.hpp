@@ -23,6 +23,12 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   builder.add(text_constant(0x1008, "Manufacturer device name", "iSMK-EA"));
   append_servo_objects(builder, offsetof(EthercatObjects, servo));
   builder.remove(0x100E);  // of CANopen's node guarding
+  builder.at(0x6060).maximum = 8;
+  // Of mode 8; the same period as 3011h sub 1, whose factory value is 4 ms.
+  constexpr auto period = std::to_array<std::uint16_t>({0x60C2});
+  builder.pick(drive::cia402_section, period, offsetof(EthercatObjects, servo) + offsetof(ServoObjects, drive));
+  builder.set_default(0x60C2, 1, 4);
+  for (const std::uint8_t sub : {std::uint8_t{1}, std::uint8_t{2}}) builder.at(0x60C2, sub).saved = false;
 
   builder.set_default(0x1000, 0, servo_drive);
   builder.set_default(0x1018, 1, vendor_id)

@@ -14,7 +14,8 @@ class Ismk final : public IsmkOnCan {
   static constexpr std::span<const dictionary::Entry> table{ismk::object_table};
   static constexpr drive::Policy policy = ismk::make_policy();
   static constexpr dictionary::LengthAborts length_aborts{};
-  static constexpr canopen::Profile profile{.rpdo_types = {.synchronous_remote = false, .asynchronous_remote = false},
+  static constexpr canopen::Profile profile{.rpdo_types = {.reserved = true},  // "all 256" (L3018)
+                                            .tpdo_types = {.reserved = true},
                                             .inhibit_time_unit = std::chrono::milliseconds(1),  // L3034, L3042
                                             .sdo_block = false,                         // five services, L2721-2727
                                             .sdo_download_response_echoes_data = true,  // L2824, L2855-2904

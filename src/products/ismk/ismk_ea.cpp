@@ -20,8 +20,12 @@ ethercat::SiiDescription IsmkEa::sii_description(const Settings& settings) {
 
 // As on CAN: with 6007h = 1 a lost master is an alarm, otherwise nothing at all; one that leaves Operational itself is
 // not lost (L3215, L3306).
-void IsmkEa::state_changed(ethercat::AlState from, ethercat::AlState, ethercat::AlStatusCode cause, Time) {
-  const bool lost = from == ethercat::AlState::operational && cause != ethercat::AlStatusCode::none;
+void IsmkEa::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time) {
+  using ethercat::AlState;
+  if (from == AlState::pre_operational && to == AlState::safe_operational) {
+    servo().set_set_point_period(1e-9 * objects().communication.output_sync.sync0_cycle_time_ns);
+  }
+  const bool lost = from == AlState::operational && cause != ethercat::AlStatusCode::none;
   if (lost && objects().servo.drive.abort_connection_option_code == 1) drive().raise(drive::Cause::communication_lost);
 }
 

@@ -13,7 +13,12 @@ using IsmkOnEthercat = IsmkDevice<EthercatDevice<IsmkEa, ismk::EthercatObjects>>
 class IsmkEa final : public IsmkOnEthercat {
  public:
   static constexpr std::span<const dictionary::Entry> table{ismk::ethercat_object_table};
-  static constexpr drive::Policy policy = ismk::make_policy();
+  // Cyclic synchronous position, which masters of this bus ask for, beside the manual's modes.
+  static constexpr drive::Policy policy = [] {
+    drive::Policy made = ismk::make_policy();
+    made.supported_modes |= drive::mode_bit(drive::Mode::cyclic_sync_position);
+    return made;
+  }();
   static constexpr dictionary::LengthAborts length_aborts{};
   // What a master wants to set before it sends positions: interpolation (mode 7), and how often they come.
   static constexpr auto start_up = std::to_array<ethercat::StartUpParameter>({

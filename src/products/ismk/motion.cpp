@@ -47,14 +47,24 @@ bool interpolates_by_sync(const drive::Drive& drive, const ServoObjects& objects
          (objects.drive.controlword & drive::controlword::mode_bit_4) != 0 && objects.motion.sync_clock_mode != 0;
 }
 
+void take_over_shape(ServoObjects& objects) {
+  objects.drive.motion_profile_type = objects.motion.profile_order == s_curve ? s_curve_shape : std::int16_t{0};
+}
+void take_over_period(ServoObjects& objects) {
+  objects.drive.interpolation_time_period_value = sync_period_ms(objects);
+  objects.drive.interpolation_time_index = -3;
+}
+
 double velocity_dec(double counts_per_s) { return counts_per_s * velocity_dec_per_inc_s; }
 
 // 60F9h sub 1Ch: what the velocity is short of, in the speed modes of 60FFh.
 double speed_error(const drive::Drive& drive, const drive::Objects& objects) {
   const drive::Axis& axis = drive.axis();
   const bool speed_mode = drive.mode() == Mode::profile_velocity || drive.mode() == Mode::immediate_velocity;
-  const double wanted = speed_mode ? axis.units.velocity_to_counts(objects.target_velocity)
-                                   : static_cast<double>(drive.loops().velocity_reference_counts_per_s);
+  const double target = axis.units.velocity_to_counts(objects.target_velocity);
+  const double wanted = !speed_mode ? static_cast<double>(drive.loops().velocity_reference_counts_per_s)
+                        : axis.active(drive::Signal::invert_direction) ? -target
+                                                                       : target;
   const double error = wanted - axis.shown_velocity();
   return axis.units.velocity_inverted ? -error : error;
 }
@@ -88,9 +98,8 @@ void MotionControl::configure(const ServoObjects& objects, drive::Configuration&
 }
 
 void MotionControl::loaded(ServoObjects& objects) {
-  const bool curved = objects.motion.profile_order == s_curve;
-  objects.drive.motion_profile_type = curved ? s_curve_shape : std::int16_t{0};
-  objects.drive.interpolation_time_period_value = sync_period_ms(objects);
+  take_over_shape(objects);
+  take_over_period(objects);
 }
 
 AbortCode MotionControl::check(const Entry& entry, std::int64_t number, const drive::Drive& drive) {
@@ -120,8 +129,8 @@ bool MotionControl::written(const Entry& entry, ServoObjects& objects, const dri
     case 0x608000:
       common.max_profile_velocity = rounded<std::uint32_t>(velocity_dec_from_rpm(common.max_motor_speed_rpm));
       return false;
-    case 0x301101:
-    case 0x60FB04: loaded(objects); return true;
+    case 0x301101: take_over_period(objects); return true;
+    case 0x60FB04: take_over_shape(objects); return true;
     default: return false;
   }
 }

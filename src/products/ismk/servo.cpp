@@ -75,6 +75,7 @@ drive::Configuration Servo::configuration() {
   configuration.ignored = AlarmLog::ignored(objects_.alarms);
   terminals_.configure(objects_, configuration);
   MotionControl::configure(objects_, configuration);
+  configuration.set_point_period_s = set_point_period_s_;
   return configuration;
 }
 
@@ -82,7 +83,14 @@ void Servo::before_power_on() {
   terminals_.reset();
   motion_control_.power_on();
   restart_requested_ = false;
+  set_point_period_s_ = 0.0;
   tuning_.reset(static_cast<double>(rating().motor.inertia_kgm2));
+}
+
+void Servo::set_set_point_period(double seconds) {
+  if (seconds == set_point_period_s_) return;
+  set_point_period_s_ = seconds;
+  reconfigure();
 }
 
 void Servo::before_reset(bool whole) {

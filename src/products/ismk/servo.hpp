@@ -34,6 +34,8 @@ class Servo {
   bool cycle(Time now);
   // As if the supply had been off for a moment: the shaft stands where it is, and the encoder knows the turn only.
   drive::Feedback restart_feedback() const;
+  // Of set-points that come with SYNC0; 0: 3011h sub 1.
+  void set_set_point_period(double seconds);
   // A cycle of set-points: a SYNC, or process data.
   void sync(Time now) { motion_control_.sync(drive_, objects_, now); }
 
@@ -88,6 +90,7 @@ class Servo {
   AlarmLog alarm_log_{};
   LoopTuning tuning_{};
   bool restart_requested_ = false;
+  double set_point_period_s_ = 0.0;
 };
 
 // 2F81h (L3211); 0: no such code.
