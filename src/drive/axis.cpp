@@ -14,11 +14,11 @@ bool Axis::software_limits_active() const {
 
 bool Axis::beyond_software_limits() const {
   if (!software_limits_active()) return false;
-  const auto beyond = [this](Counts application) {
-    const std::int64_t user = to_user_position(application);
+  const auto beyond = [this](std::int64_t user) {
     return user < objects.min_position_limit || user > objects.max_position_limit;
   };
-  return beyond(position()) || beyond(generator.nearest_position());
+  return beyond(to_user_position(position())) || beyond(to_user_position(generator.nearest_position())) ||
+         (commanded && beyond(*commanded));
 }
 
 bool Axis::at_position_limit() const { return at_limit(true) || at_limit(false); }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 
 #include "drive/cause_set.hpp"
@@ -168,15 +169,16 @@ struct Axis {
   std::uint32_t signals = 0;            // bit(Signal)
   std::span<const SignalEdge> edges{};  // since the last cycle, encoder counts
   const CascadeState* loops = nullptr;
-  bool limited = false;                  // statusword bit 11
-  int stopped_at = 0;                    // -1, +1: the software limit at small or large counts ended the motion
-  bool synchronised = false;             // a SYNC came since the last cycle
-  double sync_age = 0.0;                 // how long before this cycle, in cycles
-  bool new_set_point = false;            // a cyclic set-point was written since the last cycle
-  bool following_error = false;          // out of 6065h for longer than 6066h: statusword bit 13 in position modes
-  Cause raised = Cause::none;            // the first cause raised in this cycle
-  bool velocity_clipped = false;         // of this cycle's set-point
-  bool position_change_clipped = false;  //
+  bool limited = false;                     // statusword bit 11
+  std::optional<std::int64_t> commanded{};  // user units: the last target of a position mode, before any limit
+  int stopped_at = 0;                       // -1, +1: the software limit at small or large counts ended the motion
+  bool synchronised = false;                // a SYNC came since the last cycle
+  double sync_age = 0.0;                    // how long before this cycle, in cycles
+  bool new_set_point = false;               // a cyclic set-point was written since the last cycle
+  bool following_error = false;             // out of 6065h for longer than 6066h: statusword bit 13 in position modes
+  Cause raised = Cause::none;               // the first cause raised in this cycle
+  bool velocity_clipped = false;            // of this cycle's set-point
+  bool position_change_clipped = false;     //
 
   Counts position() const { return encoder_position + offset; }
   double velocity() const { return static_cast<double>(loops->velocity_counts_per_s); }
@@ -323,7 +325,7 @@ struct Axis {
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
   bool software_limits_active() const;
-  bool beyond_software_limits() const;  // demand or position
+  bool beyond_software_limits() const;  // command, demand or position
   // A limit switch is active, or the demand is at a software limit or beyond it (the shaft hunts around it by a count).
   bool at_position_limit() const;
   // ... and the demand does not lead away from it.

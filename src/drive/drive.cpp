@@ -136,7 +136,8 @@ void Drive::restart() {
   active_.clear();
   warned_.clear();
   if (erroneous && events_ != nullptr) events_->errors_gone(0);
-  newest_fault_ = nullptr;
+  shown_fault_ = nullptr;
+  axis_.commanded.reset();
   axis_.objects.error_code = 0;
   axis_.raised = Cause::none;
   axis_.demand = {};

@@ -98,7 +98,8 @@ class Drive final : public dictionary::Listener {
   bool any_fault() const { return active_.any(); }
   bool warns(Cause cause) const { return warned_.test(cause); }
   std::uint8_t error_register() const;  // the bits of 1001h of all that is present
-  const FaultRow* newest_fault() const { return newest_fault_; }
+  // That of 603Fh: the newest one, or the first (Policy::first_fault_is_shown).
+  const FaultRow* shown_fault() const { return shown_fault_; }
   const FaultRow* row(Cause cause) const;
   void clear_multi_turn() { multi_turn_cleared_ = true; }  // the encoder's turns were declared valid
 
@@ -175,6 +176,7 @@ class Drive final : public dictionary::Listener {
   bool stop_finished() const;
   void step_stop();
   void step_power();
+  void show_fault(const FaultRow& row);
   void react_to_fault(const FaultRow& row);
   bool reset_faults();
   void collect_faults();
@@ -263,7 +265,7 @@ class Drive final : public dictionary::Listener {
   CauseSet warned_{};   // warnings that were told
   bool outside_warning_ = false;
   bool units_valid_ = true;
-  const FaultRow* newest_fault_ = nullptr;
+  const FaultRow* shown_fault_ = nullptr;
   bool multi_turn_cleared_ = false;
 
   MovingAverage smoothing_{};

@@ -136,16 +136,19 @@ struct Policy {
   bool remote_bit = true;  // statusword bit 9 is set
   DcLink dc_link = DcLink::always;
   std::span<const FaultRow> faults;
-  bool cyclic_modes_show_reached = false;           // statusword bit 10 in cyclic synchronous position and velocity
-  std::int16_t halt_code_of_zero = 0;               // what 605Dh does while it reads 0
-  bool faults_show_as_warning = false;              // statusword bit 7 is set by faults as well
-  bool limit_switches_show_as_limit = false;        // ... bit 11 by an active limit switch, moving or not
+  bool cyclic_modes_show_reached = false;     // statusword bit 10 in cyclic synchronous position and velocity
+  std::int16_t halt_code_of_zero = 0;         // what 605Dh does while it reads 0
+  bool first_fault_is_shown = false;          // 603Fh keeps the first fault; those that follow it are told, not shown
+  bool faults_show_as_warning = false;        // statusword bit 7 is set by faults as well
+  bool limit_switches_show_as_limit = false;  // ... bit 11 by an active limit switch, moving or not
   bool communication_errors_are_warnings = false;   // those that the bus node finds itself
   bool communication_loss_is_always_fault = false;  // in every state, and told as the drive's own error
 
   // Profile position
-  std::uint8_t set_point_queue = 1;       // set-points that wait behind the running one
-  std::uint16_t target_tracking = 0;      // controlword bits with which every write of 607Ah is a new set-point
+  std::uint8_t set_point_queue = 1;  // set-points that wait behind the running one
+  bool set_points_start_from_rest =
+      false;                          // one that waits begins when the shaft stands, unless it is to be passed on to
+  std::uint16_t target_tracking = 0;  // controlword bits with which every write of 607Ah is a new set-point
   bool halt_discards_set_points = false;  // the job must be triggered again after halt
   bool jerk_limited_only_from_standstill = false;
   std::uint8_t ramp_shapes = 0b1111;  // 6086h: bit n for type n

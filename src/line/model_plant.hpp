@@ -29,6 +29,7 @@ inline void fit_model(const products::Model& model, plant::Parameters& parameter
   parameters.supply.volts = static_cast<double>(model.supply_v);
   parameters.supply.source_resistance_ohm = static_cast<double>(model.source_resistance_ohm);
   parameters.supply.capacitance_f = static_cast<double>(model.dc_link_f);
+  parameters.supply.standby_w = static_cast<double>(model.standby_w);
   parameters.supply.overcurrent_a = 1.5 * peak_current_a;
   parameters.supply.bus_overcurrent_a = 1.5 * peak_current_a;
   parameters.thermal.winding_to_case_k_per_w = static_cast<double>(model.winding_to_case_k_per_w);

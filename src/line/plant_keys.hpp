@@ -65,6 +65,7 @@ inline constexpr std::array supply_keys{
     SERVODROME_KEY(plant::Supply, capacitance_f),
     SERVODROME_KEY(plant::Supply, precharge_time_constant_s),
     SERVODROME_KEY(plant::Supply, bleeder_resistance_ohm),
+    SERVODROME_KEY(plant::Supply, standby_w),
     SERVODROME_KEY(plant::Supply, chopper_resistance_ohm),
     SERVODROME_KEY(plant::Supply, charged_at_start),
     SERVODROME_KEY(plant::Supply, overcurrent_a),

@@ -43,7 +43,7 @@ constexpr std::array signal_table{
     Signal{"fault_code", "",
            [](Axis& axis, const Channel&) {
              return of_drive(axis, [](const drive::Drive& drive) {
-               return drive.any_fault() && drive.newest_fault() != nullptr ? drive.newest_fault()->code : 0;
+               return drive.any_fault() && drive.shown_fault() != nullptr ? drive.shown_fault()->code : 0;
              });
            }},
 };

@@ -15,6 +15,7 @@ DcLink::DcLink(const Supply& supply)
       tick_over_capacitance_(h / supply.capacitance_f),
       half_capacitance_(0.5 * supply.capacitance_f),
       supply_v_(supply.volts),
+      standby_w_(supply.standby_w),
       source_resistance_(supply.source_resistance_ohm),
       precharge_resistance_(
           std::max(supply.precharge_time_constant_s / supply.capacitance_f, supply.source_resistance_ohm)) {
@@ -26,6 +27,12 @@ DcLink::DcLink(const Supply& supply)
 void DcLink::set_supply_v(double volts) {
   supply_v_ = volts;
   if (connected_) source_v_ = volts;
+}
+
+double DcLink::standby_power() {
+  const double energy_j = std::min(standby_w_ * h, stored_j());
+  standby_j_ += energy_j;
+  return energy_j / h;
 }
 
 void DcLink::discharge() {

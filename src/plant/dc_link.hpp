@@ -6,8 +6,8 @@
 #include "plant/parameters.hpp"
 
 // The DC link: a source behind a rectifier and a resistance, the drive's relay with its precharge, a capacitor, brake
-// and bleeder resistor. Energy is what is kept: the capacitor loses exactly what the motor takes and gains exactly what
-// it gives back.
+// and bleeder resistor, and the drive's own electronics: the source carries them, and without it the capacitor does.
+// Energy is what is kept: the capacitor loses exactly what the motor takes and gains exactly what it gives back.
 namespace servodrome::plant {
 
 class DcLink {
@@ -20,6 +20,7 @@ class DcLink {
     if (connected != connected_) [[unlikely]]
       set_connected(connected);
     const double start_v = volts_;
+    if (start_v > source_v_ && standby_w_ > 0.0) power_w += standby_power();
     const double keep = chopper_on ? chopper_keep_ : bleeder_keep_;
     const double kept_v = start_v * keep;
     chopped_j_ += half_capacitance_ * (start_v - kept_v) * (start_v + kept_v);
@@ -51,10 +52,12 @@ class DcLink {
   double volts() const { return volts_; }
   double supplied_j() const { return supplied_j_; }
   double chopped_j() const { return chopped_j_; }
+  double standby_j() const { return standby_j_; }
   double stored_j() const { return half_capacitance_ * volts_ * volts_; }
 
  private:
   void set_connected(bool connected);
+  double standby_power();  // of this tick, W: no more than there is
   void end_precharge();
   void set_source_resistance(double resistance_ohm);
 
@@ -68,10 +71,12 @@ class DcLink {
   double half_capacitance_;
   double supplied_j_ = 0.0;
   double chopped_j_ = 0.0;
+  double standby_j_ = 0.0;  // of the electronics, out of the capacitor
   bool connected_ = false;
   bool precharging_ = false;
 
   double supply_v_;
+  double standby_w_;
   double source_resistance_;
   double precharge_resistance_;
 };

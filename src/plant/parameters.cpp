@@ -144,6 +144,7 @@ std::vector<std::string> validate(const Parameters& p) {
       Check{"supply.capacitance_f", s.capacitance_f, 1.0e-6, 10.0},
       Check{"supply.precharge_time_constant_s", s.precharge_time_constant_s, 0.0, 10.0},
       Check{"supply.bleeder_resistance_ohm", s.bleeder_resistance_ohm, 1.0, 1.0e9},
+      Check{"supply.standby_w", s.standby_w, 0.0, 1.0e4},
       Check{"supply.chopper_resistance_ohm", s.chopper_resistance_ohm, 0.1, 1.0e6},
       Check{"supply.overcurrent_a", s.overcurrent_a, 0.01, 1.0e5},
       Check{"supply.bus_overcurrent_a", s.bus_overcurrent_a, 0.01, 1.0e5},

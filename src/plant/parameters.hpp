@@ -71,6 +71,7 @@ struct Supply {
   double capacitance_f = 680.0e-6;          // [1e-6, 10]
   double precharge_time_constant_s = 0.03;  // [0, 10]: the link charges so after the relay closed; then directly
   double bleeder_resistance_ohm = 50.0e3;   // [1, 1e9]: discharges the link
+  double standby_w = 0.0;                   // [0, 1e4] the drive's electronics, out of the link without the source
   double chopper_resistance_ohm = 40.0;     // [0.1, 1e6] brake resistor
   bool charged_at_start = false;            // the link starts at `volts` (and closed), not empty
   double overcurrent_a = 20.0;              // [0.01, 1e5] phase amplitude at which the comparators speak

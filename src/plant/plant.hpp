@@ -18,6 +18,7 @@ namespace servodrome::plant {
 struct Energy {
   double supplied_j = 0.0;     // from the source into the DC link (after the source resistance)
   double chopped_j = 0.0;      // into brake and bleeder resistor
+  double standby_j = 0.0;      // from the DC link into the drive's electronics, while the source does not carry them
   double to_motor_j = 0.0;     // from the DC link into the phases; negative while regenerating
   double copper_j = 0.0;       // into the windings' heat
   double shaft_j = 0.0;        // work of the electromagnetic torque

@@ -46,8 +46,9 @@ struct SerialSettings {
 
 // What an EtherCAT slave has of its own on the line.
 struct EthercatSettings {
-  std::uint16_t station_alias = 0;  // configured station alias in its SII; 0: none
-  std::int32_t oscillator_ppb = 0;  // error of its oscillator, parts per billion
+  std::uint16_t station_alias = 0;                  // configured station alias in its SII; 0: none
+  std::int32_t oscillator_ppb = 0;                  // error of its oscillator, parts per billion
+  std::optional<std::uint16_t> sync_error_limit{};  // 10F1h:02 at power-on; else the factory's
 };
 
 // What the commissioning of a real drive would set by switches, PC tool or nameplate.

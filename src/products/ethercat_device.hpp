@@ -46,6 +46,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
   void power_on(const drive::Feedback& feedback, Time now) override {
     Base::clear_objects();
     load_objects(dictionary::Area::all);
+    if (const auto limit = settings().ethercat.sync_error_limit) objects().communication.sync_error_limit = *limit;
     drive().configure(product().configuration());
     drive().power_on(feedback);
     esc_.clock().set_oscillator(settings().ethercat.oscillator_ppb, now);

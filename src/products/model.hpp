@@ -20,6 +20,7 @@ struct Model {
   float supply_v = 48.0F;
   float dc_link_f = 1e-3F;
   float source_resistance_ohm = 0.05F;
+  float standby_w = 0.0F;  // the electronics, where the DC link feeds them
   float winding_to_case_k_per_w = 1.0F;
   float case_to_ambient_k_per_w = 1.8F;
   float stage_rated_current_a = 0.0F;   // the drive's own, as amplitude; 0: no less than the motor's

@@ -31,6 +31,29 @@ TEST(DcLink, BleederDischargesItWithTheRelayOpen) {
   EXPECT_NEAR(rig.plant.dc_link_v(), 310.0 * std::exp(-1.0 / tau), 0.01);
 }
 
+// The drive's electronics take their power out of the link while the supply does not carry them, and nothing else.
+TEST(DcLink, ElectronicsEmptyItWithoutTheSupply) {
+  Parameters p = bare_motor();
+  p.supply.bleeder_resistance_ohm = 1.0e9;
+  p.supply.standby_w = 10.0;
+  Rig rig(p);
+  rig.run(16000);
+  EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 1.0e-6) << "the supply carries them";
+  EXPECT_EQ(rig.plant.energy().standby_j, 0.0);
+  rig.plant.set_supply_v(0.0);
+  rig.run(16000);  // 10 J
+  const double left_v = std::sqrt(310.0 * 310.0 - 2.0 * 10.0 / p.supply.capacitance_f);
+  EXPECT_NEAR(rig.plant.dc_link_v(), left_v, 0.01);
+  EXPECT_NEAR(rig.plant.energy().standby_j, 10.0, 1.0e-3);
+  rig.run(16000 * 5);
+  EXPECT_EQ(rig.plant.dc_link_v(), 0.0) << "and no further";
+  EXPECT_NEAR(rig.plant.energy().standby_j, 0.5 * p.supply.capacitance_f * 310.0 * 310.0, 0.01)
+      << "no more than there was";
+  rig.plant.set_supply_v(310.0);
+  rig.run(16000);
+  EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 1.0e-3) << "it comes back";
+}
+
 TEST(DcLink, SagsByTheSourceResistance) {
   Parameters p = bare_motor();
   p.supply.source_resistance_ohm = 5.0;

@@ -533,13 +533,15 @@ TEST(JmcAlarms, EveryWarning) {
       ASSERT_GE(rig.run_until([&] { return warning.alarm == rig.device.alarm().data(); }, warning.within_ms), 0);
       EXPECT_EQ(rig.status() & 0x80, 0x80);
       EXPECT_EQ(rig.device.drive().state(), state);
-      EXPECT_EQ(rig.get(0x603F), 0);
+      // "AL.950" is A950h
+      EXPECT_EQ(rig.get(0x603F), 0xA000 + std::stoi(warning.alarm.substr(3), nullptr, 16));
       EXPECT_EQ(rig.get(0x1001), 0);
       warning.remove(rig);
       ASSERT_GE(rig.run_until([&] { return (rig.status() & 0x80) == 0; }, 3000.0), 0) << "stays";
       EXPECT_EQ(rig.device.drive().state(), state);
       EXPECT_TRUE(emergencies(rig).empty());
       EXPECT_STREQ(rig.device.alarm().data(), "");
+      EXPECT_EQ(rig.get(0x603F), 0);
     }
     EXPECT_TRUE(found) << "no test";
   }

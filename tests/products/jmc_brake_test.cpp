@@ -58,6 +58,31 @@ TEST(JmcBrake, OpensInSwitchedOnAndHoldsTheLoad) {
   EXPECT_NEAR(static_cast<double>(rig.monitor(10)), 100.0 * 0.2 / rated_nm, 6.0);
 }
 
+// The load hangs on the motor as soon as the brake lets go, and the loops build up their torque out of the deviation:
+// it sags. P02-50, the torque that holds it (L739), is there before the brake opens.
+TEST(JmcBrake, LoadSagsByWhatP0250DoesNotHold) {
+  const auto deepest = [](double share) {
+    BrakeRig rig;
+    const auto rated_nm = static_cast<double>(rig.device.drive().configuration().motor.rated_torque_nm);
+    const double load_nm = 0.2;
+    rig.set_panel(2, 50, std::lround(1000.0 * share * load_nm / rated_nm));
+    rig.plant.set_external_torque_nm(load_nm);
+    rig.run_ms(20);
+    rig.control(0x07);
+    std::int64_t least = 0;
+    for (int ms = 0; ms < 500; ++ms) {
+      rig.run_ms(1);
+      least = std::min(least, rig.plant.position_counts());
+    }
+    EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), 0.0, 3.0) << "held in the end";
+    return static_cast<double>(least);
+  };
+  const double bare = deepest(0.0);
+  EXPECT_LT(bare, -10.0);
+  EXPECT_NEAR(deepest(0.5), 0.5 * bare, 0.15 * -bare);
+  EXPECT_GE(deepest(1.0), -3.0);
+}
+
 // Commands are taken once P01-30 has passed since power came on (L680).
 TEST(JmcBrake, CommandsWaitForItsDelay) {
   for (const int delay_ms : {0, 100, 255}) {

@@ -238,6 +238,47 @@ TEST(JmcMotion, ProfilePositionSecondSetPoint) {
   }
 }
 
+// "The motor will stop during two runs" (L3842): the shaft, not the demand alone.
+TEST(JmcMotion, ShaftStandsBetweenTwoSetPoints) {
+  ProfileRig rig;
+  rig.start(12000);
+  rig.cycles(120);
+  rig.start(24000);
+  rig.word(0x0F, 1);
+  int standing_ticks = 0;
+  int longest = 0;
+  while (rig.position() < 12500) {
+    for (int tick = 0; tick < 16; ++tick) {
+      rig.tick();
+      standing_ticks = std::abs(rig.plant.velocity_rpm()) < 1.0 && rig.position() > 11900 ? standing_ticks + 1 : 0;
+      longest = std::max(longest, standing_ticks);
+    }
+    rig.exchange();
+  }
+  EXPECT_GE(longest, 32) << "2 ms";
+  rig.cycles(600);
+  EXPECT_NEAR(rig.position(), 24000, 2);
+  EXPECT_TRUE(rig.bit(10));
+}
+
+// A shaft that something keeps moving does not block what waits for ever.
+TEST(JmcMotion, SetPointThatWaitsBeginsAfterTwoSeconds) {
+  ProfileRig rig;
+  rig.start(4000);
+  rig.start(8000);
+  rig.word(0x0F, 1);
+  rig.cycles(80);
+  // A load that swings the axis.
+  int i = 0;
+  const std::int64_t ticks = rig.run_bus_until(
+      [&] {
+        rig.plant.set_external_torque_nm(0.3 * std::sin(2.0 * 3.14159265 * 20.0 * i++ / 16000.0));
+        return rig.device.drive().axis().generator.nearest_position() > 4100;
+      },
+      4000);
+  EXPECT_GE(ticks, 0);
+}
+
 // 6082h is where the motor starts, at once (L3798, D-20).
 TEST(JmcMotion, ProfilePositionStartSpeed) {
   ProfileRig rig;

@@ -7,6 +7,7 @@ namespace servodrome::drive {
 // --- Cyclic synchronous position
 
 void CyclicSyncPosition::enter(Axis& axis) {
+  axis.commanded.reset();
   axis.come_to_rest(RampShape::linear);
   follower_.stop();
   axis.new_set_point = false;

@@ -10,9 +10,16 @@ namespace {
 constexpr std::uint16_t relative_to_demand = 1;
 constexpr std::uint16_t relative_to_actual = 2;
 
+// Between set-points, for products that come to rest there: the shaft stands when it is so slow for so long; where
+// something keeps it moving the next one begins after the wait.
+constexpr double standing_rpm = 1.0;
+constexpr std::uint32_t standing_ms = 2;
+constexpr std::uint32_t rest_wait_ms = 2000;
+
 }  // namespace
 
 void ProfilePosition::enter(Axis& axis) {
+  axis.commanded.reset();
   head_ = count_ = 0;
   immediate_pending_ = false;
   running_ = false;
@@ -68,6 +75,15 @@ ProfilePosition::SetPoint ProfilePosition::pop() {
   head_ = (head_ + 1) % capacity;
   --count_;
   return set_point;
+}
+
+// Whether the set-point that waits may follow the one whose demand has just ended.
+bool ProfilePosition::may_chain(const Axis& axis) {
+  if (!axis.policy.set_points_start_from_rest || running_set_point_.end_velocity > 0.0 || passing_) return true;
+  const bool slow = std::abs(axis.velocity()) < axis.rpm_to_counts_per_s(standing_rpm);
+  const bool stands = rest_.update(slow, axis.cycles(standing_ms));
+  if (!stands && ++rest_wait_cycles_ < axis.cycles(rest_wait_ms)) return false;
+  return true;
 }
 
 Cause ProfilePosition::planning_fault(const Axis& axis, const SetPoint& set_point) const {
@@ -136,6 +152,7 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
     user += now - wrap_to_32_bits(now);
   }
   axis.limited = false;
+  axis.commanded = user;
   if (axis.software_limits_active()) {
     const std::int64_t clipped =
         std::clamp<std::int64_t>(user, axis.objects.min_position_limit, axis.objects.max_position_limit);
@@ -208,6 +225,8 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   interrupted_ = !running_;
   target_reached_ = false;
   window_.reset();
+  rest_.reset();
+  rest_wait_cycles_ = 0;
 }
 
 // A manufacturer's bit of the controlword: with it an absolute target is followed whenever it is written.
@@ -229,7 +248,7 @@ void ProfilePosition::step(Axis& axis) {
   if (immediate_pending_) {
     immediate_pending_ = false;
     start(axis, immediate_, false);
-  } else if (count_ > 0 && (!running_ || axis.generator.finished())) {
+  } else if (count_ > 0 && (!running_ || (axis.generator.finished() && may_chain(axis)))) {
     const bool chained = running_;
     start(axis, pop(), chained);
   } else if (count_ > 0 && queue_[head_].pass_previous && !passing_) {

@@ -43,6 +43,7 @@ class ProfilePosition {
     return axis.policy.jerk_limited_single_symmetric && running_ && running_set_point_.shape == RampShape::jerk_limited;
   }
   SetPoint pop();
+  bool may_chain(const Axis& axis);
   void track(Axis& axis);
   void keep_to_limits(Axis& axis);
   Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
@@ -65,6 +66,8 @@ class ProfilePosition {
   Counts target_ = 0;  // of the running or last motion, application counts
   std::int64_t target_user_ = 0;
   Dwell window_{};
+  Dwell rest_{};  // of the shaft, between two set-points
+  std::uint32_t rest_wait_cycles_ = 0;
 };
 
 }  // namespace servodrome::drive

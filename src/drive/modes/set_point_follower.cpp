@@ -34,6 +34,7 @@ constexpr double shortest_line = 0.25;  // cycles
 // The counts of a target in user units, for an axis that was sent to `last` before.
 Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
   axis.limited = false;
+  axis.commanded = user;
   const bool limits = axis.software_limits_active();
   if (limits) {
     const std::int64_t clipped =

@@ -321,10 +321,14 @@ void Drive::raise(Cause cause) {
   active_.set(cause);
   if (fault->reset == ResetRule::clear_multi_turn) multi_turn_cleared_ = false;
   if (fault->reset == ResetRule::power_off) latched_.set(cause);
-  newest_fault_ = fault;
-  axis_.objects.error_code = fault->code;
+  if (shown_fault_ == nullptr || !policy_.first_fault_is_shown) show_fault(*fault);
   if (events_ != nullptr) events_->fault_raised(*fault);  // as the drive is when it happens
   react_to_fault(*fault);
+}
+
+void Drive::show_fault(const FaultRow& fault) {
+  shown_fault_ = &fault;
+  axis_.objects.error_code = fault.code;
 }
 
 void Drive::inject(Cause cause, bool present) { injected_.set(cause, present); }
@@ -395,10 +399,13 @@ bool Drive::reset_faults() {
   for (const FaultRow& fault : policy_.faults) {
     if (!active_.test(fault.cause)) continue;
     if (fault.reset == ResetRule::clear_multi_turn && multi_turn_cleared_ && !present.test(fault.cause)) continue;
-    if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) return false;
+    if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) {
+      if (policy_.first_fault_is_shown) show_fault(fault);  // what stands in the way
+      return false;
+    }
   }
   active_.clear();
-  newest_fault_ = nullptr;
+  shown_fault_ = nullptr;
   axis_.objects.error_code = 0;
   axis_.raised = Cause::none;
   enter_state(PowerState::switch_on_disabled);

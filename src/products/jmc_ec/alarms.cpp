@@ -25,17 +25,14 @@ void JmcEc::follow_bus_error() {
 // With the motor enabled it has become a fault already, where 6007h says so; else it is told in the same way.
 void JmcEc::bus_error(AlStatusCode code) {
   bus_error_ = code;
-  jmc_ec::Objects& own = objects();
+  show_alarm();
   if (code == AlStatusCode::none) {
-    if (drive().any_fault()) return;  // reset with it
-    own.drive.error_code = 0;
-    EthercatDevice::errors_gone(drive().error_register());
+    if (!drive().any_fault()) EthercatDevice::errors_gone(drive().error_register());  // else reset with it
     return;
   }
   const std::size_t row = jmc_ec::communication_alarm_index(code);
   if (drive().is_active(jmc_ec::communication_cause(row))) return;
-  own.drive.error_code = jmc_ec::communication_alarms[row].code;
-  report(own.drive.error_code, jmc_ec::communication_error_register);
+  report(jmc_ec::communication_alarms[row].code, jmc_ec::communication_error_register);
 }
 
 void JmcEc::fault_raised(const drive::FaultRow& fault) {
@@ -43,31 +40,35 @@ void JmcEc::fault_raised(const drive::FaultRow& fault) {
   EthercatDevice::fault_raised(fault);
 }
 
+void JmcEc::warning_raised(const drive::FaultRow&) { show_alarm(); }
+
 void JmcEc::errors_gone(std::uint8_t remaining) {
-  // Warnings come and go untold.
+  show_alarm();
+  // Warnings come and go without an emergency.
   if (!fault_told_ || drive().any_fault()) return;
   fault_told_ = false;
-  if (bus_error_ != AlStatusCode::none) {
-    remaining |= jmc_ec::communication_error_register;
-    objects().drive.error_code = alarm_of(bus_error_).code;
-  }
+  if (bus_error_ != AlStatusCode::none) remaining |= jmc_ec::communication_error_register;
   EthercatDevice::errors_gone(remaining);
 }
 
-std::uint16_t JmcEc::shown_alarm() {
-  if (const drive::FaultRow* fault = drive().newest_fault()) return fault->alarm;
-  if (bus_error_ != AlStatusCode::none) return alarm_of(bus_error_).alarm;
+// A fault, else an error of the bus, else the first warning of the list.
+JmcEc::Alarm JmcEc::alarm_to_show() {
+  if (const drive::FaultRow* fault = drive().shown_fault()) return {fault->code, fault->alarm};
+  if (bus_error_ != AlStatusCode::none) return {alarm_of(bus_error_).code, alarm_of(bus_error_).alarm};
   for (const drive::FaultRow& row : jmc_ec::faults) {
-    if (row.alarm != jmc_ec::no_alarm_number && drive().warns(row.cause)) return row.alarm;
+    if (drive().warns(row.cause)) return {row.code, row.alarm};
   }
-  return jmc_ec::no_alarm_number;
+  return {};
 }
+
+// In 603Fh, "the latest alarm signal" (L2180).
+void JmcEc::show_alarm() { objects().drive.error_code = alarm_to_show().code; }
 
 jmc_ec::Leds JmcEc::leds(Time now) {
   jmc_ec::Leds leds;
   const bool linked = esc().link(0) || esc().link(1);
   leds.power = linked ? jmc_ec::Lamp::on : jmc_ec::Lamp::flashing;
-  const std::uint16_t shown = shown_alarm();
+  const std::uint16_t shown = alarm_to_show().number;
   leds.alarm_flashes = jmc_ec::flashes_of(shown);
   leds.alarm_on = leds.alarm_flashes == 0 && drive().any_fault();
   if (leds.alarm_flashes == 0 && !leds.alarm_on) {

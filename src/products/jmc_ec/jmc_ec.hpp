@@ -45,8 +45,8 @@ class JmcEc final
   void cycle(Time now) override;
 
   // What the manual describes and prints no objects for.
-  // The alarm that is shown: the newest fault, else that of the bus, else a warning; "" without one.
-  jmc_ec::AlarmText alarm() { return jmc_ec::alarm_text(shown_alarm()); }
+  // The alarm that is shown: the first fault, else that of the bus, else a warning; "" without one.
+  jmc_ec::AlarmText alarm() { return jmc_ec::alarm_text(alarm_to_show().number); }
   jmc_ec::Leds leds(Time now);
   Lamps lamps(Time now) override;
   const jmc_ec::PanelControl& panel() const { return panel_control_; }
@@ -74,7 +74,12 @@ class JmcEc final
   void panel_written(const dictionary::Entry& entry);
 
   // alarms.cpp
-  std::uint16_t shown_alarm();
+  struct Alarm {
+    std::uint16_t code = 0;  // of 603Fh
+    std::uint16_t number = jmc_ec::no_alarm_number;
+  };
+  Alarm alarm_to_show();
+  void show_alarm();
   void follow_bus_error();
   void bus_error(ethercat::AlStatusCode code);
 
@@ -84,7 +89,7 @@ class JmcEc final
 
   // --- drive::DriveEvents
   void fault_raised(const drive::FaultRow& fault) override;
-  void warning_raised(const drive::FaultRow&) override {}  // shown in statusword bit 7 only
+  void warning_raised(const drive::FaultRow& warning) override;
   void errors_gone(std::uint8_t remaining) override;
 
   jmc_ec::PanelControl panel_control_{};

@@ -126,6 +126,11 @@ inline constexpr auto object_table = dictionary::make_table<[] {
             {0x608F01, 4000},       {0x609201, 4000},      {0x609800, 0},      {0x609901, 0},
             {0x609902, 80},         {0x60C500, 100000},    {0x60C600, 100000}, {0x60E000, 5000},
             {0x60E100, 5000},       {0x650200, 0x000003AD}});
+  for (const std::uint16_t sync :
+       {std::uint16_t{0x1C32}, std::uint16_t{0x1C33}}) {  // read only, unlike in ETG.1020 (L3311-3315)
+    builder.at(sync, ethercat::sync_parameter::cycle_time).access = Access::ro;
+    builder.at(sync, ethercat::sync_parameter::shift_time).access = Access::ro;
+  }
   builder.at(0x6075).owner = Owner::product;  // beyond the power stage it is AL.060
   // -128..-1 and 36..127 are refused with 0609 0030h by the drive, which knows its methods (D-23).
   builder.at(0x6098).minimum = 0;

@@ -72,8 +72,10 @@ constexpr drive::Policy make_policy() {
   policy.brake_engages_before_power_off = true;  // L680
   policy.cyclic_modes_show_reached = true;       // L3459, L3630
   policy.faults = faults;
-  policy.set_point_queue = 1;             // D-39
-  policy.zero_ramps_are_greatest = true;  // D-34
+  policy.first_fault_is_shown = true;
+  policy.set_point_queue = 1;                // D-39
+  policy.set_points_start_from_rest = true;  // L3842
+  policy.zero_ramps_are_greatest = true;     // D-34
   policy.end_velocity_is_start = end_velocity_is_start;
   policy.excessive_velocity_faults = excessive_velocity_faults;
   policy.out_of_limits = drive::OutOfLimits::fault;  // L3511

@@ -29,6 +29,7 @@ namespace rating {
 
 inline constexpr float root2 = 1.41421356F;
 inline constexpr float root3 = 1.73205081F;
+inline constexpr float standby_w = 3.0F;  // chosen: processor, EtherCAT with two ports, encoder; DC+ is the only supply
 
 constexpr void heat(Model& model) {
   const drive::MotorData& motor = model.motor;
@@ -68,6 +69,7 @@ constexpr Rating servo(std::string_view name, std::string_view title, const char
   motor.inertia_kgm2 = plate.inertia_kgm2;
   made.model.supply_v = plate.supply_v;
   made.model.dc_link_f = plate.dc_link_f;
+  made.model.standby_w = standby_w;
   made.model.brake_torque_nm = plate.brake_torque_nm;
   made.model.stage_rated_current_a = 1.2F * motor.rated_current_a;
   heat(made.model);
@@ -107,6 +109,7 @@ constexpr Rating stepper(std::string_view name, std::string_view title, const ch
   motor.inertia_kgm2 = plate.inertia_kgm2;
   made.model.supply_v = plate.supply_v;
   made.model.dc_link_f = 2.2e-3F;
+  made.model.standby_w = standby_w;
   made.model.cogging_torque_nm = 0.04F * plate.rated_torque_nm;
   made.model.cogging_periods_per_revolution = 4 * motor.pole_pairs;  // full steps
   made.model.stage_rated_current_a = 1.2F * motor.rated_current_a;
