@@ -60,7 +60,8 @@ Axis::Axis(const AxisSettings& settings, const AxisBuses& buses)
   }
   if (ethercat_ != nullptr) {
     device_settings.ethercat = {settings.ethercat->alias,
-                                static_cast<std::int32_t>(std::lround(settings.ethercat->oscillator_ppm * 1000.0))};
+                                static_cast<std::int32_t>(std::lround(settings.ethercat->oscillator_ppm * 1000.0)),
+                                settings.ethercat->sync_error_limit};
   }
   device_ = settings.product->make(device_settings);
   if (bus_ != nullptr) port_ = bus_->attach(*this, 1);  // the frames wait in the device

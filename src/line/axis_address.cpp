@@ -23,7 +23,7 @@ class AxisAddressReader {
   // The fieldbus: its own of the product's kind, found by name, or the only one there is.
   void read_fieldbus_address(TableReader& reader, AxisSettings& axis) {
     if (axis.product == nullptr) {  // nobody knows which bus it needs, and which of these keys
-      for (const char* key : {"bus", "alias", "oscillator_ppm", "cable_ns"}) reader.node(key);
+      for (const char* key : {"bus", "alias", "oscillator_ppm", "cable_ns", "sync_error_limit"}) reader.node(key);
       read_node(reader, axis);
       return;
     }
@@ -85,6 +85,8 @@ class AxisAddressReader {
     reader.read("alias", ethercat.alias);
     reader.read("oscillator_ppm", ethercat.oscillator_ppm);
     reader.read("cable_ns", cable_ns, 0, longest_cable_ns);
+    if (reader.node("sync_error_limit") != nullptr)
+      reader.read("sync_error_limit", ethercat.sync_error_limit.emplace());
     ethercat.cable = links::Time(cable_ns);
     if (std::abs(ethercat.oscillator_ppm) > worst_oscillator_ppm) {
       reader.complain("oscillator_ppm", fmt::format("{:g} is out of range", ethercat.oscillator_ppm),
@@ -105,7 +107,7 @@ class AxisAddressReader {
   }
 
   void read_can_address(TableReader& reader, AxisSettings& axis) {
-    for (const char* key : {"alias", "oscillator_ppm", "cable_ns"}) {
+    for (const char* key : {"alias", "oscillator_ppm", "cable_ns", "sync_error_limit"}) {
       if (reader.node(key) != nullptr) {
         reader.complain(key, "is of an axis on an EtherCAT segment", "leave the key out");
       }

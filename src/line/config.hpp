@@ -44,10 +44,11 @@ struct EthercatBusSettings {
 
 // How an axis stands on an EtherCAT segment.
 struct AxisEthercatSettings {
-  std::size_t bus = 0;        // index into LineSettings::ethercat_buses
-  std::uint16_t alias = 0;    // configured station alias; 0: none
-  double oscillator_ppm = 0;  // how far its clock is off
-  links::Time cable{};        // how long a signal takes on the cable in front of it
+  std::size_t bus = 0;                            // index into LineSettings::ethercat_buses
+  std::uint16_t alias = 0;                        // configured station alias; 0: none
+  double oscillator_ppm = 0;                      // how far its clock is off
+  std::optional<std::uint16_t> sync_error_limit;  // 10F1h:02 at power-on; else the product's
+  links::Time cable{};                            // how long a signal takes on the cable in front of it
 };
 
 // How an axis takes part in an RS485 line.

@@ -25,6 +25,7 @@ type = "ethercat"
 name = "a"
 product = "generic402-ec"
 alias = 11
+sync_error_limit = 600
 [[axis]]
 name = "b"
 product = "generic402-ec"
@@ -70,6 +71,19 @@ TEST_F(EthercatLine, TheOrderOfTheFileIsTheOrderOnTheWire) {
     EXPECT_EQ(answer.working_counter, 1U);
     EXPECT_EQ(answer.data, i == 0 ? 11U : 0U);
   }
+}
+
+// 10F1h:02 is the line file's after each power-on; what a master writes holds until then.
+TEST_F(EthercatLine, SyncErrorLimitIsThatOfTheFile) {
+  const auto limit = [this](const char* name) { return line.find_axis(name)->device().dictionary().number(0x10F1, 2); };
+  EXPECT_EQ(limit("a"), 600);
+  EXPECT_EQ(limit("b"), 4);
+  line.find_axis("a")->device().dictionary().set_number(0x10F1, 2, 7);
+  EXPECT_EQ(limit("a"), 7);
+  line.find_axis("a")->power_off(line.now());
+  line.run_until(5ms);
+  line.find_axis("a")->power_on(line.now());
+  EXPECT_EQ(limit("a"), 600);
 }
 
 TEST_F(EthercatLine, AnAxisWithoutPowerEndsTheLineAndComesBack) {

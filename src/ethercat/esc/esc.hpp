@@ -87,6 +87,7 @@ class alignas(64) Esc {
   // Reading acknowledges it: the master can write the next one.
   std::uint16_t take_al_control();
   void set_al_status(std::uint16_t status, std::uint16_t code);
+  std::uint16_t station_alias() const { return load_u16(&memory_[reg::station_alias]); }  // in force: 0012h
   std::uint16_t al_status() const { return load_u16(&memory_[reg::al_status]); }
   std::uint32_t al_event_request() const;
 

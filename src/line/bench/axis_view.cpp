@@ -99,7 +99,7 @@ Json view_of(const Line& line, Axis& axis) {
   if (const ethercat::Slave* slave = device.ethercat_slave(); slave != nullptr && settings.ethercat) {
     view["bus"] = line.ethercat_buses()[settings.ethercat->bus]->settings.name;
     view["position"] = axis.position();
-    view["alias"] = settings.ethercat->alias;
+    view["alias"] = device.ethercat_controller()->station_alias();
     view["al_state"] = ethercat::text(slave->state());
     view["al_status_code"] = static_cast<unsigned>(slave->status_code());
   }

@@ -119,7 +119,10 @@ def test_alias_written_by_a_master_stays(line, open_master):
             crc = (crc << 1 ^ 0x07) & 0xFF if crc & 0x80 else crc << 1
     slave.eeprom_write(4, bytes(fixed[8:10]))
     slave.eeprom_write(7, bytes([crc, 0]))
+    alias = line.bench.axis("drive1")["alias"]
+    assert alias != 0x1234  # it comes into force with the power
     line.bench.post("axes/drive1/power", {"action": "cycle"})
+    assert line.bench.axis("drive1")["alias"] == 0x1234
     assert master.scan() == 2
     assert struct.unpack("<H", master.slaves[0].eeprom_read(4)[:2]) == (0x1234,)
     assert struct.unpack("<H", master.slaves[0]._fprd(0x0012, 2)) == (0x1234,)
