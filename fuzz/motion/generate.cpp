@@ -18,7 +18,8 @@ class Generator {
   Sequence draw() {
     const Variant& first = random_.of(variants_);
     const int count = random_.chance(85) ? 1 : static_cast<int>(random_.within(2, 3));
-    for (int i = 0; i < count; ++i) add_axis(i == 0 ? first : neighbour(first));
+    const bool alike = random_.chance(35);
+    for (int i = 0; i < count; ++i) add_axis(i == 0 || alike ? first : neighbour(first));
     static constexpr std::array<std::int64_t, 8> cycles{1000, 1000, 2000, 4000, 500, 250, 3333, 10000};
     sequence_.cycle_us = random_.of(cycles);
     sequence_.sync = random_.chance(50);
@@ -491,6 +492,16 @@ class Generator {
         add({.kind = Kind::input, .value = 1, .count = wire});
         wait(200, 450);
         if (random_.chance(30)) move();
+        if (mode() == Mode::profile_position && random_.chance(60)) {  // and a way off it
+          wait(5, 50);
+          const double way = (wire == wiring.negative_limit ? 1.0 : -1.0) * (0.4 + 4.0 * random_.unit());
+          write(0x607A, to_i32(variant().position(way)));
+          now_ += 24;
+          control(0x5F);
+          now_ += 24;
+          control(0x4F);
+          wait(150, 500);
+        }
         add({.kind = Kind::input, .value = 0, .count = wire});
         return wait(50, 300);
       }

@@ -13,6 +13,7 @@ namespace {
 constexpr std::int64_t set_up_tick = 8;  // a node has booted by then
 constexpr std::int64_t enable_limit = 600 * ticks_per_ms;
 constexpr std::int64_t master_period = ticks_per_ms;
+constexpr std::int64_t load_window = 50 * ticks_per_ms;
 
 class Machine final : public FrameListener {
  public:
@@ -105,8 +106,26 @@ class Machine final : public FrameListener {
       }
     }
     if (tick_ % ticks_per_ms == 0) take_fingerprint();
+    if (on_can() && tick_ % load_window == 0 && !look_at_load()) return false;
     if (options_.story != nullptr) tell();
     return true;
+  }
+
+  // The master's own frames are few where it maps nothing and sends no SYNC.
+  bool look_at_load() {
+    const links::CanBus& bus = line_.buses().front()->bus;
+    const std::uint64_t bits = bus.counters().bits;
+    const double share = static_cast<double>(bits - bits_) / (62.5e-6 * load_window * bus.bit_rate());
+    bits_ = bits;
+    const bool streamed = streamed_;  // by SDO, which is the master's own crowd
+    streamed_ = false;
+    const bool whole = !streamed && std::none_of(axes_.begin(), axes_.end(), [this](const AxisState& one) {
+      return one.around.cut || tick_ - one.around.joined < 2 * load_window || one.stream.left > 0;
+    });
+    if (sequence_.mapped || sequence_.sync || share < 0.9 || !whole) return true;
+    finding_ = Finding{"bus-overloaded", 0, tick_,
+                       fmt::format("{:.0f} % of the bus in {} ms", 100.0 * share, load_window / ticks_per_ms)};
+    return false;
   }
 
   void take_fingerprint() {
@@ -137,6 +156,7 @@ class Machine final : public FrameListener {
   void step_stream(std::size_t i) {
     Stream& stream = axes_[i].stream;
     if (stream.left <= 0) return;
+    streamed_ = true;
     --stream.left;
     ++stream.sent;
     ProcessValues& values = master_->values(i);
@@ -424,6 +444,8 @@ class Machine final : public FrameListener {
   std::int64_t cycles_ = 0;
   bool cycling_ = true;
   std::uint64_t fingerprint_ = 0;
+  std::uint64_t bits_ = 0;
+  bool streamed_ = false;
   std::optional<Finding> finding_;
   std::vector<std::pair<std::uint16_t, int>> told_;
 };

@@ -116,6 +116,7 @@ class Watch {
 
   // As of the one before.
   bool first_ = true;
+  bool spoilt_ = false;  // a phase was open or shorted at some time: the energy book does not close then
   bool had_pwm_ = false;
   bool was_powered_ = true;
   drive::PowerState before_{};
@@ -163,6 +164,9 @@ class Watch {
   struct SetPoint {
     bool active = false;
     bool taken = false;
+    bool leaves = false;  // a limit switch
+    double from = 0.0;
+    double direction = 0.0;
     std::int64_t since = 0;
     std::int64_t alone = 0;  // since when there is no other
     std::int64_t reached = 0;
