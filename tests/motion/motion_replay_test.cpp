@@ -1,0 +1,48 @@
+#include <filesystem>
+#include <fstream>
+#include <gtest/gtest.h>
+#include <sstream>
+
+#include "machine.hpp"
+#include "source_dir.hpp"
+
+// What motion_fuzz found once, with all its invariants: tests/data/motion holds one case in each file.
+namespace servodrome::motion {
+namespace {
+
+const std::filesystem::path folder = std::filesystem::path(SERVODROME_SOURCE_DIR) / "tests/data/motion";
+
+std::string text_of(const std::filesystem::path& path) {
+  std::ostringstream text;
+  text << std::ifstream(path).rdbuf();
+  return text.str();
+}
+
+TEST(MotionReplay, WhatWasFoundStaysRepaired) {
+  std::size_t cases = 0;
+  for (const auto& file : std::filesystem::directory_iterator(folder)) {
+    if (file.path().extension() != ".case") continue;
+    const ParsedSequence parsed = parse_sequence(text_of(file.path()));
+    ASSERT_EQ(parsed.error, "") << file.path();
+    const Outcome outcome = run_checked(parsed.sequence, {}, true);
+    EXPECT_FALSE(outcome.finding) << file.path().filename() << ": " << outcome.finding->invariant << ": "
+                                  << outcome.finding->text;
+    ++cases;
+  }
+  EXPECT_GE(cases, 40U);
+}
+
+TEST(MotionReplay, ACaseIsReadAsItIsWritten) {
+  for (const auto& file : std::filesystem::directory_iterator(folder)) {
+    const Sequence sequence = parse_sequence(text_of(file.path())).sequence;
+    EXPECT_EQ(parse_sequence(to_text(sequence)).sequence, sequence) << file.path();
+  }
+}
+
+TEST(MotionReplay, AMistakeIsToldWithItsLine) {
+  EXPECT_EQ(parse_sequence("axis ismc\n1.0 a0 jump 3\n").error, "2: there is no event \"jump\"");
+  EXPECT_EQ(parse_sequence("axis ismc\n1.0 a1 enable\n").error, "2: \"a1\" is none of the axes; the first is a0");
+}
+
+}  // namespace
+}  // namespace servodrome::motion
