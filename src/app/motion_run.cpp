@@ -6,18 +6,6 @@
 #include "app/drive_link.hpp"
 
 namespace servodrome::app {
-namespace {
-
-// A slave that leaves OP with its motor on takes that for a fault.
-void disable_if_possible(host::Axis402& axis) {
-  try {
-    axis.disable();
-  } catch (const host::HostError&) {
-    // What went wrong before is told.
-  }
-}
-
-}  // namespace
 
 void add_motion_options(CLI::App& command, MotionOptions& options, const std::string& timeout_help) {
   add_bus_options(command, options.bus, timeout_help);
@@ -43,20 +31,23 @@ void run_motion(const MotionOptions& options, const std::function<Motion(const U
   const InterruptGuard guard;
   host::Time start{};
   MotionResult result;
+  double seconds = 0.0;
+  std::int32_t position = 0;
   try {
     if (options.reset_fault) axis.reset_fault();
     axis.enable();
     start = link.objects().now();
     result = motion(axis, motion_progress(axis, options.bus.json, scale));
+    seconds = std::chrono::duration<double>(link.objects().now() - start).count();
+    position = axis.position();
+    // A slave that leaves OP with its motor on takes that for a fault.
+    if (options.disable || link.operates()) axis.disable();
   } catch (...) {
     end_progress(options.bus.json);
-    if (link.operates()) disable_if_possible(axis);
+    axis.try_to_switch_off();
     throw;
   }
-  const double seconds = std::chrono::duration<double>(link.objects().now() - start).count();
   end_progress(options.bus.json);
-  const std::int32_t position = axis.position();
-  if (options.disable || link.operates()) axis.disable();
   if (options.bus.json) {
     const bool in_others = scale.system != host::UnitSystem::drive;
     nlohmann::ordered_json json{{"node", axis.address()}, {"result", result.done}};

@@ -61,7 +61,7 @@ struct MotionResult {
 using Motion = std::function<MotionResult(host::Axis402&, const host::Axis402::Progress&)>;
 
 // Lets `plan` make a motion of the options, enables the drive, lets the motion run, and says where the axis is. Options
-// that cannot be followed leave the drive as it was.
+// that cannot be followed leave the drive as it was; what fails later leaves it at rest and disabled.
 void run_motion(const MotionOptions& options, const std::function<Motion(const Units&)>& plan);
 
 }  // namespace servodrome::app

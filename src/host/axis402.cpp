@@ -218,7 +218,10 @@ void Axis402::enable() {
         step(shutdown, PowerState::ready_to_switch_on, "get ready to switch on");
         break;
       case PowerState::ready_to_switch_on: step(switch_on, PowerState::switched_on, "switch on"); break;
-      case PowerState::switched_on: step(enable_operation, PowerState::operation_enabled, "enable operation"); break;
+      case PowerState::switched_on:
+        take_back_targets_before_enabling();
+        step(enable_operation, PowerState::operation_enabled, "enable operation");
+        break;
       case PowerState::quick_stop_active:
         // Back by way of switch on disabled, since transition 16 is optional.
         step(disable_voltage, PowerState::switch_on_disabled, "leave quick stop");
@@ -240,19 +243,19 @@ void Axis402::disable() {
   halted_ = false;
   write_controlword(disable_voltage);
   wait_for_state({PowerState::switch_on_disabled}, "switch off");
+  take_back_targets();
 }
 
 // 605Ah decides whether the drive stays in quick stop active or goes on to switch on disabled.
 void Axis402::quick_stop() {
-  if (state() != PowerState::operation_enabled) return;
+  const PowerState present = state();
+  if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) return;
   const ComingToRest rest(comes_to_rest_);
   halted_ = false;
-  write_controlword(quick_stop_command);
+  if (present == PowerState::operation_enabled) write_controlword(quick_stop_command);
   wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop");
-  const Time deadline = objects_.now() + options_.state_timeout;
-  while (state() == PowerState::quick_stop_active && velocity() != 0 && objects_.now() < deadline) {
-    pause();
-  }
+  take_back_targets();
+  rests_within(options_.state_timeout);
 }
 
 void Axis402::set_mode(OperationMode mode) {

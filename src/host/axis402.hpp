@@ -44,6 +44,9 @@ struct AxisOptions {
   Time state_timeout = std::chrono::seconds(2);       // for each transition, mode change and handshake
   Time poll_interval = std::chrono::milliseconds(5);  // of the statusword
   Dialect dialect{};
+  // A halt by stop() that has not brought the axis to rest after so long becomes a quick stop; nothing: it may last as
+  // long as the axis gets slower.
+  std::optional<Time> longest_halt{};
   // Asked at each poll of every wait, except those of stop(), disable() and quick_stop(), which bring the axis to rest:
   // true ends the wait. What moves is halted first, and the call throws Cancelled.
   std::function<bool()> cancelled{};
@@ -131,9 +134,13 @@ class Axis402 {
 
   // Power state. All do nothing when the drive is there already.
   void reset_fault();
-  void enable();  // a fault is an error: reset_fault() first
+  // Moves nothing: targets that would act at once (60FFh, 6042h, 6071h, 607Ah, by mode) are made 0 or the present
+  // position first. Throws if one cannot be, with the axis not enabled. A fault is an error: reset_fault() first.
+  void enable();
   void disable();
-  void quick_stop();  // returns when the state is left or reached and the axis stands
+  void quick_stop();  // returns when the state is left or reached and the axis stands; leaves no target behind
+  // Velocity and torque 0 in every object that has one, as far as the drive takes it.
+  void take_back_targets();
 
   // Sets 6060h and waits for 6061h. Throws as well if 6502h says that the drive does not have the mode.
   void set_mode(OperationMode mode);
@@ -166,11 +173,17 @@ class Axis402 {
                   const Progress& progress = {});
 
   // Halt (605Dh) until at rest; homing is broken off, a move dropped. In profile torque by a velocity of 0, which is
-  // then the mode: a halt would let the axis coast.
+  // then the mode: a halt would let the axis coast. What lasts longer than AxisOptions::longest_halt ends in a quick
+  // stop.
   void stop();
+  // One of the stops so far has.
+  bool became_quick_stop() const { return became_quick_stop_; }
   // The same after an error, which is told in any case: "", or why the axis could not be stopped.
   std::string try_to_stop();
-  // The same, but resume() lets the motion go on; nothing else but disable() and stop() is to come between. Not in
+  // After an error, which is told in any case: at rest, by a quick stop if need be, and the motor off, as far as the
+  // drive can be reached.
+  void try_to_switch_off();
+  // As stop(), but resume() lets the motion go on; nothing else but disable() and stop() is to come between. Not in
   // profile torque.
   void halt();
   void resume();
@@ -213,6 +226,11 @@ class Axis402 {
   };
 
   void write_controlword(std::uint16_t word);
+  // 0 or the present position into a target; why not, if it does not stay.
+  std::optional<std::string> take_back(std::uint16_t index, bool to_present_position);
+  void take_back_targets_before_enabling();
+  // The shaft stands still, by its position, before so much time has passed.
+  bool rests_within(Time span);
   // The quotient of subs 1 and 2.
   std::optional<double> ratio(std::uint16_t index);
   std::int8_t mode();  // 6061h, or 6060h of a drive that does not have it
@@ -236,7 +254,8 @@ class Axis402 {
   void hand_over(std::int32_t target, std::uint16_t order);
   std::int32_t position_demand();  // 6062h, or the position of a drive that does not have it
   void begin_velocity(const MotionProfile& profile);
-  void wait_for_standstill();
+  // False: it took longer.
+  bool wait_for_standstill(std::optional<Time> longest = {});
   // Polls a motion until `done` says so; throws if the drive leaves operation enabled or the time is up.
   // Polls of a motion: has the axis stood for a while?
   bool stands();
@@ -252,9 +271,10 @@ class Axis402 {
   AxisOptions options_;
   ObjectClient& objects_;
   std::uint16_t controlword_ = 0;
-  std::optional<std::int32_t> goal_{};   // of the last move
-  std::string order_{};                  // the last move in words
-  bool halted_ = false;                  // by halt()
+  std::optional<std::int32_t> goal_{};  // of the last move
+  std::string order_{};                 // the last move in words
+  bool halted_ = false;                 // by halt()
+  bool became_quick_stop_ = false;
   bool comes_to_rest_ = false;           // nothing is cancelled
   Time ordered_{};                       // when the drive was last told to move
   std::optional<std::int32_t> place_{};  // where the axis has been since `stands_since_`, for stands()

@@ -94,6 +94,10 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
     return (word & done) == done;
   });
   write_controlword(enabled);
+  // A drive may say so within a window of time and speed; whoever reads the position next is to read where it stays.
+  if (!rests_within(options_.state_timeout)) {
+    fail(doing + " is attained, but the shaft does not come to rest", "check homing speeds, gains and load");
+  }
 }
 
 std::int32_t Axis402::position_demand() {

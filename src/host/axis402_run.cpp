@@ -107,8 +107,9 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
 
 // With halt, target reached means standstill (CiA 402-2 table 29); a drive that does not say so in homing (iSMK) has
 // stayed where it is for a while. A ramp may be long: the time counts from where the axis does not get slower any more.
-void Axis402::wait_for_standstill() {
+bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   constexpr Time standing = std::chrono::milliseconds(200);
+  const Time began = objects_.now();
   objects_.wait(settling);
   std::optional<std::int32_t> place;
   Time since{};
@@ -116,14 +117,15 @@ void Axis402::wait_for_standstill() {
   Time deadline = objects_.now() + options_.state_timeout;
   for (;;) {
     const AxisStatus present = status();
-    if (reached(present.statusword) || present.state() != PowerState::operation_enabled) return;
+    if (reached(present.statusword) || present.state() != PowerState::operation_enabled) return true;
     const Time now = objects_.now();
     if (!place || std::abs(std::int64_t{present.position} - *place) > 1) {
       place = present.position;
       since = now;
     } else if (now - since >= standing) {
-      return;
+      return true;
     }
+    if (longest && now - began >= *longest) return false;
     if (const std::int64_t speed = std::abs(std::int64_t{present.velocity}); speed < slowest) {
       slowest = speed;
       deadline = objects_.now() + options_.state_timeout;
@@ -149,7 +151,10 @@ void Axis402::stop() {
     mode = OperationMode::profile_velocity;
   }
   write_controlword(enabled | controlword::halt);
-  wait_for_standstill();
+  if (!wait_for_standstill(options_.longest_halt)) {
+    became_quick_stop_ = true;
+    return quick_stop();
+  }
   if (mode == OperationMode::profile_velocity) {
     objects_.write<std::int32_t>(0x60FF, 0, 0);
     write_controlword(enabled);
@@ -165,6 +170,19 @@ std::string Axis402::try_to_stop() {
   } catch (const HostError& error) {
     return error.what();
   }
+}
+
+void Axis402::try_to_switch_off() {
+  const auto ignoring_errors = [](const auto& call) {
+    try {
+      call();
+    } catch (const HostError&) {
+      // What went wrong first is told.
+    }
+  };
+  const ComingToRest rest(comes_to_rest_);
+  if (!try_to_stop().empty()) ignoring_errors([this] { quick_stop(); });
+  ignoring_errors([this] { disable(); });
 }
 
 void Axis402::halt() {

@@ -90,6 +90,7 @@ void Jobs::carry_out(Job& job) {
   const std::unique_ptr<host::ObjectClient> objects = drives_.open(job.axis, wait);
   host::AxisOptions options = drives_.options(job.axis);
   options.cancelled = [&job] { return job.cancelled; };
+  options.longest_halt = longest_halt;
   host::Axis402 host_axis(*objects, options);
   const host::Time began = drives_.now();
   try {
@@ -117,6 +118,10 @@ void Jobs::carry_out(Job& job) {
   } catch (const std::exception& error) {
     job.error = JobError{error.what(), job.axis, "begin the job again"};
     job.state = JobState::failed;
+  }
+  if (host_axis.became_quick_stop()) {
+    job.note = fmt::format("the axis was not at rest {} ms after the halt, which became a quick stop",
+                           longest_halt / std::chrono::milliseconds(1));
   }
 }
 

@@ -33,6 +33,7 @@ struct Job {
   std::chrono::steady_clock::time_point sign_of_life{};
   std::optional<JobError> error{};
   std::optional<JobResult> result{};
+  std::string note{};         // what else there is to say of it
   line::bench::Json found{};  // of a job that finds something out
   struct Progress {
     std::string doing{};
@@ -55,6 +56,8 @@ class Jobs {
   using WallClock = std::function<std::chrono::steady_clock::time_point()>;
   using Publish = std::function<void(const line::bench::Json& event)>;
   static constexpr std::size_t most_remembered = 64;
+  // Of a halt, before it becomes a quick stop: who asked for it sees the axis at rest or stopped within 300 ms.
+  static constexpr auto longest_halt = std::chrono::milliseconds(250);
   static constexpr auto longest_silence = std::chrono::milliseconds(500);  // of jobs that live on signs of life
 
   // `drives` outlives this. `wall_clock`: what signs of life are timed by, since they come from people.

@@ -214,11 +214,22 @@ std::optional<host::AxisUnits> RealDrives::units(const std::string& name) {
   return host::Axis402(*objects, options(name)).units();
 }
 
+// Or another master's enabling revives them. The axis is stopped already: what is wrong here changes nothing of that.
+void RealDrives::take_back_targets(const Axis& axis, const Wait& wait) {
+  try {
+    const auto objects = open(axis.name, wait);
+    host::Axis402(*objects, options(axis.name)).take_back_targets();
+  } catch (const host::HostError&) {
+    // It is told with the next that is asked of the drive.
+  }
+}
+
 // On all buses at the same time, before everything that waits there.
 std::vector<std::optional<JobError>> RealDrives::stop_all() {
   constexpr std::array quick_stop{std::byte{0x02}, std::byte{0x00}};  // CiA 402-2 table 24
   const Wait wait = wait_;                                            // while this waits, others do, by their own
   std::vector<std::shared_ptr<Access>> accesses;
+  std::vector<bool> stopped;
   for (const Axis& axis : axes_) {
     const auto access = std::make_shared<Access>();
     access->drive = axis.drive;
@@ -230,7 +241,8 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     const DriveBus::DriveState state = state_of(axis);
     const bool idle = !state.problem && state.status.state() < drive::PowerState::operation_enabled &&
                       !buses_[axis.bus]->is_worked_with(axis.drive);
-    if (idle && state.at + 2 * DriveBus::usual_poll > DriveBus::Clock::now()) {
+    stopped.push_back(!idle || state.at + 2 * DriveBus::usual_poll <= DriveBus::Clock::now());
+    if (!stopped.back()) {
       access->done = true;  // it has no torque: a quick stop would only take its state from it
     } else {
       buses_[axis.bus]->submit(access);
@@ -242,7 +254,10 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
   std::vector<std::optional<JobError>> errors;
   for (std::size_t i = 0; i < accesses.size(); ++i) {
     std::optional<JobError>& wrong = errors.emplace_back();
-    if (!accesses[i]->error) continue;
+    if (!accesses[i]->error) {
+      if (stopped[i]) take_back_targets(axes_[i], wait);
+      continue;
+    }
     buses_[axes_[i].bus]->stop_when_back(axes_[i].drive);
     try {
       std::rethrow_exception(accesses[i]->error);

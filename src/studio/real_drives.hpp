@@ -105,6 +105,7 @@ class RealDrives final : public Drives, public line::bench::Source, public Subje
   const Axis& axis_of(std::string_view name) const;  // throws ApiError 404
   // Has the thread of the axis' bus do it; `wait` lets others do something until then. Throws what it threw.
   void carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work, const std::function<void()>& wait);
+  void take_back_targets(const Axis& axis, const Wait& wait);
   line::bench::NamedChannel channel(const Axis& axis, host::ObjectAddress object, PolledSamples::Decode decode,
                                     const std::string& key, Json view, std::function<double()> value);
 

@@ -140,6 +140,7 @@ Json view_of(const Job& job, bool with_found) {
   if (job.state == JobState::running && job.progress) {
     view["progress"] = {{"doing", job.progress->doing}, {"share", job.progress->share}};
   }
+  if (!job.note.empty()) view["note"] = job.note;
   if (job.error) view["error"] = view_of(*job.error);
   if (job.result) view["result"] = {{"position", job.result->position}, {"seconds", job.result->seconds}};
   if (with_found && !job.found.is_null()) view["found"] = job.found;

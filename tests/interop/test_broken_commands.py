@@ -226,6 +226,7 @@ def test_ctrl_c(broken_line, tmp_path, axis, name):
     if name == "scope":
         assert_recording_is_kept(tmp_path)
     wait_for(lambda: rests(broken_line, axis), "the axis at rest")
+    assert broken_line.bench.axis(axis)["state"] != "operation enabled"
 
 
 @pytest.mark.parametrize("axis", ["can", "ecat"])

@@ -92,7 +92,8 @@ TEST_P(ExcitationOf, TheTravelIsKept) {
   const json job = run(R"({"do": "step", "amplitude": 5, "seconds": 2, "travel": 1.5, "units": "revolutions"})");
   EXPECT_EQ(job["state"], "failed") << job.dump();
   EXPECT_THAT(job["error"]["what"].get<std::string>(), HasSubstr("are allowed"));
-  EXPECT_EQ(get("axes/" + axis_)["state"], "operation enabled");
+  // With ramps on which the axis is not at rest soon, the halt has become a quick stop.
+  EXPECT_EQ(get("axes/" + axis_)["state"] == "operation enabled", !job.contains("note")) << job.dump();
   EXPECT_EQ(ramps(), before);
   pass(300ms);
   EXPECT_NEAR(axis().plant().velocity_rpm(), 0.0, 1.0);

@@ -348,6 +348,52 @@ TEST_F(JobsTest, TheBigStopStopsEveryAxisAtOnce) {
   }
 }
 
+// Not even a master that knows nothing of what was before: it walks the states, and nothing moves.
+TEST_P(EveryProduct, TheBigStopLeavesNothingThatEnablingRevives) {
+  for (const bool by_job : {true, false}) {
+    make_ready(axis_);
+    expect_done(axis_, fmt::format(R"({{"do": "velocity", "velocity": 2, {}}})", profile));
+    pass(200ms);
+    ASSERT_EQ(ask(Method::post, "stop").status, 200U);
+    pass(1s);
+    EXPECT_EQ(object(axis_, "60FF/0"), 0.0);
+    const double stood = view(axis_)["position_counts"];
+    if (by_job) {
+      make_ready(axis_);
+    } else {
+      for (const int word : {0, 6, 7, 15}) {
+        const std::string target = "axes/" + axis_ + "/objects/6040/0";
+        EXPECT_EQ(ask(Method::put, target, fmt::format(R"({{"value": {}}})", word)).status, 204U);
+        pass(300ms);
+      }
+      EXPECT_EQ(view(axis_)["state"], "operation enabled");
+    }
+    pass(1s);
+    EXPECT_NEAR(view(axis_)["position_counts"].get<double>(), stood, encoder_turn(axis_) / 100);
+    expect_done(axis_, R"({"do": "disable"})");
+  }
+}
+
+// A ramp that would take minutes, as numbers in units of unknown size give.
+TEST_P(EveryProduct, AHaltThatDoesNotRestTheAxisBecomesAQuickStop) {
+  make_ready(axis_);
+  expect_done(axis_, R"({"do": "velocity", "velocity": 2, "units": "revolutions", "acceleration": 50,
+                         "deceleration": 0.02})");
+  const std::uint64_t halt = begin(axis_, R"({"do": "stop"})");
+  pass(300ms);
+  const bool rests = std::abs(view(axis_)["velocity_rpm"].get<double>()) < 2.0;
+  const bool is_stopped = view(axis_)["state"] != "operation enabled";
+  EXPECT_TRUE(rests || is_stopped) << view(axis_).dump();
+  const json over = finish(halt, 5s);
+  EXPECT_EQ(over["state"], "done") << over.dump();
+  EXPECT_EQ(over.contains("note"), is_stopped) << over.dump();
+  if (is_stopped) {
+    EXPECT_THAT(over.value("note", ""), HasSubstr("became a quick stop"));
+  }
+  pass(1s);
+  EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
+}
+
 TEST_F(JobsTest, AMoveThatTakesTooLongIsStopped) {
   make_ready("generic402");
   const json over = finish(
@@ -440,6 +486,13 @@ INSTANTIATE_TEST_SUITE_P(
                     Refusal{R"({"do": "torque"})", 400, "percent is missing"},
                     Refusal{R"({"do": "torque", "percent": 1e9})", 422, "percent is"},
                     Refusal{R"({"do": "home", "method": 34.5})", 422, "method is 34.5"},
+                    Refusal{R"({"do": "velocity", "velocity": null})", 400, "velocity is null"},
+                    Refusal{R"({"do": "velocity", "velocity": "0,5"})", 400, "velocity is \\\"0,5\\\""},
+                    Refusal{R"({"do": "velocity", "velocity": 1, "acceleration": null})", 400, "acceleration is null"},
+                    Refusal{R"({"do": "move", "by": null})", 400, "by is null"},
+                    Refusal{R"({"do": "torque", "percent": null})", 400, "percent is null"},
+                    Refusal{R"({"do": "home", "method": null})", 400, "method is null"},
+                    Refusal{R"({"do": "move", "by": 1, "timeout_s": null})", 400, "timeout_s is null"},
                     Refusal{R"({"do": "jog", "velocity": true})", 400, "velocity is true"}));
 
 TEST_F(JobsTest, RefusesASecondJobAndWhatIsNotThere) {

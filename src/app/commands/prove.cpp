@@ -151,6 +151,7 @@ Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& me
     const auto opened = open();
     host::Axis402 axis(opened->objects(), {.dialect = dialect, .cancelled = InterruptGuard::interrupted});
     note([&] { prove(axis, outcome, options); });
+    if (!outcome.problem.empty()) axis.try_to_switch_off();
     note([&] { axis.disable(); });  // however it went
   });
   end_progress(options.bus.json);

@@ -81,16 +81,6 @@ Script parsed(const Options& options) {
   }
 }
 
-void disable_all(DriveGroup& group) {
-  for (host::Axis402* axis : group.axes()) {
-    try {
-      axis->disable();
-    } catch (const host::HostError&) {
-      // What went wrong before is told, or the drive is off anyway.
-    }
-  }
-}
-
 // Before anything moves: a port with parameters only takes no motion.
 void check_axes(const Script& script, const std::vector<Step>& steps, const std::vector<host::Axis402*>& axes) {
   for (const Step& step : steps) {
@@ -139,10 +129,11 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
     host::script::run(script, group.axes(), run_options);
   } catch (...) {
     end_progress(options.bus.json || options.quiet);
-    if (group.operates() || options.disable) disable_all(group);
+    for (host::Axis402* axis : group.axes()) axis->try_to_switch_off();
     throw;
   }
-  if (group.operates() || options.disable) disable_all(group);
+  if (!group.operates() && !options.disable) return;
+  for (host::Axis402* axis : group.axes()) axis->try_to_switch_off();
 }
 
 void run(const Options& options) {

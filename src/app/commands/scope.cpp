@@ -237,9 +237,6 @@ class Session {
     };
     // A slave that leaves OP with its motor on takes that for a fault.
     const bool ends_operation = bus_kind(options_.bus).kind == BusKind::ethercat;
-    const auto disable = [&] {
-      if (ends_operation || options_.disable) axis->disable();
-    };
     try {
       host::script::run(*script_, axes, run_options);
       if (recorder.waits_for_trigger()) {
@@ -248,14 +245,10 @@ class Session {
       if (recorder_options_.duration) look(recorder, outcome);
     } catch (const std::runtime_error&) {
       outcome.interrupted = InterruptGuard::interrupted();
-      try {
-        disable();
-      } catch (const host::HostError&) {
-        // What went wrong first is told.
-      }
+      axis->try_to_switch_off();
       throw;
     }
-    disable();
+    if (ends_operation || options_.disable) axis->disable();
   }
 
   const Options& options_;

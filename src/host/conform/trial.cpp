@@ -166,6 +166,7 @@ void Trial::bring_to(PowerState wanted) {
 void Trial::enable(OperationMode mode) {
   bring_to(PowerState::switch_on_disabled);
   set_mode(mode);
+  Axis402(objects()).take_back_targets();
   bring_to(PowerState::operation_enabled);
 }
 

@@ -105,6 +105,12 @@ void MotionAxis::fail(AxisFault fault) {
   task_ = Task::position;
 }
 
+// In another mode it would follow a target that is not in these process data as soon as it is enabled.
+bool MotionAxis::waits_for_mode() const {
+  return switched_on_ && fault_ == AxisFault::none && axis_.state() == PowerState::switched_on &&
+         !mode_is(mode_of(Task::position));
+}
+
 void MotionAxis::supervise(bool fresh) {
   losses_ = fresh ? 0 : losses_ + 1;
   if (losses_ > options_.tolerated_losses) fail(AxisFault::communication_lost);
@@ -113,7 +119,7 @@ void MotionAxis::supervise(bool fresh) {
     fail(AxisFault::following_error);
   }
   const OperationMode wanted = mode_of(task_);
-  cycles_without_mode_ = enabled_ && !mode_is(wanted) ? cycles_without_mode_ + 1 : 0;
+  cycles_without_mode_ = (enabled_ || waits_for_mode()) && !mode_is(wanted) ? cycles_without_mode_ + 1 : 0;
   if (cycles_without_mode_ > mode_timeout_cycles_) fail(AxisFault::mode_refused);
 }
 
@@ -288,7 +294,7 @@ void MotionAxis::write() {
       if (axis_.state() == PowerState::operation_enabled) axis_.set_controlword(quick_stop);
     } else if (!switched_on_) {
       axis_.disable();
-    } else if (has_position_ && axis_.enable() && mode_is(mode_of(Task::position))) {
+    } else if (has_position_ && !waits_for_mode() && axis_.enable() && mode_is(mode_of(Task::position))) {
       enabled_ = true;
       axis_.set_controlword(enabled_controlword());
     }

@@ -101,6 +101,7 @@ class MotionAxis {
 
   OperationMode mode_of(Task task) const;
   bool mode_is(OperationMode mode) const;
+  bool waits_for_mode() const;
   bool start(Task task);
   void fail(AxisFault fault);
   void take_position();
