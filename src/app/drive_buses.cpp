@@ -29,6 +29,11 @@ class OpenGroup final : public studio::OpenBus {
     group_.configure(drive, action, undo);
   }
   void show_process_data(const Registers& show) override { group_.show_process_data(show); }
+  std::optional<Watch> watch_of(std::size_t drive) override {
+    const auto within = group_.watched_within(drive);
+    if (!within) return std::nullopt;
+    return Watch{group_.operates() ? "sync manager" : "heartbeat", std::chrono::duration<double>(*within).count()};
+  }
 
  private:
   DriveGroup group_;

@@ -104,6 +104,12 @@ void DriveGroup::renew_watch(std::size_t axis) {
   if (watch_) watch_->renew(*objects_[axis]);
 }
 
+std::optional<host::Time> DriveGroup::watched_within(std::size_t axis) const {
+  if (operation_) return operation_->exchange().watchdog(axis);
+  if (watch_ && watch_->is_watching(*objects_[axis])) return host::MasterWatch::longest_silence;
+  return std::nullopt;
+}
+
 void DriveGroup::open_modbus(const BusOptions& options, const std::vector<Member>& members, const std::string& link) {
   const host::ModbusOptions modbus_options{.timeout = options.answer_timeout()};
   modbus_ = std::make_unique<host::ModbusClient>(open_modbus_client(options, link, modbus_options));

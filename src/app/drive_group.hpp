@@ -20,6 +20,8 @@ class DriveGroup {
   const std::vector<host::Axis402*>& axes() const { return pointers_; }
   // A drive has come back, maybe from a reset: a CANopen drive then watches as before. Throws HostError.
   void renew_watch(std::size_t axis);
+  // After so long without this program an axis begins to stop by itself; nothing: it goes on.
+  std::optional<host::Time> watched_within(std::size_t axis) const;
   // A slave that leaves OP with its motor on takes that for a fault: disable first.
   bool operates() const { return operation_.has_value(); }
   // Process data at a fixed rate: of the one CANopen drive that `on_can` names, each millisecond, or of all EtherCAT

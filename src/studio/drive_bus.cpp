@@ -338,6 +338,7 @@ bool DriveBus::poll_one(OpenBus& open, bool silent_too) {
     seen.controlword = objects.read_if_present<std::uint16_t>(0x6040).value_or(0);
     const bool asks_why = (seen.status.statusword & fault_or_warning) != 0;
     seen.error_code = asks_why ? objects.read_if_present<std::uint16_t>(0x603F).value_or(0) : std::uint16_t{0};
+    seen.watch = open.watch_of(i);
     seen.problem.reset();
   } catch (const host::ObjectError& error) {
     seen.problem = error_of(error, plan_.link);

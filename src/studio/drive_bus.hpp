@@ -49,6 +49,13 @@ class OpenBus {
   using Registers = std::function<void(std::size_t drive, std::uint16_t station, std::uint16_t offset,
                                        std::span<const std::uint8_t> bytes)>;
   virtual void show_process_data(const Registers& show) = 0;
+
+  // What brings an axis to rest that moves when this program dies or its link is lost. Nothing: it goes on.
+  struct Watch {
+    const char* by;
+    double within_s;  // begins to stop
+  };
+  virtual std::optional<Watch> watch_of(std::size_t drive) = 0;
 };
 
 struct DrivePlan {
@@ -147,6 +154,7 @@ class DriveBus {
     host::AxisStatus status{};
     std::uint16_t controlword = 0;
     std::uint16_t error_code = 0;
+    std::optional<OpenBus::Watch> watch{};
     Clock::time_point at{};
   };
   struct State {

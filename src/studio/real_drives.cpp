@@ -416,6 +416,8 @@ Json RealDrives::view(const Axis& axis) const {
     view["statusword"] = state.status.statusword;
     view["controlword"] = state.controlword;
     view["error_code"] = state.error_code;
+    view["watch"] = nullptr;
+    if (state.watch) view["watch"] = {{"by", state.watch->by}, {"within_s", state.watch->within_s}};
   }
   view["faults"] = Json::array();
   if (!state.problem && state.error_code != 0) {

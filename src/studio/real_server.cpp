@@ -65,7 +65,12 @@ RealServer::~RealServer() { pending_.clear(); }
 
 void RealServer::run() {
   schedule();
-  io_.run();
+  try {
+    io_.run();
+  } catch (...) {
+    shut_down();  // whatever ends this, no axis goes on
+    throw;
+  }
   shut_down();
 }
 

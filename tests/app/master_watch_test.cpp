@@ -133,6 +133,36 @@ TEST_P(Watched, WatchesAtOnceWhenToldAnew) {
   EXPECT_LT(counts_in_a_second(), 100.0);
 }
 
+// However the program ends: what still moves then is not let go of.
+TEST_P(Watched, AnAxisThatStillMovesAtTheEndKeepsItsWatch) {
+  std::vector<std::string> said;
+  {
+    ObjectClient* const drives[] = {&rig.objects()};
+    const MasterWatch watch(*rig.can, drives, [&](const std::string& sentence) { said.push_back(sentence); });
+    Axis402 axis(rig.objects(), rig.options());
+    axis.enable();
+    const AxisUnits units = axis.units().value_or(AxisUnits{131072, 131072, 131072});
+    axis.run_at(static_cast<std::int32_t>(units.velocity), {}, 20s);
+  }
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_THAT(said[0], testing::HasSubstr("stops by its watch"));
+  EXPECT_EQ(watched_time(), 0x7F05DCU);
+  rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
+  EXPECT_LT(counts_in_a_second(), 100.0);
+}
+
+TEST_P(Watched, AnAxisThatHoldsItsPositionAtTheEndGoesOnHolding) {
+  {
+    ObjectClient* const drives[] = {&rig.objects()};
+    const MasterWatch watch(*rig.can, drives);
+    Axis402 axis(rig.objects(), rig.options());
+    axis.enable();
+  }
+  EXPECT_EQ(watched_time(), 0U);
+  rig.line.run_until(rig.line.now() + 5s);
+  EXPECT_EQ(Axis402(rig.objects(), rig.options()).state(), PowerState::operation_enabled);
+}
+
 TEST_P(Watched, WhatAPulledCableLeftBehindIsOurs) {
   rig.objects().write<std::uint32_t>(0x1016, 1, 0x7F05DC);
   ObjectClient* const drives[] = {&rig.objects()};

@@ -54,6 +54,28 @@ class CyclicTest : public testing::TestWithParam<bool> {
 
 INSTANTIATE_TEST_SUITE_P(LrwOrBoth, CyclicTest, testing::Bool());
 
+// However the master ends, what it moves comes to rest.
+TEST_P(CyclicTest, ASlaveWithoutAWatchdogGetsOne) {
+  line.emplace(EthercatLine::Settings{.slaves = 2});
+  all = line->open();
+  EthercatMaster& master = *line->master;
+  master.write<std::uint16_t>(all[0]->station(), 0x0420, 0);
+  master.write<std::uint16_t>(all[1]->station(), 0x0420, 500);
+  operation.emplace(master, line->found, all, options());
+  exchange = &operation->exchange();
+  EXPECT_EQ(exchange->watchdog(0), 100ms);
+  EXPECT_EQ(exchange->watchdog(1), 50ms) << "that of a slave that has one stays";
+  for (const EthercatSlave* slave : all) {
+    EXPECT_NE(master.read<std::uint8_t>(slave->station(), 0x0814) & 0x40, 0) << "outputs trigger it";
+  }
+  exchange->stop();
+  master.wait(200ms);
+  for (EthercatSlave* slave : all) {
+    EXPECT_EQ(slave->status().state(), AlState::safe_operational);
+    EXPECT_EQ(slave->status().code, AlStatusCode::sync_manager_watchdog);
+  }
+}
+
 TEST_P(CyclicTest, InputsFollowOutputs) {
   start(5);
   EXPECT_EQ(exchange->uses_lrw(), GetParam());

@@ -1,7 +1,10 @@
 #include "host/canopen/master_watch.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 #include <fmt/format.h>
+
+#include "host/axis402.hpp"
 
 namespace servodrome::host {
 namespace {
@@ -23,6 +26,18 @@ bool is_free(ObjectClient& drive) {
     if (watched != 0 && watched != ours) return false;
   }
   return entries > 0;
+}
+
+// By the position: 606Ch is noisy, and not every drive has it.
+bool moves(ObjectClient& drive) {
+  constexpr std::int64_t still_counts = 10;
+  constexpr Time between_looks = std::chrono::milliseconds(20);
+  Axis402 axis(drive);
+  const PowerState state = axis.state();
+  if (state != PowerState::operation_enabled && state != PowerState::quick_stop_active) return false;
+  const std::int64_t before = axis.position();
+  drive.wait(between_looks);
+  return std::abs(axis.position() - before) > still_counts;
 }
 
 }  // namespace
@@ -68,10 +83,19 @@ void MasterWatch::renew(ObjectClient& drive) {
   if (!watching_.empty()) beat();
 }
 
+bool MasterWatch::is_watching(const ObjectClient& drive) const {
+  return std::any_of(watching_.begin(), watching_.end(), [&](const auto& its) { return its.drive == &drive; });
+}
+
 void MasterWatch::end() noexcept {
   for (const Watching& watching : watching_) {
     bool freed = false;
     try {
+      if (moves(*watching.drive)) {
+        if (tell_)
+          tell_(fmt::format("{}: it still moves, and stops by its watch of this program", watching.drive->where()));
+        continue;
+      }
       watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
       freed = true;
       if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);

@@ -18,7 +18,8 @@ inline constexpr std::uint8_t master_node_id = 127;
 // itself when the cable is pulled or this program dies: a CANopen drive otherwise goes on with its last order. A drive
 // whose abort connection option code (6007h, CiA 402) is 0, no action, is told that the loss is a malfunction (1).
 // Afterwards both objects are what they were. A drive that does not answer any more then keeps them until its next
-// reset: neither is stored.
+// reset: neither is stored. So does one that still moves then, whatever ended the program: it stops by itself when the
+// heartbeat ceases.
 //
 // A drive is left as it is if it has no consumer heartbeat time, refuses it, or watches another master already, in
 // whichever sub-index.
@@ -41,6 +42,7 @@ class MasterWatch {
 
   // So many of the drives watch.
   std::size_t watched() const { return watching_.size(); }
+  bool is_watching(const ObjectClient& drive) const;
 
  private:
   struct Watching {

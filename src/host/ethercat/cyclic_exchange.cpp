@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "ethercat/esc/watchdog.hpp"
+
 namespace servodrome::host {
 
 namespace reg = ethercat::reg;
@@ -19,7 +21,8 @@ static_assert(ethercat::max_datagram_data <= logical_per_group);
 
 // Control of sync managers 2 and 3: three buffers, direction, interrupt to the application; outputs trigger the
 // watchdog (ETG.1000.4 table 58).
-constexpr std::uint8_t output_control = 0x64;
+constexpr std::uint8_t watchdog_trigger = 0x40;
+constexpr std::uint8_t output_control = 0x24 | watchdog_trigger;
 constexpr std::uint8_t input_control = 0x20;
 constexpr std::size_t sync_manager_size = 8;
 constexpr std::size_t fmmu_size = 16;
@@ -98,14 +101,31 @@ void CyclicExchange::write_channel(EthercatSlave& slave, bool outputs, std::size
     start = slave.master().read<std::uint16_t>(slave.station(), address);
     registers[4] = outputs ? output_control : input_control;
   }
+  if (outputs) registers[4] |= watchdog_trigger;
   store_u16(registers.data(), start);
   store_u16(&registers[2], static_cast<unsigned>(bytes));
   registers[6] = bytes != 0 ? 1 : 0;
   slave.master().write(slave.station(), address, registers);
 }
 
+// 0400h and 0420h as a slave controller has them after reset: 100 ms.
+Time CyclicExchange::arm_watchdog(EthercatSlave& slave) {
+  constexpr std::uint16_t usual_divider = 2498;
+  constexpr std::uint16_t usual_time = 1000;
+  auto divider = master_.read<std::uint16_t>(slave.station(), reg::watchdog_divider);
+  auto time = master_.read<std::uint16_t>(slave.station(), reg::watchdog_process_data);
+  if (time == 0) {
+    divider = usual_divider;
+    time = usual_time;
+    master_.write<std::uint16_t>(slave.station(), reg::watchdog_divider, divider);
+    master_.write<std::uint16_t>(slave.station(), reg::watchdog_process_data, time);
+  }
+  return ethercat::Watchdog::period_of(divider, time);
+}
+
 void CyclicExchange::configure(std::size_t member) {
   EthercatSlave& slave = *members_[member].slave;
+  watchdogs_.push_back(arm_watchdog(slave));
   std::uint8_t fmmu = 0;
   const auto map = [&](const Place& at, std::uint32_t logical, std::uint16_t physical, std::uint8_t type) {
     std::array<std::uint8_t, fmmu_size> registers{};

@@ -96,6 +96,9 @@ class CyclicExchange final : public CyclicTask {
   void forget_statistics() { statistics_ = {}; }
   const std::vector<Member>& members() const { return members_; }
   Time period() const { return options_.period; }
+  // After so long without a cycle the member leaves OP, and its axis comes to rest. One that had no such watchdog has
+  // got one.
+  Time watchdog(std::size_t member) const { return watchdogs_[member]; }
   bool uses_lrw() const { return lrw_; }
   std::size_t frames_with_data() const { return groups_.size(); }
 
@@ -129,6 +132,7 @@ class CyclicExchange final : public CyclicTask {
   void lay_out();
   Place place(std::size_t bytes, bool outputs);
   void configure(std::size_t member);
+  Time arm_watchdog(EthercatSlave& slave);
   void write_channel(EthercatSlave& slave, bool outputs, std::size_t bytes, std::uint16_t& start);
   std::size_t input_offset(const Place& place) const { return groups_[place.group].output_bytes + place.offset; }
   void request_all(AlState state);
@@ -138,6 +142,7 @@ class CyclicExchange final : public CyclicTask {
 
   EthercatMaster& master_;
   std::vector<Member> members_;
+  std::vector<Time> watchdogs_;
   CyclicOptions options_;
   bool lrw_ = true;
   std::vector<Group> groups_;
