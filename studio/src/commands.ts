@@ -1,6 +1,6 @@
 import { get, post, put, remove, segment } from './api/client';
 import type { Job, ObjectValue } from './api/types';
-import { complain } from './notices';
+import { complain, tell } from './notices';
 import { noteJob, overWithin } from './store';
 
 export const axisPath = (axis: string) => `/axes/${segment(axis)}`;
@@ -42,6 +42,7 @@ export async function finish(job: Job): Promise<Job> {
 export async function runJob(axis: string, request: { do: string } & Record<string, unknown>): Promise<Job | null> {
   try {
     const job = await finish(await startJob(axis, request));
+    if (job.note) tell(`${axis}: ${job.note}`);
     if (job.state === 'failed') complain(new Error(`${axis}: ${job.error?.what ?? `${job.do} failed`}${job.error?.hint ? ` · ${job.error.hint}` : ''}`));
     return job;
   } catch (error) {

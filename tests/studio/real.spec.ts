@@ -161,3 +161,27 @@ test('the loss of the buses is said, and the page comes back with them', async (
   await expect(card(page, can).locator('header .chip')).toHaveText('operation enabled');
   for (const message of watched.splice(0)) expect(message).toMatch(/409/); // what was being asked when the bus went
 });
+
+// An ISMC has no object that says what a revolution is.
+test('proposes no numbers where the unit is not known, and says what they will do', async ({ page, go, drives }) => {
+  await go(`/axis/${can}?do=velocity`);
+  const motion = panel(page, 'Motion');
+  const run = motion.getByRole('button', { name: 'Run' });
+  const velocity = motion.getByRole('textbox', { name: 'Velocity', exact: true });
+  await expect(motion.getByRole('note')).toContainText('does not say what a revolution is');
+  await expect(velocity).toHaveValue('');
+  await expect(motion.getByRole('textbox', { name: 'Acceleration' })).toHaveValue('');
+  await expect(run).toBeDisabled();
+  await velocity.fill('232742');
+  await expect(run).toBeDisabled();
+  await motion.getByRole('textbox', { name: 'Acceleration' }).fill('500000');
+  await expect(motion.getByRole('note')).toContainText(/Up to 232\s742 .*\/s within 465 ms; halting takes 465 ms/);
+  await expect(run).toBeEnabled();
+  await run.click();
+  await expect(page.getByText(/velocity: done/)).toBeVisible();
+  // A ramp on which halting would take an hour: it becomes a quick stop.
+  await drives.call('PUT', '/axes/ismc/objects/6084/0', { value: 50 });
+  await motion.getByRole('button', { name: 'Halt' }).first().click();
+  await expect(motion.getByText(/became a quick stop/).first()).toBeVisible();
+  await expect.poll(async () => Math.abs((await drives.call<View>('GET', '/axes/ismc')).velocity_rpm)).toBeLessThan(1);
+});

@@ -50,6 +50,7 @@ export interface AxisView {
   velocity?: number; // in its own units
   torque_percent?: number; // of the rated torque
   problem?: Problem; // why it cannot be spoken to
+  watch?: { by: string; within_s: number } | null; // what stops it when the server dies; null: nothing
 }
 
 // What stands behind the page.
@@ -173,6 +174,7 @@ export interface Job {
   units?: 'drive' | 'revolutions'; // of the request, and so of result.position
   state: 'running' | 'done' | 'failed' | 'cancelled';
   began_tick?: number;
+  note?: string; // what else there is to say of it
   error?: Problem;
   result?: { position?: number; seconds?: number };
   progress?: { doing: string; share: number };

@@ -1,10 +1,11 @@
-import { useState } from 'react';
+import { useState, type ReactNode } from 'react';
 import { Tab, TabList, TabPanel, Tabs } from 'react-aria-components';
-import type { AxisView, Geometry, HomingMethod, StatesView, Units } from '../api/types';
+import type { AxisView, Geometry, HomingMethod, ObjectEntry, StatesView, Units } from '../api/types';
 import { axisPath, cancelJob, power, runJob, writeObject } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
-import { Button, Choice, NumberInput, Panel, Readout } from '../parts/controls';
+import { Button, Choice, Panel, Readout } from '../parts/controls';
 import { Front } from '../parts/front';
+import { NumberForm, NumberInput, NumbersButton, useNumbersAreRight } from '../parts/number_input';
 import { HomingFigure } from '../parts/homing_figure';
 import { useReplay } from '../replay';
 import { JogButton } from '../parts/jog';
@@ -15,7 +16,9 @@ import { useTarget } from '../parts/target';
 import { Travel, useGeometry } from '../parts/travel';
 import { Word } from '../parts/word';
 import { controlBits, modeText, statusBits } from '../model/cia402';
-import { fixed, fromDrivePosition } from '../model/units';
+import { addressOf } from '../model/objects';
+import { predict, seconds } from '../model/predict';
+import { fixed, fromDrivePosition, significant } from '../model/units';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep, useRoute } from '../route';
@@ -55,6 +58,12 @@ function Power({ axis }: { axis: AxisView }) {
   const { value } = useResource<StatesView>(powered ? `${axisPath(name)}/states?now=${encodeURIComponent(state ?? '')}` : null);
   const transitions = value && value.state === state ? value.transitions : [];
   const missing = useMissing('power');
+  // Jobs where the bare word is not enough: enabling takes back old targets first.
+  const ask = (command: string, to: string, controlword: number) => {
+    if (command.includes('reset')) return runJob(name, { do: 'reset_fault' });
+    if (to === 'operation enabled') return runJob(name, { do: 'enable' });
+    return writeObject(name, 0x6040, 0, controlword);
+  };
   return (
     <Panel title="State machine" aside={<StateChip state={state} powered={powered} />}>
       <StateDiagram state={powered ? state : undefined} transitions={transitions} />
@@ -62,7 +71,7 @@ function Power({ axis }: { axis: AxisView }) {
         {transitions.map(({ number, name: command, to, controlword }) => (
           <Button
             key={number}
-            onPress={() => attempt(() => (command.includes('reset') ? runJob(name, { do: 'reset_fault' }) : writeObject(name, 0x6040, 0, controlword)))}
+            onPress={() => attempt(() => ask(command, to, controlword))}
           >
             <span className="quiet">{number}</span> {command} <span className="quiet">→ {to}</span>
           </Button>
@@ -109,6 +118,8 @@ function Motion({ axis }: { axis: AxisView }) {
   const target = useTarget(axis, geometry);
   const turns = geometry?.index_every ? axis.position_counts / geometry.index_every : axis.velocity === undefined ? null : fromDrivePosition(units, axis.position_counts);
   const enabled = axis.powered && axis.state === 'operation enabled';
+  const isFree = axis.powered && !axis.problem && job?.state !== 'running';
+  const move = { name, names: useUnitNames(name, units), isFree };
   return (
     <Panel title="Motion" aside={<span className="quiet">{axis.product}, {axis.mode === 0 ? 'no mode' : modeText(axis.mode)}</span>}>
       <Travel axis={axis} geometry={geometry} target={target} />
@@ -118,6 +129,9 @@ function Motion({ axis }: { axis: AxisView }) {
         <Torque axis={axis} />
         {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
       </dl>
+      {axis.watch === null && (
+        <p className="warning" role="note">Nothing watches this program: if it or its link ends while the axis moves, the axis goes on. Have its emergency stop at hand.</p>
+      )}
       <div className="buttons">
         <Commands axis={axis} />
         <JobLine job={job} units={units} />
@@ -128,11 +142,11 @@ function Motion({ axis }: { axis: AxisView }) {
             <Tab key={id} id={id} className="tab">{text}</Tab>
           ))}
         </TabList>
-        <TabPanel id="position"><PositionMove name={name} units={units} /></TabPanel>
-        <TabPanel id="velocity"><VelocityMove name={name} units={units} /></TabPanel>
-        <TabPanel id="torque"><TorqueMove name={name} /></TabPanel>
-        <TabPanel id="jog"><JogMove name={name} units={units} enabled={enabled} /></TabPanel>
-        <TabPanel id="home"><HomeMove axis={axis} units={units} geometry={geometry} /></TabPanel>
+        <TabPanel id="position"><NumberForm><PositionMove {...move} /></NumberForm></TabPanel>
+        <TabPanel id="velocity"><NumberForm><VelocityMove {...move} /></NumberForm></TabPanel>
+        <TabPanel id="torque"><NumberForm><TorqueMove {...move} /></NumberForm></TabPanel>
+        <TabPanel id="jog"><NumberForm><JogMove {...move} enabled={enabled} /></NumberForm></TabPanel>
+        <TabPanel id="home"><NumberForm><HomeMove {...move} axis={axis} geometry={geometry} /></NumberForm></TabPanel>
       </Tabs>
     </Panel>
   );
@@ -147,6 +161,7 @@ function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units 
       {job.do}: {job.state}
       {at !== null && ` at ${fixed(at, 4)} rev`}
       {job.result?.seconds !== undefined && ` after ${fixed(job.result.seconds, 2)} s`}
+      {job.note && ` · ${job.note}`}
       {job.error && ` · ${job.error.what}`}
       {job.state === 'running' && <Button kind="bare" onPress={() => attempt(() => cancelJob(job))}>Cancel</Button>}
     </p>
@@ -155,25 +170,36 @@ function JobLine({ job, units }: { job: ReturnType<typeof useJob>; units: Units 
 
 const useJob = (name: string) => useLine((line) => (line.jobs[name] as (typeof line.jobs)[string] | undefined));
 
-// Revolutions, rpm and revolutions per s^2 where the drive's units are known, else its own units.
+// Revolutions, rpm and revolutions per s^2 where the drive's units are known, else its own units: of those no number can
+// be proposed.
 interface UnitNames {
   units: 'revolutions' | 'drive';
+  known: boolean;
   position: string;
   velocity: string;
   acceleration: string;
   speed: (value: number) => number; // of what was typed, as the job wants it
+  velocity_scale: number | undefined; // of a position unit per second; undefined: not known
 }
 
-function namesOf(units: Units | undefined): UnitNames {
-  const known = units?.position_per_revolution && units.velocity_per_rps && units.acceleration_per_rps2;
-  return known
-    ? { units: 'revolutions', position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60 }
-    : { units: 'drive', position: 'units', velocity: 'units', acceleration: 'units', speed: (value) => value };
+const ownUnit = (objects: ObjectEntry[] | undefined, addresses: string[]) =>
+  addresses.map((address) => objects?.find((entry) => addressOf(entry) === address)?.unit).find(Boolean);
+
+function useUnitNames(name: string, units: Units | undefined): UnitNames {
+  const known = Boolean(units?.position_per_revolution && units.velocity_per_rps && units.acceleration_per_rps2);
+  const objects = useResource<{ objects: ObjectEntry[] }>(units && !known ? `${axisPath(name)}/objects` : null).value?.objects;
+  if (known) return { units: 'revolutions', known, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60 };
+  const position = ownUnit(objects, ['607A:00', '6064:00']) ?? 'units of the drive';
+  const velocity = ownUnit(objects, ['60FF:00', '6081:00', '606C:00']) ?? `${position}/s`;
+  const acceleration = ownUnit(objects, ['6083:00', '6084:00']) ?? `${position}/s²`;
+  const isPlain = velocity === `${position}/s` && [`${position}/s²`, `${position}/s2`].includes(acceleration);
+  return { units: 'drive', known, position, velocity, acceleration, speed: (value) => value, velocity_scale: isPlain ? 1 : undefined };
 }
 
 interface MoveProps {
   name: string;
-  units: Units | undefined;
+  names: UnitNames;
+  isFree: boolean; // the axis can be asked, and does nothing
 }
 
 async function enableAnd(name: string, request: { do: string } & Record<string, unknown>) {
@@ -181,18 +207,44 @@ async function enableAnd(name: string, request: { do: string } & Record<string, 
   if (enabled?.state === 'done') await runJob(name, request);
 }
 
-function PositionMove({ name, units }: MoveProps) {
+// What is typed, or else the usual number, where the unit is known.
+function useNumber(usual: number, names: UnitNames): [number, (to: number) => void] {
+  const [typed, setTyped] = useState<number | null>(null);
+  return [typed ?? (names.known ? usual : NaN), setTyped];
+}
+
+const amount = (value: number, unit: string) => `${significant(value)} ${unit}`;
+
+function Prediction({ names, distance, velocity, acceleration }: { names: UnitNames; distance?: number; velocity: number; acceleration: number }) {
+  const { known, velocity_scale } = names;
+  const given = velocity_scale === undefined ? null : predict({ velocity, acceleration, velocity_scale, ...(distance === undefined ? {} : { distance }) });
+  let text: ReactNode = 'Give all numbers: then it is said what they do.';
+  if (given) {
+    const way = distance === undefined ? '' : `, ${amount(Math.abs(distance), names.position)} in ${seconds(given.total_s ?? 0)}`;
+    text = `Up to ${amount(given.top, names.velocity)} within ${seconds(given.ramp_s)}${way}; halting takes ${seconds(given.ramp_s)} and ${amount(given.braking, names.position)}, or a quick stop.`;
+  } else if (velocity_scale === undefined && Number.isFinite(velocity) && acceleration > 0) {
+    text = `Up to ${amount(Math.abs(velocity), names.velocity)} at ${amount(acceleration, names.acceleration)}: how these units of the drive go together is not known.`;
+  }
+  return (
+    <p className="quiet note" role="note">
+      {text}
+      {!known && ' The drive does not say what a revolution is: begin with little.'}
+    </p>
+  );
+}
+
+function PositionMove({ name, names, isFree }: MoveProps) {
   const [how, setHow] = useState<'by' | 'to'>('by');
-  const [distance, setDistance] = useState(1);
-  const [velocity, setVelocity] = useState(300);
-  const [acceleration, setAcceleration] = useState(50);
-  const names = namesOf(units);
+  const [distance, setDistance] = useNumber(1, names);
+  const [velocity, setVelocity] = useNumber(300, names);
+  const [acceleration, setAcceleration] = useNumber(50, names);
   const start = (sign: number) =>
     attempt(() =>
       enableAnd(name, {
         do: 'move', units: names.units, [how]: sign * distance, velocity: names.speed(velocity), acceleration, deceleration: acceleration,
       }),
     );
+  const cannot = !isFree || !(velocity > 0) || !(acceleration > 0);
   return (
     <div className="form">
       <Choice label="Move" value={how} options={[['by', 'by a distance'], ['to', 'to a position']]} onChange={setHow} />
@@ -200,37 +252,44 @@ function PositionMove({ name, units }: MoveProps) {
       <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} minimum={0} />
       <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
       <div className="buttons">
-        {how === 'by' && <Button onPress={() => start(-1)}>− Back</Button>}
-        <Button kind="main" onPress={() => start(1)}>{how === 'by' ? 'Move +' : 'Move'}</Button>
+        {how === 'by' && <NumbersButton isDisabled={cannot} onPress={() => start(-1)}>− Back</NumbersButton>}
+        <NumbersButton kind="main" isDisabled={cannot} onPress={() => start(1)}>{how === 'by' ? 'Move +' : 'Move'}</NumbersButton>
       </div>
+      <Prediction names={names} velocity={velocity} acceleration={acceleration} {...(how === 'by' ? { distance } : {})} />
     </div>
   );
 }
 
-function VelocityMove({ name, units }: MoveProps) {
-  const [velocity, setVelocity] = useState(120);
-  const [acceleration, setAcceleration] = useState(20);
-  const names = namesOf(units);
+function VelocityMove({ name, names, isFree }: MoveProps) {
+  const [velocity, setVelocity] = useNumber(120, names);
+  const [acceleration, setAcceleration] = useNumber(20, names);
   return (
     <div className="form">
       <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} />
       <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
       <div className="buttons">
-        <Button kind="main" onPress={() => attempt(() => enableAnd(name, { do: 'velocity', units: names.units, velocity: names.speed(velocity), acceleration, deceleration: acceleration }))}>Run</Button>
+        <NumbersButton
+          kind="main"
+          isDisabled={!isFree || !(acceleration > 0)}
+          onPress={() => attempt(() => enableAnd(name, { do: 'velocity', units: names.units, velocity: names.speed(velocity), acceleration, deceleration: acceleration }))}
+        >
+          Run
+        </NumbersButton>
         <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
       </div>
+      <Prediction names={names} velocity={velocity} acceleration={acceleration} />
       <p className="quiet note">Runs until it is halted: mind the limit switches.</p>
     </div>
   );
 }
 
-function TorqueMove({ name }: { name: string }) {
+function TorqueMove({ name, isFree }: MoveProps) {
   const [percent, setPercent] = useState(5);
   return (
     <div className="form">
       <NumberInput label="Torque" unit="% of rated" value={percent} onChange={setPercent} minimum={-300} maximum={300} />
       <div className="buttons">
-        <Button kind="main" onPress={() => attempt(() => enableAnd(name, { do: 'torque', percent }))}>Apply</Button>
+        <NumbersButton kind="main" isDisabled={!isFree} onPress={() => attempt(() => enableAnd(name, { do: 'torque', percent }))}>Apply</NumbersButton>
         <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
       </div>
       <p className="quiet note">With no load against it the axis accelerates until it is halted.</p>
@@ -238,31 +297,33 @@ function TorqueMove({ name }: { name: string }) {
   );
 }
 
-function JogMove({ name, units, enabled }: MoveProps & { enabled: boolean }) {
-  const [velocity, setVelocity] = useState(60);
-  const names = namesOf(units);
-  const request = (sign: number) => ({ units: names.units, velocity: sign * names.speed(velocity) });
+function JogMove({ name, names, enabled }: MoveProps & { enabled: boolean }) {
+  const [velocity, setVelocity] = useNumber(60, names);
+  const [acceleration, setAcceleration] = useNumber(20, names);
+  const right = useNumbersAreRight();
+  const request = (sign: number) => ({ units: names.units, velocity: sign * names.speed(velocity), acceleration, deceleration: acceleration });
+  const cannot = !enabled || !right || !(acceleration > 0);
   return (
     <div className="form">
       <NumberInput label="Velocity" unit={names.velocity} value={velocity} onChange={setVelocity} minimum={0} />
+      <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
       <div className="buttons">
-        <JogButton axis={name} velocity={request(-1)} isDisabled={!enabled} label="Jog in negative direction">◀ −</JogButton>
-        <JogButton axis={name} velocity={request(1)} isDisabled={!enabled} label="Jog in positive direction">+ ▶</JogButton>
+        <JogButton axis={name} velocity={request(-1)} isDisabled={cannot} label="Jog in negative direction">◀ −</JogButton>
+        <JogButton axis={name} velocity={request(1)} isDisabled={cannot} label="Jog in positive direction">+ ▶</JogButton>
       </div>
+      <Prediction names={names} velocity={velocity} acceleration={acceleration} />
       <p className="quiet note">{enabled ? 'Moves while it is pressed: pointer, space or enter.' : 'Enable the axis first.'}</p>
     </div>
   );
 }
 
-function HomeMove({ axis, units, geometry }: { axis: AxisView; units: Units | undefined; geometry: Geometry | undefined }) {
-  const { name } = axis;
+function HomeMove({ name, names, isFree, axis, geometry }: MoveProps & { axis: AxisView; geometry: Geometry | undefined }) {
   const methods = (useResource<{ methods: HomingMethod[] }>(`${axisPath(name)}/homing`).value?.methods ?? []).filter(({ supported }) => supported);
   const [chosen, setChosen] = useState<number | null>(null);
-  const [fast, setFast] = useState(120);
-  const [slow, setSlow] = useState(30);
-  const [acceleration, setAcceleration] = useState(20);
+  const [fast, setFast] = useNumber(120, names);
+  const [slow, setSlow] = useNumber(30, names);
+  const [acceleration, setAcceleration] = useNumber(20, names);
   const [start, setStart] = useState<number | null>(null);
-  const names = namesOf(units);
   const method = methods.find((each) => each.method === (chosen ?? 7)) ?? methods.find(({ legs }) => legs.length > 0) ?? methods[0];
   const job = useJob(name);
   const homing = job?.do === 'home' && job.state === 'running';
@@ -276,20 +337,21 @@ function HomeMove({ axis, units, geometry }: { axis: AxisView; units: Units | un
         <NumberInput label="Speed to the zero" unit={names.velocity} value={slow} onChange={setSlow} minimum={0} />
         <NumberInput label="Acceleration" unit={names.acceleration} value={acceleration} onChange={setAcceleration} minimum={0} />
         <div className="buttons">
-          <Button
+          <NumbersButton
             kind="main"
-            isDisabled={homing}
+            isDisabled={!isFree || !(acceleration > 0)}
             onPress={() => {
               setStart(axis.position_counts);
               attempt(() => enableAnd(name, { do: 'home', units: names.units, method: method.method, speed: names.speed(fast), zero_speed: names.speed(slow), acceleration }));
             }}
           >
             Home
-          </Button>
+          </NumbersButton>
           <Button onPress={() => attempt(() => runJob(name, { do: 'stop' }))}>Halt</Button>
           {geometry && replay.ready && <Button onPress={replay.playing ? replay.stop : replay.play}>{replay.playing ? 'End the replay' : 'Replay'}</Button>}
         </div>
       </div>
+      <Prediction names={names} velocity={fast} acceleration={acceleration} />
       {geometry && <HomingFigure method={method} geometry={geometry} axis={replay.axis} start={homing && start !== null ? start : axis.homed && start !== null ? start : axis.position_counts} />}
     </>
   );

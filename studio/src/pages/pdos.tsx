@@ -2,7 +2,8 @@ import { useState } from 'react';
 import { problemOf, put } from '../api/client';
 import type { AxisView, Problem } from '../api/types';
 import { axisPath } from '../commands';
-import { Button, NumberInput, Panel, Toggle, Trouble } from '../parts/controls';
+import { Button, Panel, Toggle, Trouble } from '../parts/controls';
+import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { bitsOf, changesOf, moved, type Mapped, type Pdo, type Pdos } from '../model/pdos';
 import { tell } from '../notices';
 import { useResource } from '../resource';
@@ -55,35 +56,37 @@ export function PdoView({ name }: { name: string }) {
   const master = masterOf(axis);
 
   return (
-    <div className="column">
-      <Panel
-        title="Process data"
-        aside={
-          <>
-            <span className="quiet" role="status">{changes ? 'changed, not written' : 'as the drive has them'}</span>
-            <Button kind="main" isDisabled={!changes || busy} onPress={apply}>Write to the drive</Button>
-            <Button isDisabled={!draft || busy} onPress={revert}>Revert</Button>
-          </>
-        }
-      >
-        <p className="note">
-          Written in the order that the standard asks for; what was there before comes back if the drive refuses. It stays until the drive
-          loses its power, unless it is stored.
-        </p>
-        {master && <p className="warning" role="status">{master}</p>}
-        <Trouble problem={refusal ?? problem} />
-      </Panel>
-      {directions.map(([direction, title]) => (
-        <section key={direction} aria-label={title}>
-          <h2 className="section">{title}</h2>
-          <div className="panels">
-            {shown.pdos.filter((pdo) => pdo.direction === direction).map((pdo) => (
-              <PdoPanel key={pdo.index} pdo={pdo} pdos={shown} onPdo={editPdo} onAssigned={(list) => edit({ ...shown, [direction]: list })} />
-            ))}
-          </div>
-        </section>
-      ))}
-    </div>
+    <NumberForm>
+      <div className="column">
+        <Panel
+          title="Process data"
+          aside={
+            <>
+              <span className="quiet" role="status">{changes ? 'changed, not written' : 'as the drive has them'}</span>
+              <NumbersButton kind="main" isDisabled={!changes || busy} onPress={apply}>Write to the drive</NumbersButton>
+              <Button isDisabled={!draft || busy} onPress={revert}>Revert</Button>
+            </>
+          }
+        >
+          <p className="note">
+            Written in the order that the standard asks for; what was there before comes back if the drive refuses. It stays until the drive
+            loses its power, unless it is stored.
+          </p>
+          {master && <p className="warning" role="status">{master}</p>}
+          <Trouble problem={refusal ?? problem} />
+        </Panel>
+        {directions.map(([direction, title]) => (
+          <section key={direction} aria-label={title}>
+            <h2 className="section">{title}</h2>
+            <div className="panels">
+              {shown.pdos.filter((pdo) => pdo.direction === direction).map((pdo) => (
+                <PdoPanel key={pdo.index} pdo={pdo} pdos={shown} onPdo={editPdo} onAssigned={(list) => edit({ ...shown, [direction]: list })} />
+              ))}
+            </div>
+          </section>
+        ))}
+      </div>
+    </NumberForm>
   );
 }
 
@@ -97,7 +100,7 @@ function PdoPanel({ pdo, pdos, onPdo, onAssigned }: { pdo: Pdo; pdos: Pdos; onPd
   const set = (objects: Mapped[]) => onPdo({ ...pdo, objects });
   const number = (key: 'can_id' | 'transmission_type' | 'inhibit_time_us' | 'event_timer_ms', label: string, unit = '', step = 1) =>
     pdo[key] !== undefined && (
-      <NumberInput key={key} label={label} unit={unit} value={pdo[key]} minimum={0} step={step} onChange={(to) => Number.isFinite(to) && onPdo({ ...pdo, [key]: to })} />
+      <NumberInput whenLeft key={key} label={label} unit={unit} value={pdo[key]} minimum={0} step={step} onChange={(to) => onPdo({ ...pdo, [key]: to })} />
     );
   return (
     <Panel

@@ -3,7 +3,8 @@ import { put, post, remove } from '../api/client';
 import type { BusView, FaultList, Inputs, Plant } from '../api/types';
 import { axisPath, power } from '../commands';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
-import { Button, Choice, NumberInput, Panel, Toggle, Trouble } from '../parts/controls';
+import { Button, Choice, Panel, Toggle, Trouble } from '../parts/controls';
+import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Terminals } from '../parts/terminals';
 import { useGeometry } from '../parts/travel';
 import { attempt } from '../notices';
@@ -37,7 +38,7 @@ export function PlantPage() {
         <PlantPanel name={name} />
         <FaultPanel name={name} />
         <PowerPanel name={name} />
-        {bus && <DisturbancePanel bus={bus} axis={name} />}
+        {bus && <NumberForm><DisturbancePanel bus={bus} axis={name} /></NumberForm>}
         <Terminals key={name} axis={name} />
       </div>
     </>
@@ -95,7 +96,7 @@ function PlantPanel({ name }: { name: string }) {
       {value && (
         <div className="form">
           {quantities.map(([key, label, unit]) => (
-            <NumberInput key={key} label={label} unit={unit} value={value[key] as number} onChange={(to) => change({ [key]: to })} />
+            <NumberInput whenLeft key={key} label={label} unit={unit} value={value[key] as number} onChange={(to) => change({ [key]: to })} />
           ))}
           <Toggle isSelected={value.locked_rotor} onChange={(locked_rotor) => change({ locked_rotor })}>Locked rotor</Toggle>
         </div>
@@ -176,7 +177,7 @@ function DisturbancePanel({ bus, axis }: { bus: string; axis: string }) {
         {hasDelay && <NumberInput label="by" unit="ms" value={delay_ms} onChange={setDelayMs} minimum={0} maximum={60000} />}
         {isCan && <Toggle isSelected={only} onChange={setOnly}>Only what {axis} sends</Toggle>}
         <div className="buttons">
-          <Button onPress={() => attempt(disturb)}>Disturb</Button>
+          <NumbersButton onPress={() => attempt(disturb)}>Disturb</NumbersButton>
           <Button isDisabled={!value?.disturbance} onPress={() => attempt(() => remove(`${path}/disturb`).finally(again))}>End</Button>
         </div>
       </div>

@@ -3,7 +3,8 @@ import { getBytes, post, remove } from '../api/client';
 import { decodeFrame } from '../api/frame';
 import type { Recording, Units } from '../api/types';
 import { axisPath, runJob } from '../commands';
-import { Button, Choice, NumberInput, Panel, Toggle } from '../parts/controls';
+import { Button, Choice, Panel, Toggle } from '../parts/controls';
+import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { BodePlot } from '../parts/bode';
 import { Excite } from '../parts/excite';
 import { Lanes, type Curve } from '../parts/lanes';
@@ -42,9 +43,11 @@ export function ScopePage() {
         )}
       </div>
       <div className="column side">
-        <Record setup={setup} />
-        <Excite first={setup.channels[0]?.axis} />
-        <ScopeSetup setup={setup} onChange={(to) => keep(queryOf(to))} />
+        <NumberForm>
+          <Record setup={setup} />
+          <NumberForm><Excite first={setup.channels[0]?.axis} /></NumberForm>
+          <ScopeSetup setup={setup} onChange={(to) => keep(queryOf(to))} />
+        </NumberForm>
         <Recordings recordings={recordings} shown={shown} overlays={overlays} memory={memory} />
       </div>
     </div>
@@ -133,7 +136,7 @@ function Record({ setup }: { setup: Setup }) {
       )}
       {withMove && units && !known && <p className="note">This drive does not say what its units are: move it from the Axis page.</p>}
       <div className="buttons">
-        <Button kind="main" isDisabled={withMove && !known} onPress={() => attempt(record)}>{withMove ? 'Move and record' : 'Record'}</Button>
+        <NumbersButton kind="main" isDisabled={withMove && (!known || !(rpm > 0) || !(acceleration > 0))} onPress={() => attempt(record)}>{withMove ? 'Move and record' : 'Record'}</NumbersButton>
       </div>
     </Panel>
   );
@@ -200,8 +203,8 @@ function RecordingPanel({ recording, samples, others }: { recording: Recording; 
             />
           </div>
           <div className="toolbar">
-            <NumberInput label="Cursor A" unit="ms" value={a ?? NaN} onChange={(at) => keep({ a: Number.isFinite(at) ? String(at) : null })} />
-            <NumberInput label="Cursor B" unit="ms" value={b ?? NaN} onChange={(at) => keep({ b: Number.isFinite(at) ? String(at) : null })} />
+            <NumberInput whenLeft mayBeEmpty label="Cursor A" unit="ms" value={a ?? NaN} onChange={(at) => keep({ a: Number.isFinite(at) ? String(at) : null })} />
+            <NumberInput whenLeft mayBeEmpty label="Cursor B" unit="ms" value={b ?? NaN} onChange={(at) => keep({ b: Number.isFinite(at) ? String(at) : null })} />
             <span className="quiet">Δ {a !== null && b !== null ? `${significant(b - a)} ms, ${significant(1000 / Math.abs(b - a))} Hz` : '–'}</span>
             <span className="grow" />
             <div className="buttons" role="group" aria-label="Zoom">

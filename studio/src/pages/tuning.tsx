@@ -7,7 +7,8 @@ import { figuresOf, placeOf, setsOf, type GainLine, type Gains, type StepMeasure
 import { fixed, significant } from '../model/units';
 import { attempt, tell } from '../notices';
 import { AxisTabs, usePageAxis } from '../parts/axis_tabs';
-import { Button, Link, NumberInput, Panel, Readout, Scroll, Trouble } from '../parts/controls';
+import { Button, Link, Panel, Readout, Scroll, Trouble } from '../parts/controls';
+import { NumberForm, NumberInput, NumbersButton } from '../parts/number_input';
 import { Lanes, type Curve } from '../parts/lanes';
 import { useResource } from '../resource';
 import { useRoute } from '../route';
@@ -29,7 +30,7 @@ export function TuningPage() {
       <Trouble problem={problem} />
       {powered && gains && (
         <div className="column">
-          <Tune axis={name} gains={gains} job={job} />
+          <NumberForm><Tune axis={name} gains={gains} job={job} /></NumberForm>
           {found && job && <Found axis={name} found={found} />}
           <GainTable axis={name} gains={gains.gains} changed={`${job?.id} ${job?.state}`} />
         </div>
@@ -74,15 +75,15 @@ function Tune({ axis, gains, job }: { axis: string; gains: Gains; job: Job | und
             is disabled at the end. If what is promised does not come true, the old gains are put back.
           </p>
           <div className="form">
-            <NumberInput label="Bandwidth (empty: six tenths of what is possible)" unit="Hz" value={bandwidth} minimum={1} maximum={1000} onChange={setBandwidth} />
+            <NumberInput mayBeEmpty label="Bandwidth (empty: six tenths of what is possible)" unit="Hz" value={bandwidth} minimum={1} maximum={1000} onChange={setBandwidth} />
             <NumberInput label="Travel allowed, forward" unit="rev" value={travel} minimum={0.5} maximum={1000} onChange={setTravel} />
             <NumberInput label="Ends at" unit="% torque" value={torque} minimum={1} maximum={300} onChange={setTorque} />
             <NumberInput label="Each measurement" unit="s" value={seconds} minimum={4} maximum={600} onChange={setSeconds} />
           </div>
           <div className="buttons">
-            <Button isDisabled={running} onPress={() => start(false)}>Measure and propose</Button>
-            {gains.writes && <Button kind="main" isDisabled={running} onPress={() => start(true)}>Tune</Button>}
-            {gains.tunes_itself && <Button isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</Button>}
+            <NumbersButton isDisabled={running} onPress={() => start(false)}>Measure and propose</NumbersButton>
+            {gains.writes && <NumbersButton kind="main" isDisabled={running} onPress={() => start(true)}>Tune</NumbersButton>}
+            {gains.tunes_itself && <NumbersButton isDisabled={running} onPress={() => attempt(() => runJob(axis, { do: 'tune_itself', travel }))}>Let the drive tune itself</NumbersButton>}
           </div>
           {!gains.writes && <p className="note quiet">Where this drive has its gains is not known, or its manual prints none: a proposal is in SI units.</p>}
         </>
@@ -262,6 +263,7 @@ function GainTable({ axis, gains, changed }: { axis: string; gains: GainLine[]; 
                     <td className="text">{entry?.name ?? ''}</td>
                     <td>
                       <NumberInput
+                        whenLeft
                         label={entry?.name ?? object}
                         hideLabel
                         value={typeof value === 'number' ? value : NaN}

@@ -4,7 +4,8 @@ import { at, csvOf, firstPlot, type Bode, type BodePoint } from '../model/bode';
 import { labelOf } from '../model/scope';
 import { fixed, significant } from '../model/units';
 import { useResource } from '../resource';
-import { Button, Choice, NumberInput, Readout, Scroll, Toggle, Trouble } from './controls';
+import { Button, Choice, Readout, Scroll, Toggle, Trouble } from './controls';
+import { NumberInput } from './number_input';
 import { Lanes, type Curve } from './lanes';
 import { savePicture, saveText } from './save';
 
@@ -50,7 +51,7 @@ export function BodePlot({ recording, earlier }: { recording: Recording; earlier
         <Choice label="Output" value={output} options={channels} onChange={setOutput} />
         {value?.open_loop && <Toggle isSelected={open} onChange={setOpen}>open loop</Toggle>}
         {cursors.map(([label, hz, set]) => (
-          <NumberInput key={label} label={label} unit="Hz" value={hz ?? NaN} minimum={0} onChange={(to) => set(Number.isFinite(to) && to > 0 ? to : null)} />
+          <NumberInput whenLeft mayBeEmpty key={label} label={label} unit="Hz" value={hz ?? NaN} minimum={0} onChange={(to) => set(Number.isFinite(to) && to > 0 ? to : null)} />
         ))}
         <span className="grow" />
         <Button isDisabled={points.length < 2} onPress={() => saveText(csvOf(points), `${file}.csv`)}>CSV</Button>

@@ -1,7 +1,6 @@
 import { type ComponentProps, type MouseEvent, type ReactNode } from 'react';
 import {
-  Button as AriaButton, FieldError, Group, Input, Label, ListBox, ListBoxItem, NumberField, Popover, SearchField, Select as AriaSelect,
-  SelectValue, type ButtonProps,
+  Button as AriaButton, Input, Label, ListBox, ListBoxItem, Popover, SearchField, Select as AriaSelect, SelectValue, type ButtonProps,
 } from 'react-aria-components';
 import { go } from '../route';
 
@@ -46,39 +45,6 @@ export function Choice<T extends string | number>({ label, value, options, onCha
         </ListBox>
       </Popover>
     </AriaSelect>
-  );
-}
-
-export function NumberInput({ label, unit, value, onChange, minimum, maximum, step, hideLabel = false, isDisabled = false }: {
-  label: string;
-  unit?: string;
-  value: number;
-  onChange: (value: number) => void;
-  minimum?: number | undefined;
-  maximum?: number | undefined;
-  step?: number;
-  hideLabel?: boolean;
-  isDisabled?: boolean;
-}) {
-  return (
-    <NumberField
-      className="field"
-      value={value}
-      onChange={onChange}
-      isDisabled={isDisabled}
-      formatOptions={{ maximumFractionDigits: 6, useGrouping: false }}
-      {...(minimum === undefined ? {} : { minValue: minimum })}
-      {...(maximum === undefined ? {} : { maxValue: maximum })}
-      {...(step === undefined ? {} : { step })}
-      {...(hideLabel ? { 'aria-label': label } : {})}
-    >
-      {!hideLabel && <Label>{label}</Label>}
-      <Group className="number">
-        <Input className="input" />
-        {unit && <span className="unit">{unit}</span>}
-      </Group>
-      <FieldError className="refusal" />
-    </NumberField>
   );
 }
 

@@ -9,7 +9,8 @@ import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { keep } from '../route';
 import { useLine } from '../store';
-import { Button, Choice, NumberInput, Panel, Trouble } from './controls';
+import { Choice, Panel, Trouble } from './controls';
+import { NumberInput, NumbersButton } from './number_input';
 
 const kinds = [['sweep', 'Sweep'], ['step', 'Step']] as const;
 const excited = [['velocity', 'velocity'], ['torque', 'torque'], ['position', 'position']] as const;
@@ -73,9 +74,9 @@ export function Excite({ first }: { first: string | undefined }) {
       </div>
       <Trouble problem={problem} />
       <div className="buttons">
-        <Button kind="main" isDisabled={busy || !units || !objects} onPress={() => { setBusy(true); attempt(() => run().finally(() => setBusy(false))); }}>
+        <NumbersButton kind="main" isDisabled={busy || !units || !objects} onPress={() => { setBusy(true); attempt(() => run().finally(() => setBusy(false))); }}>
           {kind === 'sweep' ? 'Sweep and record' : 'Step and record'}
-        </Button>
+        </NumbersButton>
       </div>
     </Panel>
   );

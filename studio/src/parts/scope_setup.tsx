@@ -6,7 +6,8 @@ import { addressOf, isReadable } from '../model/objects';
 import { any, mostChannels, rates, textOfChannel, without, type Setup } from '../model/scope';
 import { useResource } from '../resource';
 import { useLine, useMissing } from '../store';
-import { Button, Choice, NumberInput, Panel } from './controls';
+import { Button, Choice, Panel } from './controls';
+import { NumberInput } from './number_input';
 import { swatchOf } from './lanes';
 
 const noSignals: string[] = [];
@@ -28,8 +29,8 @@ export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: S
       {channels.length < mostChannels && <AddChannel setup={setup} onChange={onChange} />}
       <div className="form">
         <Choice label="Rate" value={setup.rate_hz} options={rates.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz })} />
-        <NumberInput label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms, pre_ms: Math.min(setup.pre_ms, duration_ms) })} />
-        <NumberInput label="Before trigger" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
+        <NumberInput whenLeft label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms, pre_ms: Math.min(setup.pre_ms, duration_ms) })} />
+        <NumberInput whenLeft label="Before trigger" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
         <TriggerFields setup={setup} onChange={onChange} />
       </div>
     </Panel>
@@ -93,7 +94,7 @@ function TriggerFields({ setup, onChange }: { setup: Setup; onChange: (to: Setup
       {isLevel && (
         <>
           <Choice label="of channel" value={trigger.channel ?? 0} options={channels.map((channel, i) => [i, textOfChannel(channel)] as const)} onChange={(channel) => set({ channel })} />
-          <NumberInput label="Level" value={trigger.level ?? 0} onChange={(level) => set({ level })} />
+          <NumberInput whenLeft label="Level" value={trigger.level ?? 0} onChange={(level) => set({ level })} />
           <Choice label="Slope" value={trigger.slope ?? 'rising'} options={[['rising', 'rising'], ['falling', 'falling']]} onChange={(slope) => set({ slope })} />
         </>
       )}

@@ -6,7 +6,8 @@ import { setsOfTerminals } from '../model/terminals';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
 import { usePowered } from '../store';
-import { Choice, Link, NumberInput, Panel, Scroll, Toggle, Trouble } from './controls';
+import { Choice, Link, Panel, Scroll, Toggle, Trouble } from './controls';
+import { NumberInput } from './number_input';
 
 const refresh_ms = 500;
 
@@ -96,7 +97,7 @@ function Value({ entry, value, onChange }: { entry: ObjectEntry; value: ObjectVa
   if (!writable) return <>{showValue(value)} {entry.unit}</>;
   return (
     <span className="written">
-      <NumberInput label={entry.name} hideLabel value={value} minimum={entry.minimum ?? undefined} maximum={entry.maximum ?? undefined} step={1} unit={entry.unit} onChange={onChange} />
+      <NumberInput whenLeft label={entry.name} hideLabel value={value} minimum={entry.minimum ?? undefined} maximum={entry.maximum ?? undefined} step={1} unit={entry.unit} onChange={onChange} />
       <span className="quiet mono">{hexValue(entry, value)}</span>
     </span>
   );

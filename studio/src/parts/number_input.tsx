@@ -1,0 +1,105 @@
+import { createContext, useCallback, useContext, useId, useLayoutEffect, useMemo, useState, type KeyboardEvent, type ReactNode } from 'react';
+import { FieldError, Group, Input, Label, TextField, type ButtonProps } from 'react-aria-components';
+import { readNumber, showNumber } from '../model/number';
+import { Button } from './controls';
+
+// Fields of numbers, and the buttons that do something with them. What is not understood is marked with the reason, and
+// the buttons are dead until it is put right.
+
+interface Form {
+  isRight: boolean;
+  note: (field: string, isWrong: boolean) => void;
+}
+const FormContext = createContext<Form>({ isRight: true, note: () => undefined });
+
+export function NumberForm({ children }: { children: ReactNode }) {
+  const [wrong, setWrong] = useState<ReadonlySet<string>>(new Set());
+  const note = useCallback(
+    (field: string, isWrong: boolean) =>
+      setWrong((before) => {
+        if (before.has(field) === isWrong) return before;
+        return new Set(isWrong ? [...before, field] : [...before].filter((each) => each !== field));
+      }),
+    [],
+  );
+  const isRight = wrong.size === 0;
+  const form = useMemo(() => ({ isRight, note }), [isRight, note]);
+  return <FormContext.Provider value={form}>{children}</FormContext.Provider>;
+}
+
+// Every number of the form is given and understood.
+export const useNumbersAreRight = () => useContext(FormContext).isRight;
+
+// A button that acts on the numbers of its form.
+export function NumbersButton({ isDisabled = false, ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare' }) {
+  return <Button {...props} isDisabled={isDisabled || !useNumbersAreRight()} />;
+}
+
+// `value` NaN: none is given yet. `onChange` hears understood numbers only: with each key, or, with `whenLeft`, when the
+// field is left or Enter pressed. `mayBeEmpty`: then an empty field is NaN.
+export function NumberInput({ label, unit, value, onChange, minimum, maximum, step = 1, hideLabel = false, isDisabled = false, whenLeft = false, mayBeEmpty = false }: {
+  label: string;
+  unit?: string | undefined;
+  value: number;
+  onChange: (value: number) => void;
+  minimum?: number | undefined;
+  maximum?: number | undefined;
+  step?: number;
+  hideLabel?: boolean;
+  isDisabled?: boolean;
+  whenLeft?: boolean;
+  mayBeEmpty?: boolean;
+}) {
+  const id = useId();
+  const { note } = useContext(FormContext);
+  const [typed, setTyped] = useState<string | null>(null); // until it is taken, or the value becomes another
+  const [told, setTold] = useState(value);
+  const limits = { minimum, maximum };
+  const read = (text: string) => (mayBeEmpty && text.trim() === '' ? { value: NaN } : readNumber(text, limits));
+  if (!Object.is(told, value)) {
+    // From elsewhere, unless it is what was just typed.
+    const now = typed === null ? null : read(typed);
+    if (now && 'value' in now && !Object.is(now.value, value)) setTyped(null);
+    setTold(value);
+  }
+  const text = typed ?? showNumber(value);
+  const now = read(text);
+  const problem = 'problem' in now ? now.problem : undefined;
+  const isShown = problem !== undefined && !isDisabled && typed !== null;
+  useLayoutEffect(() => {
+    note(id, problem !== undefined && !isDisabled);
+    return () => note(id, false);
+  }, [note, id, problem, isDisabled]);
+
+  const take = (to: string) => {
+    const number = read(to);
+    if ('value' in number && !Object.is(number.value, value)) onChange(number.value);
+  };
+  const type = (to: string) => {
+    setTyped(to);
+    if (!whenLeft) take(to);
+  };
+  const leave = () => {
+    if (typed === null || problem !== undefined) return;
+    if (whenLeft) take(typed);
+    setTyped(null);
+  };
+  const onKey = (event: KeyboardEvent) => {
+    if (event.key === 'Enter') leave();
+    const direction = event.key === 'ArrowUp' ? 1 : event.key === 'ArrowDown' ? -1 : 0;
+    if (direction === 0 || !('value' in now) || !Number.isFinite(now.value)) return;
+    event.preventDefault();
+    const next = readNumber(showNumber(now.value + direction * step), limits);
+    if ('value' in next) type(showNumber(next.value));
+  };
+  return (
+    <TextField className="field" value={text} onChange={type} isDisabled={isDisabled} isInvalid={isShown} {...(hideLabel ? { 'aria-label': label } : {})}>
+      {!hideLabel && <Label>{label}</Label>}
+      <Group className="number" isInvalid={isShown}>
+        <Input className="input" inputMode="decimal" onBlur={leave} onKeyDown={onKey} />
+        {unit && <span className="unit">{unit}</span>}
+      </Group>
+      <FieldError className="refusal">{problem}</FieldError>
+    </TextField>
+  );
+}

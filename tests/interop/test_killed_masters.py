@@ -1,0 +1,131 @@
+"""Masters that die: `servodrome studio` and the commands, killed at random moments. The axis comes to rest by the drive's own watch."""
+
+import random
+import subprocess
+import time
+
+import pytest
+from line import COUNTS, PROGRAM, TRAVEL, Line, wait_for
+from studio import Studio, patiently
+
+DRIVES = f"""
+[[bus]]
+name = "can0"
+
+[[bus]]
+name = "ecat"
+type = "ethercat"
+
+[[axis]]
+name = "ismc"
+product = "ismc"
+bus = "can0"
+node = 1
+{TRAVEL}
+
+[[axis]]
+name = "reference"
+product = "generic402"
+bus = "can0"
+node = 2
+{TRAVEL}
+
+[[axis]]
+name = "jmc"
+product = "jmc_ec"
+bus = "ecat"
+{TRAVEL.replace(str(COUNTS), "4000")}
+"""
+# What the studio calls them, units of a revolution (of a drive that does not say), and how long its watch and stop take.
+AXES = {"ismc": ("ismc-1", COUNTS, 3.0), "reference": ("generic402-2", None, 3.0), "jmc": ("jmc_ec-1", None, 1.5)}
+ROUNDS = 4
+
+pytestmark = pytest.mark.once
+
+
+@pytest.fixture
+def line(tmp_path):
+    line = Line(tmp_path, DRIVES, ("can0=socketcand:127.0.0.1:0/can0", "ecat=udp:127.0.0.1:0"))
+    yield line
+    line.stop()
+
+
+def speed(line, axis):
+    return abs(line.bench.axis(axis)["velocity_rpm"])
+
+
+def rests_within(line, axis, seconds):
+    """The clock is that of the line, which a busy machine may slow down."""
+    begun = line.bench.get("clock")["time_ms"]
+    while line.bench.get("clock")["time_ms"] - begun < seconds * 1000:
+        time.sleep(0.02)
+    assert speed(line, axis) < 1, f"{axis} turns {seconds} s after its master died"
+    time.sleep(0.2)
+    assert speed(line, axis) < 1
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_studio_is_killed_at_random_moments(line, axis):
+    name, counts, longest = AXES[axis]
+    moments = random.Random(f"studio {axis}")
+    order = {"velocity": 0.3 * (counts or 1), "acceleration": 5 * (counts or 1), "units": "drive" if counts else "revolutions"}
+
+    def kill_it():
+        studio = Studio(line.links["can0"][0], line.links["ecat"][0])
+        try:
+            wait_for(lambda: studio.bench.axis(name)["powered"], name)
+            assert studio.bench.axis(name)["watch"]["within_s"] < longest
+            studio.does(name, do="reset_fault")
+            studio.does(name, do="enable")
+            studio.job(name, do="velocity", **order)
+            time.sleep(moments.uniform(0.0, 1.0))
+        finally:
+            studio.process.kill()
+            studio.process.wait()
+        rests_within(line, axis, longest)
+
+    for _ in range(ROUNDS):
+        patiently(kill_it)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_commands_are_killed_at_random_moments(line, axis):
+    _, counts, longest = AXES[axis]
+    moments = random.Random(f"command {axis}")
+    bus = line.links["ecat" if axis == "jmc" else "can0"][0]
+    node = {"ismc": "1", "reference": "2", "jmc": "1"}[axis]
+    units = ["--velocity", str(0.3 * counts)] if counts else ["--revolutions", "--velocity", "0.3"]
+    command = [PROGRAM, "jog", "--bus", bus, "--node", node, *units, "--seconds", "60", "--reset-fault"]
+    for _ in range(ROUNDS):
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        try:
+            wait_for(lambda: speed(line, axis) > 5 or process.poll() is not None, "the axis to turn")
+            time.sleep(moments.uniform(0.0, 1.0))
+        finally:
+            process.kill()
+            process.wait()
+        rests_within(line, axis, longest)
+
+
+@pytest.mark.parametrize("signal", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_studio_that_is_told_to_end_stops_its_axes(line, signal):
+    studio = Studio(line.links["can0"][0])
+    name = AXES["reference"][0]
+    wait_for(lambda: studio.bench.axis(name)["powered"], name)
+    studio.does(name, do="enable")
+    studio.does(name, do="velocity", velocity=0.5, acceleration=5, units="revolutions")
+    studio.process.send_signal(getattr(subprocess.signal, signal))
+    assert studio.process.wait(60) == 0
+    assert speed(line, "reference") < 1
+    assert line.bench.axis("reference")["state"] != "operation enabled"
+
+
+def test_a_command_that_fails_leaves_no_axis_enabled(line):
+    """A move that takes too long; without --disable, too."""
+    bus = line.links["can0"][0]
+    for options in (["--disable"], []):
+        command = [PROGRAM, "move", "--bus", bus, "--node", "2", "--revolutions", "--by", "50", "--velocity", "1", "--timeout", "0.5"]
+        process = subprocess.run([*command, *options], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+        assert process.returncode == 1 and "took longer" in process.stderr, process.stderr
+        assert line.bench.axis("reference")["state"] != "operation enabled"
+        assert speed(line, "reference") < 1

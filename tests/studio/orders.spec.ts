@@ -1,0 +1,94 @@
+import { card, expect, panel, test, type } from './fixtures';
+import { axes } from './line';
+
+// What the page lets somebody ask of an axis: nothing that is not understood, and nothing that comes back by itself.
+
+interface View {
+  state: string;
+  velocity_rpm: number;
+  position_counts: number;
+}
+
+for (const { name, counts } of axes) {
+  test(`enabling ${name} after STOP moves nothing`, async ({ page, open, line }) => {
+    const view = () => line.call<View>('GET', `/axes/${name}`);
+    await open(`/axis/${name}?do=velocity`);
+    await page.getByRole('button', { name: 'Run' }).click();
+    await expect.poll(async () => Math.abs((await view()).velocity_rpm)).toBeGreaterThan(50);
+    await page.getByRole('button', { name: 'STOP', exact: true }).click();
+    await expect.poll(async () => Math.abs((await view()).velocity_rpm)).toBeLessThan(1);
+    const { position_counts: stood } = await view();
+    await open('/');
+    await line.call('POST', `/axes/${name}/jobs`, { do: 'disable' });
+    await expect(card(page, name).getByRole('button', { name: 'Enable' })).toBeVisible();
+    await card(page, name).getByRole('button', { name: 'Enable' }).click();
+    await expect.poll(async () => (await view()).state).toBe('operation enabled');
+    await page.waitForTimeout(1000); // of the line's time: it is a real one
+    expect(Math.abs((await view()).position_counts - stood)).toBeLessThan(counts / 100);
+  });
+}
+
+const numbers: [string, string | null][] = [
+  ['-5', 'At least 0'], ['', 'Give a number'], ['abc', 'no number'], ['1.2.3', 'no number'], ['1,500', '1500 or 1.5'], ['12', null],
+];
+
+test('a number that is not understood is marked, and its buttons are dead', async ({ page, open, line }) => {
+  await open('/axis/reference');
+  const motion = panel(page, 'Motion');
+  const move = motion.getByRole('button', { name: 'Move +' });
+  const field = motion.getByRole('textbox', { name: 'Velocity', exact: true });
+  await expect(move).toBeEnabled();
+  for (const [text, problem] of numbers) {
+    await field.fill(text);
+    if (problem === null) {
+      await expect(move).toBeEnabled();
+      await expect(field).not.toHaveAttribute('aria-invalid', 'true');
+      continue;
+    }
+    await expect(move).toBeDisabled();
+    await expect(motion.getByRole('button', { name: '− Back' })).toBeDisabled();
+    await expect(field).toHaveAttribute('aria-invalid', 'true');
+    await expect(motion).toContainText(problem);
+    await field.press('Tab');
+    await expect(field).toHaveValue(text); // it is not replaced
+  }
+  await field.fill('300');
+  await motion.getByRole('textbox', { name: 'Distance' }).fill('0,5');
+  await motion.getByRole('textbox', { name: 'Distance' }).press('Tab');
+  const before = (await line.call<View>('GET', '/axes/reference')).position_counts;
+  await move.click();
+  await expect(page.getByText(/move: done/)).toBeVisible();
+  const { position_counts } = await line.call<View>('GET', '/axes/reference');
+  expect(Math.abs(position_counts - before - 0.5 * 131072)).toBeLessThan(500);
+});
+
+test('no button that moves acts on a number that is not understood', async ({ page, open }) => {
+  for (const [kind, field, button] of [['velocity', 'Velocity', 'Run'], ['velocity', 'Acceleration', 'Run'], ['torque', 'Torque', 'Apply'], ['home', 'Speed to the switch', 'Home'], ['position', 'Distance', 'Move +']] as const) {
+    await open(`/axis/reference?do=${kind}`);
+    const motion = panel(page, 'Motion');
+    await expect(motion.getByRole('button', { name: button, exact: true })).toBeEnabled();
+    await motion.getByRole('textbox', { name: field, exact: true }).fill('x');
+    await expect(motion.getByRole('button', { name: button, exact: true })).toBeDisabled();
+  }
+  await open('/axis/reference?do=jog');
+  await panel(page, 'Motion').getByRole('button', { name: 'Enable' }).click();
+  const jog = page.getByRole('button', { name: 'Jog in positive direction' });
+  await expect(jog).toBeEnabled();
+  await type(page, 'Velocity', -1);
+  await expect(jog).toBeDisabled();
+  await open('/scope?ch=reference/velocity_rpm');
+  await expect(page.getByRole('button', { name: 'Move and record' })).toBeEnabled();
+  await page.getByRole('textbox', { name: 'Duration' }).fill('no');
+  await expect(page.getByRole('button', { name: 'Move and record' })).toBeDisabled();
+  await expect(page.getByRole('button', { name: 'Sweep and record' })).toBeEnabled();
+  await page.getByRole('textbox', { name: 'Amplitude' }).fill('');
+  await expect(page.getByRole('button', { name: 'Sweep and record' })).toBeDisabled();
+});
+
+test('says what a motion will be', async ({ page, open }) => {
+  await open('/axis/reference');
+  await type(page, 'Distance', 10);
+  await type(page, 'Velocity', 300);
+  await type(page, 'Acceleration', 50);
+  await expect(panel(page, 'Motion').getByRole('note')).toContainText('Up to 300 rpm within 100 ms, 10 rev in 2.1 s; halting takes 100 ms and 0.25 rev');
+});
