@@ -162,6 +162,23 @@ test('the loss of the buses is said, and the page comes back with them', async (
   for (const message of watched.splice(0)) expect(message).toMatch(/409/); // what was being asked when the bus went
 });
 
+// The server would refuse it (409): while the drive has not been asked yet or is silent, and while it does something.
+test('what moves an axis is dead as long as it cannot be asked or is busy', async ({ page, go, drives, studio }) => {
+  await go(`/axis/${reference}?do=home`);
+  const home = page.getByRole('button', { name: 'Home', exact: true });
+  await expect(home).toBeEnabled();
+  await drives.call('POST', '/buses/can0/disturb', { cut: true, axis: 'reference' });
+  await expect(home).toBeDisabled();
+  await drives.call('DELETE', '/buses/can0/disturb');
+  await expect(home).toBeEnabled();
+  await studio.call('POST', `/axes/${reference}/jobs`, { do: 'enable' });
+  await expect(page.getByText(/enable: done/)).toBeVisible();
+  await studio.call('POST', `/axes/${reference}/jobs`, { do: 'move', by: 4, velocity: 1, acceleration: 20, units: 'revolutions' });
+  await expect(home).toBeDisabled();
+  await expect(page.getByText(/move: done/)).toBeVisible();
+  await expect(home).toBeEnabled();
+});
+
 // An ISMC has no object that says what a revolution is.
 test('proposes no numbers where the unit is not known, and says what they will do', async ({ page, go, drives }) => {
   await go(`/axis/${can}?do=velocity`);

@@ -1,4 +1,4 @@
-import { useState, type ReactNode } from 'react';
+import { useState } from 'react';
 import { Tab, TabList, TabPanel, Tabs } from 'react-aria-components';
 import type { AxisView, Geometry, HomingMethod, ObjectEntry, StatesView, Units } from '../api/types';
 import { axisPath, cancelJob, power, runJob, writeObject } from '../commands';
@@ -179,21 +179,16 @@ interface UnitNames {
   velocity: string;
   acceleration: string;
   speed: (value: number) => number; // of what was typed, as the job wants it
-  velocity_scale: number | undefined; // of a position unit per second; undefined: not known
+  velocity_scale: number; // of a position unit per second
 }
-
-const ownUnit = (objects: ObjectEntry[] | undefined, addresses: string[]) =>
-  addresses.map((address) => objects?.find((entry) => addressOf(entry) === address)?.unit).find(Boolean);
 
 function useUnitNames(name: string, units: Units | undefined): UnitNames {
   const known = Boolean(units?.position_per_revolution && units.velocity_per_rps && units.acceleration_per_rps2);
   const objects = useResource<{ objects: ObjectEntry[] }>(units && !known ? `${axisPath(name)}/objects` : null).value?.objects;
   if (known) return { units: 'revolutions', known, position: 'rev', velocity: 'rpm', acceleration: 'rev/s²', speed: (rpm) => rpm / 60, velocity_scale: 60 };
-  const position = ownUnit(objects, ['607A:00', '6064:00']) ?? 'units of the drive';
-  const velocity = ownUnit(objects, ['60FF:00', '6081:00', '606C:00']) ?? `${position}/s`;
-  const acceleration = ownUnit(objects, ['6083:00', '6084:00']) ?? `${position}/s²`;
-  const isPlain = velocity === `${position}/s` && [`${position}/s²`, `${position}/s2`].includes(acceleration);
-  return { units: 'drive', known, position, velocity, acceleration, speed: (value) => value, velocity_scale: isPlain ? 1 : undefined };
+  const position = objects?.find((entry) => addressOf(entry) === '607A:00')?.unit || 'units';
+  // Of drives that are not known otherwise, the profile says so: per second, and per second squared.
+  return { units: 'drive', known, position, velocity: `${position}/s`, acceleration: `${position}/s²`, speed: (value) => value, velocity_scale: 1 };
 }
 
 interface MoveProps {
@@ -217,13 +212,11 @@ const amount = (value: number, unit: string) => `${significant(value)} ${unit}`;
 
 function Prediction({ names, distance, velocity, acceleration }: { names: UnitNames; distance?: number; velocity: number; acceleration: number }) {
   const { known, velocity_scale } = names;
-  const given = velocity_scale === undefined ? null : predict({ velocity, acceleration, velocity_scale, ...(distance === undefined ? {} : { distance }) });
-  let text: ReactNode = 'Give all numbers: then it is said what they do.';
+  const given = predict({ velocity, acceleration, velocity_scale, ...(distance === undefined ? {} : { distance }) });
+  let text = 'Give all numbers: then it is said what they do.';
   if (given) {
     const way = distance === undefined ? '' : `, ${amount(Math.abs(distance), names.position)} in ${seconds(given.total_s ?? 0)}`;
     text = `Up to ${amount(given.top, names.velocity)} within ${seconds(given.ramp_s)}${way}; halting takes ${seconds(given.ramp_s)} and ${amount(given.braking, names.position)}, or a quick stop.`;
-  } else if (velocity_scale === undefined && Number.isFinite(velocity) && acceleration > 0) {
-    text = `Up to ${amount(Math.abs(velocity), names.velocity)} at ${amount(acceleration, names.acceleration)}: how these units of the drive go together is not known.`;
   }
   return (
     <p className="quiet note" role="note">

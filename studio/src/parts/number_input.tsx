@@ -32,7 +32,8 @@ export const useNumbersAreRight = () => useContext(FormContext).isRight;
 
 // A button that acts on the numbers of its form.
 export function NumbersButton({ isDisabled = false, ...props }: ButtonProps & { kind?: 'plain' | 'main' | 'bad' | 'bare' }) {
-  return <Button {...props} isDisabled={isDisabled || !useNumbersAreRight()} />;
+  const isRight = useNumbersAreRight();
+  return <Button {...props} isDisabled={isDisabled || !isRight} />;
 }
 
 // `value` NaN: none is given yet. `onChange` hears understood numbers only: with each key, or, with `whenLeft`, when the
