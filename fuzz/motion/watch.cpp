@@ -264,7 +264,7 @@ void Watch::power() {
   // The end of a stop.
   if (had_pwm_ && !pwm_ && !shorted_ && was_powered_ && motion_can_be_judged() &&
       axis_.feedback().hardware_faults == 0) {
-    const drive::FaultRow* fault = drive_.newest_fault();
+    const drive::FaultRow* fault = drive_.shown_fault();
     std::int16_t code = 0;
     bool judged = true;
     switch (before_) {
@@ -746,7 +746,7 @@ void Watch::errors() {
     return fail("fault-without-code", "603Fh is 0");
   }
   if (failed && fault_since_ == tick_) {
-    const drive::FaultRow* row = drive_.newest_fault();
+    const drive::FaultRow* row = drive_.shown_fault();
     if (row != nullptr && row->cause == drive::Cause::phase_loss) {
       constexpr std::uint32_t phases = bit(plant::Injection::open_phase_u) | bit(plant::Injection::open_phase_v) |
                                        bit(plant::Injection::open_phase_w) | bit(plant::Injection::short_phase_u) |
