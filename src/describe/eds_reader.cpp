@@ -85,6 +85,13 @@ std::optional<Type> type_of(std::int64_t number) {
   return std::nullopt;
 }
 
+// A short file can describe much (CompactSubObj) or be much of nothing: what is more than any device has is refused
+// before it takes memory.
+constexpr std::size_t most_entries = 65536;
+constexpr std::size_t most_lines_kept = 400'000;                // sections and keys
+constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // of names and values, of all entries together
+constexpr std::size_t most_notes = 1000;
+
 class EdsReader {
  public:
   EdsReader(std::istream& in, const std::string& file) { device_.file = file, read_sections(read_text(in, file)); }
@@ -109,7 +116,25 @@ class EdsReader {
                            const std::string& remedy) const {
     throw DeviceFileError(device_.file, line, fmt::format("[{}] {}", section.name, key), problem, remedy);
   }
+  // With every entry, so that no more than these are ever there.
+  void add(FileEntry&& entry) {
+    text_bytes_ += entry.object_name.size() + entry.name.size() + entry.content.size();
+    const char* what = nullptr;
+    if (device_.entries.size() == most_entries) what = "more than 65536 objects and sub-indices are described";
+    if (text_bytes_ > most_text_bytes) what = "the names and values of its objects are more than 32 MiB";
+    if (what != nullptr) throw DeviceFileError(device_.file, entry.line, "", what, "give the file of one device");
+    device_.entries.push_back(std::move(entry));
+  }
+  void count_line(unsigned line) {
+    if (++lines_kept_ <= most_lines_kept) return;
+    throw DeviceFileError(device_.file, line, "", fmt::format("it has more than {} sections and keys", most_lines_kept),
+                          "give the file of one device");
+  }
   void note(unsigned line, const std::string& what) {
+    if (device_.notes.size() == most_notes) {
+      device_.notes.push_back(fmt::format("{}:{}: there is more like this, which is not told", device_.file, line));
+    }
+    if (device_.notes.size() > most_notes) return;
     device_.notes.push_back(fmt::format("{}:{}: {}", device_.file, line, what));
   }
 
@@ -129,6 +154,7 @@ class EdsReader {
                                 "close it with ]");
         }
         const std::string_view name = trim(line.substr(1, close - 1));
+        count_line(number);
         const auto [place, is_new] = sections_.try_emplace(lower(name));
         if (!is_new)
           note(number, fmt::format("[{}]: there is such a section before; its keys are taken together", name));
@@ -142,6 +168,7 @@ class EdsReader {
         continue;
       }
       if (present == nullptr) continue;  // a preamble
+      count_line(number);
       present->values[lower(trim(line.substr(0, equals)))] = {std::string(trim(line.substr(equals + 1))), number};
     }
   }
@@ -251,7 +278,7 @@ class EdsReader {
       entry.sub = static_cast<std::uint8_t>(sub);
       entry.line = element->line;
       read_values(entry, *element, sub == 0);
-      device_.entries.push_back(std::move(entry));
+      add(std::move(entry));
     }
     const auto promised = number_of(section, "SubNumber");
     if (subs > 0) {
@@ -268,7 +295,7 @@ class EdsReader {
       }
     }
     read_values(common, section, false);
-    device_.entries.push_back(std::move(common));
+    add(std::move(common));
   }
 
   // The sections of an object's sub-indices; "6099sub1" and "6099Sub01" are the same.
@@ -295,7 +322,7 @@ class EdsReader {
     entry.code = ObjectCode::record;
     entry.line = section.line;
     read_values(entry, section, *sub == 0);
-    device_.entries.push_back(std::move(entry));
+    add(std::move(entry));
   }
 
   // CiA 306-1 clause 4.6.4.2: one description for all sub-indices, names and values of some in sections of their own.
@@ -309,7 +336,7 @@ class EdsReader {
     highest.access = Access::ro;
     highest.name = "NrOfObjects";
     highest.default_value = count;
-    device_.entries.push_back(std::move(highest));
+    add(std::move(highest));
     FileEntry element = common;
     read_values(element, section, false);
     const std::string index = lower(section.name);
@@ -323,17 +350,17 @@ class EdsReader {
       if (const Value* value = values != nullptr ? values->find(fmt::format("{}", sub)) : nullptr) {
         read_default(entry, *values, *value, fmt::format("{}", sub));
       }
-      device_.entries.push_back(std::move(entry));
+      add(std::move(entry));
     }
     // Sub-indices that are described for themselves go before.
+    const auto own_begin = device_.entries.end() - (count + 1);
     for (const auto& [sub, own] : sub_sections(section)) {
       if (sub > static_cast<unsigned>(count)) continue;
       FileEntry entry = common;
       entry.sub = static_cast<std::uint8_t>(sub);
       entry.line = own->line;
       read_values(entry, *own, sub == 0);
-      std::erase_if(device_.entries, [&](const FileEntry& other) { return other.key() == entry.key(); });
-      device_.entries.push_back(std::move(entry));
+      *(own_begin + sub) = std::move(entry);
     }
   }
 
@@ -483,6 +510,8 @@ class EdsReader {
   }
 
   DeviceFile device_;
+  std::size_t text_bytes_ = 0;
+  std::size_t lines_kept_ = 0;
   std::map<std::string, Section> sections_;  // by name in small letters
 };
 

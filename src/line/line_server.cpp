@@ -21,12 +21,14 @@ using namespace std::chrono_literals;
 
 constexpr Time longest_sleep = 1ms;  // what the axes send by themselves is at most this late
 constexpr Time longest_nap = 10ms;   // likewise, while nobody is there to hear it
+constexpr Time most_late = 5ms;      // that a wait of the line may end late and still be in time
 constexpr auto log_flush_time = 100ms;
 // While frames are waited for on an Ethernet interface: how late the API can be, and what else Asio waits for ...
 constexpr Time longest_between_turns = 1ms;
 constexpr Time attentive_between_turns = 250us;  // ... while somebody is there for whom that matters
 constexpr auto attention_period = 20ms;
 constexpr auto breath = 1ms;           // between two looks whether the stream has been read
+constexpr unsigned most_looks = 200;   // breaths that a client can hold up an advance by writing on and on
 constexpr auto pacing_period = 5ms;    // between two passages of virtual time that passes by itself
 constexpr Time longest_pause = 100ms;  // of real time that is made good
 constexpr auto longest_pacing = 20ms;  // of real time that one may take
@@ -75,7 +77,12 @@ LineServer::LineServer(const LineSettings& settings)
     more_routes_.push_back({bench::recording_routes(), &scope_->scope()});
     bench::HttpHandlers handlers;
     handlers.answer = [this](bench::Request&& request, const bench::HttpHandlers::Reply& reply) {
-      carry_out(std::make_shared<bench::Response>(answer(request)), reply);
+      const auto response = std::make_shared<bench::Response>(answer(request));
+      if (response->piece) {
+        when_settled([this, response, reply] { carry_out(response, reply); });
+      } else {
+        carry_out(response, reply);
+      }
     };
     handlers.upgrade_address = bench::WebSockets::address;
     handlers.refuse_upgrade = [this] { return web_sockets_->refuse(); };
@@ -270,6 +277,8 @@ void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool 
 // What Asio waits for.
 void LineServer::serve_others(RealPace::Moment present) {
   if (real_) {
+    note_lateness(turn_due_, present);
+    turn_due_ = present + longest_between_turns;
     line_.keep_up(due(present));
     flush_logs_in_time();
   }
@@ -303,9 +312,16 @@ void LineServer::schedule() {
   timer_.expires_at(real_pace_.moment_of(std::min(line_.next_bus_event(), line_.now() + longest)));
   timer_.async_wait([this](const boost::system::error_code& code) {
     if (code) return;  // scheduled anew
+    note_lateness(timer_.expiry(), std::chrono::steady_clock::now());
     catch_up();
     schedule();
   });
+}
+
+// Whoever uses a bus waits that much longer, though the line makes its time good. What it will not make good is counted
+// when it is given up.
+void LineServer::note_lateness(RealPace::Moment due, RealPace::Moment present) {
+  if (const Time late = present - due; late > most_late && late <= RealPace::most_behind + nap_) line_.add_lag(late);
 }
 
 bench::Response LineServer::answer(const bench::Request& request) {
@@ -321,6 +337,40 @@ bench::Response LineServer::answer(const bench::Request& request) {
     if (line_.speed() != pace_) pace();
   }
   return response;
+}
+
+// No client of a link has written anything that could be taken and is not.
+bool LineServer::settled() {
+  const auto all = [](const auto& buses) {
+    return std::all_of(buses.begin(), buses.end(), [](const auto& bus) {
+      return std::all_of(bus->links.begin(), bus->links.end(), [](const auto& link) { return link->settled(); });
+    });
+  };
+  // Frames of a segment are served as they are looked for.
+  bool served = false;
+  for (const auto& bus : line_.ethercat_buses()) {
+    for (const auto& link : bus->links) served = link->poll() || served;
+  }
+  return !served && all(line_.buses()) && all(line_.serial_buses());
+}
+
+// Before virtual time passes: what clients wrote before they asked for it acts at the instant before. Looks twice, as
+// what Asio has read when it looks first is in a handler that is still to be called.
+void LineServer::when_settled(std::function<void()> then, unsigned looks, bool was_settled) {
+  const bool is_settled = settled();
+  if ((is_settled && was_settled) || looks == most_looks) {
+    then();
+    return;
+  }
+  auto again = [this, then = std::move(then), looks, is_settled] { when_settled(then, looks + 1, is_settled); };
+  if (is_settled) {
+    boost::asio::post(io_, std::move(again));
+    return;
+  }
+  const auto timer = std::make_shared<boost::asio::steady_timer>(io_, breath);
+  timer->async_wait([timer, again = std::move(again)](const boost::system::error_code& code) {
+    if (!code) again();
+  });
 }
 
 // Piece by piece, with everything else in between. Readers of the stream that have not kept up with one are given time

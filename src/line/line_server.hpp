@@ -83,7 +83,8 @@ class LineServer final : private links::LineHost {
   void expect(Time time) override { line_.expect(time); }
   void report(const std::string& message) override;
   void wake() override;
-  Time epoch() const override { return epoch_; }
+  // Frames are shown with the line's time: of the wall in real time, from 0 on in virtual time.
+  Time epoch() const override { return real_ ? epoch_ : Time{}; }
 
   // A log of some bus: how to look after it, and how to end it.
   struct Log {
@@ -106,6 +107,8 @@ class LineServer final : private links::LineHost {
 
   void open_serial_links();
   bench::Response answer(const bench::Request& request);
+  bool settled();
+  void when_settled(std::function<void()> then, unsigned looks = 0, bool was_settled = false);
   void carry_out(std::shared_ptr<bench::Response> response, const bench::HttpHandlers::Reply& reply);
   void serve_frames();
   void stay_awake(const std::vector<links::EthercatLink*>& links, Vigil& vigil, RealPace::Moment& next_turn);
@@ -115,6 +118,7 @@ class LineServer final : private links::LineHost {
   bool has_clients() const;  // of any bus but EtherCAT
   bool has_master() const;   // of an EtherCAT segment
   void schedule();
+  void note_lateness(RealPace::Moment due, RealPace::Moment present);
   Time due(RealPace::Moment present);
   Time catch_up();
   void flush_logs_in_time();
@@ -141,7 +145,8 @@ class LineServer final : private links::LineHost {
   RealPace real_pace_;
   std::optional<RealPace::Moment> looks_at_;  // while somebody looks for frames who has just looked at the clock
   Time frame_at_{};                           // of the last frame that was answered as it was read
-  Time nap_{};                                // how long it sleeps where nobody is there
+  RealPace::Moment turn_due_ = RealPace::Moment::max();  // while frames are waited for beside Asio: of serve_others()
+  Time nap_{};                                           // how long it sleeps where nobody is there
   std::chrono::steady_clock::time_point next_flush_{};
   bool real_ = false;  // real time has begun
   bool stopped_ = false;

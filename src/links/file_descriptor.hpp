@@ -34,6 +34,8 @@ class FileDescriptor {
 using Deadline = std::chrono::steady_clock::time_point;
 
 // Waits until the descriptor can be read (written), its peer is gone or the deadline has passed; false: the deadline.
+// Has something to be read now.
+bool is_readable(int descriptor);
 bool wait_readable(int descriptor, Deadline deadline);
 bool wait_writable(int descriptor, Deadline deadline);
 // Writes all of it to a nonblocking descriptor; false, with errno, on failure (ETIMEDOUT: the deadline).

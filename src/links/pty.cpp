@@ -1,14 +1,20 @@
 #include "links/pty.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstddef>
 #include <cstdlib>
 #include <fcntl.h>
+#include <filesystem>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
 #include <termios.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -16,7 +22,7 @@ namespace {
 
 [[noreturn]] void fail(int reason, const std::string& what, std::string_view advice) {
   const std::error_code code(reason, std::generic_category());
-  throw LinkError(code, fmt::format("{}: {}; {}", what, code.message(), advice));
+  throw LinkError(code, fmt::format("{}: {}; {}", what, code.message(), advice_for(reason, advice)));
 }
 
 // What a symbolic link points to; empty if there is no such link.
@@ -26,10 +32,33 @@ std::string link_target(const std::string& path) {
   return size > 0 ? std::string(target.data(), static_cast<std::size_t>(size)) : std::string();
 }
 
+// An abstract socket's name can be had once, and is free again when its process ends, however it ends: no file is left
+// behind. Throws LinkError.
+FileDescriptor claim(const std::string& link_path, const std::string& what) {
+  std::error_code ignored;
+  const std::filesystem::path path(link_path);
+  const auto folder =
+      std::filesystem::weakly_canonical(std::filesystem::absolute(path, ignored).parent_path(), ignored);
+  const std::string whole = (folder / path.filename()).string();
+  std::uint64_t hash = 0xCBF29CE484222325U;  // FNV-1a: a socket's name is shorter than a path
+  for (const char letter : whole) hash = (hash ^ static_cast<unsigned char>(letter)) * 0x100000001B3U;
+  const std::string name = fmt::format("servodrome-pty-{:016x}", hash);
+  FileDescriptor socket(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::copy(name.begin(), name.end(), &address.sun_path[1]);  // behind a zero: abstract
+  const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+  if (socket.is_open() && ::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), size) != 0) {
+    fail(errno, what, "another line has this path; stop it or choose another path");
+  }
+  return socket;
+}
+
 }  // namespace
 
 Pty::Pty(const std::string& link_path) : link_path_(link_path) {
   const std::string what = fmt::format("cannot create the serial port \"{}\"", link_path);
+  claim_ = claim(link_path, what);
   master_.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   std::array<char, 64> device{};
   if (!master_.is_open() || ::grantpt(master_.get()) != 0 || ::unlockpt(master_.get()) != 0 ||
@@ -59,10 +88,7 @@ bool Pty::has_client() const {
   return (entry.revents & POLLIN) != 0 || (entry.revents & POLLHUP) == 0;
 }
 
-bool Pty::has_input() const {
-  pollfd entry{master_.get(), POLLIN, 0};
-  return ::poll(&entry, 1, 0) > 0 && (entry.revents & POLLIN) != 0;
-}
+bool Pty::has_input() const { return is_readable(master_.get()); }
 
 void Pty::reset() {
   // Through the device: only there can what a client left unread be flushed. What a new client has already written is

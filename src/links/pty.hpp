@@ -9,7 +9,8 @@ namespace servodrome::links {
 // A pseudo terminal in raw mode, found by clients under a symbolic link. The master end is nonblocking.
 class Pty {
  public:
-  // `link_path`: replaced if it is a symbolic link (one left behind), refused if it is anything else. Throws LinkError.
+  // `link_path`: replaced if it is a symbolic link that was left behind, refused if another Pty has it, of this process
+  // or another, or if it is anything else. Throws LinkError.
   explicit Pty(const std::string& link_path);
   ~Pty();
   Pty(const Pty&) = delete;
@@ -27,6 +28,7 @@ class Pty {
 
  private:
   FileDescriptor master_;
+  FileDescriptor claim_;  // of the path: a name that is taken as long as its process lives
   std::string device_;
   std::string link_path_;
 };

@@ -73,6 +73,37 @@ TEST(BadDataSheet, AsManyObjectsAsThereAreIndices) {
   EXPECT_NE(complaint_about_eds(text).find("at most 32768"), std::string::npos);
 }
 
+// 40 bytes of a file can be 254 entries, and one long name 254 copies of it: what no device has is refused while it is
+// read, not when it is all there.
+TEST(BadDataSheet, AShortFileThatDescribesMuchIsRefusedWhileItIsRead) {
+  std::string compact;
+  for (unsigned index = 0x2000; index < 0x9000; ++index) {
+    compact += fmt::format("[{:04X}]\nObjectType=8\nDataType=5\nCompactSubObj=254\n", index);
+  }
+  std::string names;
+  for (unsigned index = 0x2000; index < 0x2002; ++index) {
+    names += fmt::format("[{:04X}]\nObjectType=8\nDataType=5\nCompactSubObj=254\nParameterName={}\n", index,
+                         std::string(500'000, 'x'));
+  }
+  std::string keys = "[2000]\n";
+  for (unsigned key = 0; key < 500'000; ++key) keys += fmt::format("{}=\n", key);
+  const auto said = [](const std::string& text) -> std::string {
+    try {
+      std::istringstream stream(text);
+      return fmt::format("{} entries", describe::read_eds(stream, "x.eds").entries.size());
+    } catch (const describe::DeviceFileError& error) {
+      return error.what();
+    }
+  };
+  EXPECT_NE(said(compact).find("more than 65536 objects"), std::string::npos) << said(compact);
+  EXPECT_NE(said(names).find("more than 32 MiB"), std::string::npos) << said(names);
+  EXPECT_NE(said(keys).find("more than 400000 sections and keys"), std::string::npos) << said(keys);
+  std::string lines = content_of("capital_access.eds");
+  for (unsigned line = 0; line < 5000; ++line) lines += "x\n";
+  std::istringstream stream(lines);
+  EXPECT_LE(describe::read_eds(stream, "x.eds").notes.size(), 1001U + 100U);
+}
+
 // As read, or refused with a sentence that begins with the file: nothing else may happen.
 TEST(BadDataSheet, CutAndSpoiltFilesAreTakenOrRefused) {
   std::mt19937 random(402);

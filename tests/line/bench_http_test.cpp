@@ -16,6 +16,7 @@
 #include <thread>
 #include <unistd.h>
 
+#include "line/bench/api.hpp"
 #include "line/bench/scope/frame.hpp"
 #include "line/bench/scope/stream_session.hpp"
 #include "line/line_server.hpp"
@@ -298,6 +299,70 @@ TEST(BenchHttp, AnExceptionEndsItsConnectionAndNothingElse) {
   EXPECT_THROW(cut.ask("GET", "/api/v1/test/more"), boost::system::system_error) << "the answer is cut short";
   EXPECT_EQ(other.ask("GET", "/api/v1/version").result_int(), 200U);
   EXPECT_EQ(running.server().failed_connections(), 1U);
+}
+
+// RFC 9112: a coding that is not known leaves open where the body ends; a whole address names the host by itself.
+TEST(BenchHttp, CodingsAndAddressesAreTakenAsTheStandardHasThem) {
+  Running running;
+  const auto status = [&](const std::string& bytes) { return Client(running.port()).raw(bytes).result_int(); };
+  const std::string post = "POST /api/v1/clock/advance HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: ";
+  for (const char* coding : {"xchunked", "gzip, chunked", "chunked, gzip", "chunked\r\nTransfer-Encoding: chunked"}) {
+    Client client(running.port());
+    const unsigned answer = client.raw(post + coding + "\r\n\r\n8\r\n{\"ms\":1}\r\n0\r\n\r\n").result_int();
+    EXPECT_TRUE(answer == 501 || answer == 400) << coding << ": " << answer;
+    EXPECT_TRUE(client.closed_by_peer()) << "what follows is no request of its own";
+  }
+  EXPECT_EQ(status(post + "Chunked\r\n\r\n8\r\n{\"ms\":1}\r\n0\r\n\r\n"), 200U);
+  const auto get = [&](const std::string& target, const std::string& host) {
+    return status("GET " + target + " HTTP/1.1\r\nHost: " + host + "\r\n\r\n");
+  };
+  EXPECT_EQ(get("http://127.0.0.1/api/v1/version", "x.org"), 200U) << "the address goes before the field";
+  EXPECT_EQ(get("HTTP://localhost:8402/api/v1/version?x=1", "x.org"), 200U);
+  EXPECT_EQ(get("http://x.org/api/v1/version", "127.0.0.1"), 403U);
+  EXPECT_EQ(get("http://user@127.0.0.1/api/v1/version", "127.0.0.1"), 403U);
+  EXPECT_EQ(get("http:///api/v1/version", "127.0.0.1"), 403U);
+  for (const char* host :
+       {"[127.0.0.1]evil", "[127.0.0.1]", "[::1]evil", "[::1]:80evil", "127.0.0.1:evil", "[::1", "127.0.0.1:80:80"}) {
+    EXPECT_EQ(get("/api/v1/version", host), 403U) << host;
+  }
+  for (const char* host : {"[::1]", "[::1]:80", "127.0.0.1:80", "127.0.0.1", "localhost:8402", "localhost:"}) {
+    EXPECT_EQ(get("/api/v1/version", host), 200U) << host;
+  }
+}
+
+// A thousand objects take milliseconds. They are made some at a time, so that a master's frames are served in between.
+TEST(BenchHttp, AListOfObjectsIsMadeInParts) {
+  Line line(settings_of(one_axis));
+  const auto response = bench::begin(line, {.target = "/api/v1/axes/x/objects"});
+  ASSERT_TRUE(response.more);
+  std::string whole = response.body;
+  std::size_t longest = 0;
+  for (std::string part = response.more(); !part.empty(); part = response.more()) {
+    longest = std::max(longest, part.size());
+    whole += part;
+  }
+  EXPECT_LE(longest, 16U * 1024);
+  const auto table = line.axes()[0]->device().dictionary().table();
+  EXPECT_EQ(json::parse(whole)["objects"].size(), table.size());
+  EXPECT_EQ(bench::handle(line, {.target = "/api/v1/axes/x/objects"}).body, whole);
+  Running running;
+  const auto answer = Client(running.port()).ask("GET", "/api/v1/axes/x/objects");
+  EXPECT_EQ(answer.body(), whole);
+  EXPECT_EQ(field(answer, "Content-Type"), "application/json");
+}
+
+// Requests have half of the time at most: what one takes beyond its turn is paid by those that follow.
+TEST(BenchRates, RequestsThatTakeLongWaitLonger) {
+  static constexpr std::array routes{
+      bench::Route{bench::Method::get, "/api/v1/test/slow", [](bench::Call&) -> bench::Json {
+                     std::this_thread::sleep_for(20ms);
+                     return bench::Json::object();
+                   }}};
+  constexpr int many = 20;
+  Running running({}, {{routes}});
+  const auto begin = std::chrono::steady_clock::now();
+  for (int i = 0; i < many; ++i) ASSERT_EQ(Client(running.port()).ask("GET", "/api/v1/test/slow").result_int(), 200U);
+  EXPECT_GE(std::chrono::steady_clock::now() - begin, (many - 1) * 40ms - 100ms);
 }
 
 TEST(BenchHttp, BracketsWithinBracketsAreRefused) {

@@ -261,6 +261,49 @@ TEST(LineServer, ClientsThatDoNotReadTheirAnswersDoNotKeepOthersOut) {
   EXPECT_TRUE(served);
 }
 
+// A client need not sleep and hope: what it wrote before it asked for time is on the bus at the instant before.
+TEST(LineServer, WhatWasWrittenBeforeAnAdvanceIsTakenBeforeTimePasses) {
+  constexpr int many = 200;
+  Running running(settings_of(open_line));
+  const auto master = links::open_can_client(running.link());
+  Client client(running.server().api_port());
+  for (int round = 0; round < 20; ++round) {
+    for (int i = 0; i < many; ++i) master->send(sdo_read(9, 0x1000, 0));  // of a node that is not there
+    const auto answer = json_of(client.ask(http::verb::post, "/clock/advance", R"({"ms": 40})"));
+    EXPECT_EQ(answer["time_ms"], (round + 1) * 40.0);
+    // An SDO request is 108 bits and its stuffing: all of them pass in 40 ms if they wait from the start.
+    const auto bus = json_of(client.ask(http::verb::get, "/buses/can0"));
+    EXPECT_GE(bus["frames"].get<int>(), (round + 1) * many) << "in round " << round;
+  }
+}
+
+// Frames are held back for 50 ms after rawmode, as python-can wants it; virtual time does not pass meanwhile. They are
+// in the client's socket when the advance is answered, with the line's time.
+TEST(LineServer, NothingIsLostAfterRawmodeAndTimestampsAreLineTime) {
+  Running running(settings_of(open_line));
+  const std::string link = running.link();
+  Client client(running.server().api_port());
+  client.ask(http::verb::post, "/axes/x/power", R"({"action": "off"})");
+  boost::asio::io_context io;
+  tcp::socket socket(io);
+  const auto colon = link.find(':', link.find(':') + 1);
+  const auto port = static_cast<std::uint16_t>(std::stoi(link.substr(colon + 1)));
+  socket.connect(tcp::endpoint(boost::asio::ip::make_address("127.0.0.1"), port));
+  boost::asio::write(socket, boost::asio::buffer(std::string_view("< open can0 >< rawmode >")));
+  std::string text(std::string_view("< hi >< ok >< ok >").size(), ' ');
+  boost::asio::read(socket, boost::asio::buffer(text));
+  EXPECT_EQ(text, "< hi >< ok >< ok >");
+  client.ask(http::verb::post, "/axes/x/power", R"({"action": "on"})");
+  client.ask(http::verb::post, "/clock/advance", R"({"ms": 2000})");
+  std::string frames(4096, ' ');
+  ASSERT_GT(socket.available(), 0U) << "it is there at once";
+  frames.resize(socket.read_some(boost::asio::buffer(frames)));
+  EXPECT_THAT(frames, testing::StartsWith("< frame 701 "));
+  const double at = std::stod(frames.substr(12));
+  EXPECT_GT(at, 0.0);
+  EXPECT_LT(at, 2.0);
+}
+
 TEST(LineServer, AnswersAMasterInRealTime) {
   LineSettings settings = settings_of(open_line);
   settings.clock = ClockMode::real;
@@ -281,6 +324,22 @@ TEST(LineServer, AnswersAMasterInRealTime) {
   const std::int64_t first = time();
   while (time() < first + 20'000'000) std::this_thread::sleep_for(1ms);
   EXPECT_GE(std::chrono::steady_clock::now() - start, 20ms);
+}
+
+// Whoever uses a bus waits while something else is done: that is lag, also where the line makes its time good.
+TEST(LineServer, LatenessOfServiceIsLag) {
+  LineSettings settings = settings_of(open_line);
+  settings.clock = ClockMode::real;
+  Running running(settings);
+  const auto master = links::open_can_client(running.link());  // so that the line is awake each millisecond
+  Client client(running.server().api_port());
+  const auto lag = [&client] { return json_of(client.ask(http::verb::get, "/clock"))["lag_ms"].get<double>(); };
+  const double before = lag();
+  for (int i = 0; i < 10; ++i) {
+    boost::asio::post(running.server().io(), [] { std::this_thread::sleep_for(12ms); });
+    std::this_thread::sleep_for(30ms);
+  }
+  EXPECT_GE(lag() - before, 5 * 8.0);
 }
 
 constexpr std::string_view serial_line = R"(

@@ -63,6 +63,25 @@ TEST_F(SlcanLinkTest, ReplacesAStaleLinkButNothingElse) {
   EXPECT_THROW(open_can_link(SlcanName{"/nonexistent/x"}, rig.bus, rig.io, rig), LinkError);
 }
 
+TEST_F(SlcanLinkTest, APathInUseIsRefusedAndStaysWithWhoHasIt) {
+  const auto device = std::filesystem::read_symlink(path);
+  const auto relative = path.lexically_relative(std::filesystem::current_path());
+  for (const std::string& name : {path.string(), relative.string()}) {
+    try {
+      open_can_link(SlcanName{name}, rig.bus, rig.io, rig);
+      ADD_FAILURE() << name;
+    } catch (const LinkError& error) {
+      EXPECT_EQ(error.code(), std::errc::address_in_use);
+      EXPECT_THAT(error.what(), testing::HasSubstr("another line has this path"));
+    }
+    EXPECT_EQ(std::filesystem::read_symlink(path), device);
+  }
+  // And whoever has it gives it back.
+  link.reset();
+  link = open_can_link(SlcanName{path.string()}, rig.bus, rig.io, rig);
+  EXPECT_TRUE(open_tty().is_open());
+}
+
 TEST_F(SlcanLinkTest, WhoeverOpensThePtyWakesTheLine) {
   rig.io.poll();
   EXPECT_EQ(rig.wakes, 0);

@@ -8,6 +8,7 @@
 #include "links/can/socketcand_server.hpp"
 #include "links/can_rig.hpp"
 #include "links/link_error.hpp"
+#include "links/listen.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -240,6 +241,56 @@ TEST_F(SocketcandTest, TooManyClients) {
   clients.clear();
   ASSERT_TRUE(rig.until([&] { return link->counters().clients == 0; }));
   raw_client();
+}
+
+// Silent clients do not keep others out for ever, and those that speak stay.
+TEST_F(SocketcandTest, TheClientThatIsSilentLongestMakesRoom) {
+  std::vector<RawClient> clients;
+  for (std::size_t i = 0; i < SocketcandServer::most_clients; ++i) clients.push_back(raw_client());
+  std::this_thread::sleep_for(client_patience + std::chrono::milliseconds(50));
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    if (i == 7) continue;
+    clients[i].write("< echo >");
+    ASSERT_TRUE(rig.until([&] { return clients[i].has("< echo >"); }));
+  }
+  RawClient last = raw_client();
+  EXPECT_TRUE(rig.until([&] { return clients[7].ended(); }));
+  EXPECT_EQ(link->counters().clients, SocketcandServer::most_clients);
+  for (std::size_t i = 0; i < clients.size(); ++i) EXPECT_EQ(clients[i].ended(), i == 7) << i;
+}
+
+// Clients take turns frame by frame: what one has queued holds up another's frame by one of its own.
+TEST_F(SocketcandTest, AFloodOfOneClientDelaysTheOthersByOneFrame) {
+  RawClient flood = raw_client();
+  RawClient master = raw_client();
+  rig.frozen = true;
+  std::string burst;
+  for (int i = 0; i < 250; ++i) burst += "< send 001 8 00 00 00 00 00 00 00 00 >";
+  flood.write(burst + "< echo >");
+  ASSERT_TRUE(rig.until([&] { return flood.has("< echo >"); }));
+  master.write("< send 605 0 >< send 605 0 >< send 605 0 >< echo >");
+  ASSERT_TRUE(rig.until([&] { return master.has("< echo >"); }));
+  rig.frozen = false;
+  ASSERT_TRUE(rig.until([&] { return rig.received.size() == 253; }));
+  std::vector<std::size_t> places;
+  for (std::size_t i = 0; i < rig.received.size(); ++i) {
+    if (rig.received[i].id == 0x605) places.push_back(i);
+  }
+  EXPECT_THAT(places, testing::ElementsAre(1U, 3U, 5U)) << "one frame of the flood was in the controller";
+}
+
+// "Send this and leave": what a client has queued goes out after it has gone.
+TEST_F(SocketcandTest, WhatAClientQueuedIsSentAfterItHasGone) {
+  RawClient client = raw_client();
+  rig.frozen = true;
+  std::string burst;
+  for (int i = 0; i < 100; ++i) burst += "< send 123 0 >";
+  client.write(burst + "< echo >");
+  ASSERT_TRUE(rig.until([&] { return client.has("< echo >"); }));
+  client.close();
+  ASSERT_TRUE(rig.until([&] { return link->counters().clients == 0; }));
+  rig.frozen = false;
+  EXPECT_TRUE(rig.until([&] { return rig.received.size() == 100; }));
 }
 
 TEST_F(SocketcandTest, LinkMayGoWhileClientsAreConnected) {

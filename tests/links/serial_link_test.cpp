@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "links/link_error.hpp"
+#include "links/listen.hpp"
 #include "links/pty.hpp"
 #include "links/serial/modbus_tcp_listener.hpp"
 #include "links/serial_rig.hpp"
@@ -182,6 +183,15 @@ TEST_F(ModbusTcpTest, TooManyClients) {
   ASSERT_TRUE(rig.until([&] { return extra.ended(); }));
   clients[0].write(text_of("00 01 00 00 00 06 01 03 31 00 00 01"));
   ASSERT_TRUE(rig.until([&] { return clients[0].text().size() == 11; }));
+  // After a while one that is silent makes room.
+  std::this_thread::sleep_for(client_patience + std::chrono::milliseconds(50));
+  clients[0].write(text_of("00 01 00 00 00 06 01 03 31 00 00 01"));
+  ASSERT_TRUE(rig.until([&] { return clients[0].text().size() == 22; }));
+  const RawClient late = RawClient::tcp(port);
+  late.write(text_of("00 01 00 00 00 06 01 03 31 00 00 01"));
+  EXPECT_TRUE(rig.until([&] { return late.text().size() == 11; }));
+  EXPECT_TRUE(rig.until([&] { return clients[1].ended(); }));
+  EXPECT_FALSE(clients[0].ended());
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
@@ -39,11 +40,7 @@ host::ObjectCatalogue read_sheet(const std::string& path) {
 }
 
 host::ParameterFile read_file(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::error_code ignored;
-  if (!file || std::filesystem::is_directory(path, ignored)) {
-    throw Failure::wrong_use(fmt::format("\"{}\": cannot be read as a file of parameters; check the path", path));
-  }
+  std::istringstream file(read_text_file(path, fmt::format("\"{}\", a file of parameters", path)));
   return host::ParameterFile::read(file, path);
 }
 

@@ -12,6 +12,7 @@
 
 #include "app/commands.hpp"
 #include "app/drive_group.hpp"
+#include "app/whole_file.hpp"
 
 namespace servodrome::app {
 namespace run_command {
@@ -29,14 +30,7 @@ struct Options {
 };
 
 std::string text_of(const Options& options) {
-  if (options.script == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
-  std::ifstream file(options.script, std::ios::binary);
-  std::error_code ignored;
-  if (!file || std::filesystem::is_directory(options.script, ignored)) {
-    throw Failure::wrong_use(fmt::format("run: {} cannot be read; check the path", options.script));
-  }
-  std::string text{std::istreambuf_iterator<char>(file), {}};
-  return text;
+  return read_text_file(options.script, fmt::format("run: {}", options.script), true);
 }
 
 // The objects of products that a script or --product names, as its bus sees them.

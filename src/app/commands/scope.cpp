@@ -75,13 +75,7 @@ std::string script_text(const Options& options) {
   std::string text;
   for (const std::string& line : options.script_lines) text += line + '\n';
   if (options.script.empty()) return text;
-  std::ifstream file(options.script, std::ios::binary);
-  text.assign(std::istreambuf_iterator<char>(file), {});
-  std::error_code ignored;
-  if (!file.is_open() || std::filesystem::is_directory(options.script, ignored)) {
-    throw Failure::wrong_use(fmt::format("--run {}: cannot be read; check the path", options.script));
-  }
-  return text;
+  return read_text_file(options.script, fmt::format("--run {}", options.script));
 }
 
 // The one axis of a script may say which drive it is.

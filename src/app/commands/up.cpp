@@ -245,14 +245,22 @@ void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
 
 // Appears under its name when it is complete; for the user alone, because the token is in it.
 void write_ready_file(const std::string& path, const std::string& text) {
-  const std::string part = path + ".part";
-  const int file = ::open(part.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, S_IRUSR | S_IWUSR);
+  // A file of a new name, which no other user can have put there, or linked to another, before.
+  std::string part = path + ".XXXXXX";
+  const int file = ::mkostemp(part.data(), O_CLOEXEC);
   const bool written = file >= 0 && ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
-  const bool closed = file >= 0 && ::close(file) == 0;
-  if (!written || !closed || std::rename(part.c_str(), path.c_str()) != 0) {
-    throw Failure::did_not_work(fmt::format("cannot write {}: {}; choose a folder that exists and may be written to",
-                                            path, std::strerror(errno)));
-  }
+  int reason = written ? 0 : errno;
+  if (file >= 0 && ::close(file) != 0 && reason == 0) reason = errno;
+  if (reason == 0 && std::rename(part.c_str(), path.c_str()) != 0) reason = errno;
+  if (reason == 0) return;
+  if (file >= 0) ::unlink(part.c_str());
+  throw Failure::did_not_work(fmt::format("cannot write {}: {}; choose a folder that exists and may be written to",
+                                          path, std::strerror(reason)));
+}
+
+bool is_ignored(int signal) {
+  struct sigaction present {};
+  return ::sigaction(signal, nullptr, &present) == 0 && present.sa_handler == SIG_IGN;
 }
 
 // A port that is taken, an interface or a parameter file that is not there is wrong use: nothing has been started.
@@ -281,6 +289,7 @@ void run(const Options& options) {
   studio::Traffic traffic(studio::find_line_traffic, [&server] { return server.wall_epoch(); });
   server.add_routes(traffic.routes());
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM);
+  if (!is_ignored(SIGHUP)) signals.add(SIGHUP);  // the terminal went away, and nohup was not asked for
   signals.async_wait([&server](const boost::system::error_code& code, int) {
     if (!code) server.stop();
   });

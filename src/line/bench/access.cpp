@@ -1,5 +1,6 @@
 #include "line/bench/access.hpp"
 
+#include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <cctype>
 #include <cstdlib>
@@ -12,13 +13,17 @@
 namespace servodrome::line::bench {
 namespace {
 
-// The host of "HOST", "HOST:PORT", "[IPV6]" or "[IPV6]:PORT".
+bool is_port(std::string_view text) {  // with the colon before it; none at all as well
+  return text.empty() || (text.starts_with(':') && text.find_first_not_of("0123456789", 1) == std::string_view::npos);
+}
+
+// The host of "HOST", "HOST:PORT", "[IPV6]" or "[IPV6]:PORT"; empty for what is none of these.
 std::string_view without_port(std::string_view host) {
-  if (host.starts_with('[')) {
-    const std::size_t end = host.find(']');
-    return end == std::string_view::npos ? std::string_view{} : host.substr(1, end - 1);
-  }
-  return host.substr(0, host.find(':'));
+  const bool in_brackets = host.starts_with('[');
+  const std::size_t end = std::min(host.find(in_brackets ? ']' : ':'), host.size());
+  const std::string_view name = host.substr(in_brackets ? 1 : 0, end - (in_brackets ? 1 : 0));
+  if (in_brackets && (end == host.size() || name.find(':') == std::string_view::npos)) return {};
+  return is_port(host.substr(end + (in_brackets ? 1 : 0))) ? name : std::string_view{};
 }
 
 bool equal_ignoring_case(std::string_view a, std::string_view b) {

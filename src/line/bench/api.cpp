@@ -177,6 +177,9 @@ void carry_out_piece(Response& response) {
 Response handle(Line& line, const Request& request, std::span<const RouteGroup> more) {
   Response response = begin(line, request, more);
   while (response.piece) carry_out_piece(response);
+  if (const More rest = std::exchange(response.more, {})) {
+    for (std::string part = rest(); !part.empty(); part = rest()) response.body += part;
+  }
   return response;
 }
 

@@ -18,7 +18,7 @@ Response begin(Line& line, const Request& request, std::span<const RouteGroup> m
 Response begin_in(Line& line, const Request& request, std::span<const RouteGroup> groups);
 // Carries out the next piece of a request; the last leaves a response without one.
 void carry_out_piece(Response& response);
-// As begin(), with all pieces carried out.
+// As begin(), with all pieces carried out and the body complete.
 Response handle(Line& line, const Request& request, std::span<const RouteGroup> more = {});
 
 }  // namespace servodrome::line::bench

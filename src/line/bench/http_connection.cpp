@@ -10,6 +10,7 @@
 #include "line/bench/error.hpp"
 #include "line/bench/routes.hpp"
 #include "line/bench/upgrade.hpp"
+#include "links/listen.hpp"
 
 namespace servodrome::line::bench {
 namespace {
@@ -51,6 +52,15 @@ Request request_of(http::request<http::string_body>&& message, bool from_loopbac
   request.method = method_of(message.method());
   request.target = text_of(message.target());
   request.host = text_of(message[http::field::host]);
+  // The whole address, as proxies are asked (RFC 9112 3.2.2): what it says goes before the field Host.
+  if (constexpr beast::string_view scheme = "http://";
+      beast::iequals(request.target.substr(0, scheme.size()), scheme)) {
+    const std::string address = request.target.substr(scheme.size());
+    const std::size_t end = std::min(address.find_first_of("/?"), address.size());
+    request.host = address.substr(0, end);
+    request.target = address.substr(end);
+    if (!request.target.starts_with('/')) request.target.insert(0, "/");
+  }
   request.origin = text_of(message[http::field::origin]);
   request.has_origin = message.find(http::field::origin) != message.end();
   request.authorization = text_of(message[http::field::authorization]);
@@ -98,7 +108,7 @@ HttpConnection::HttpConnection(HttpServer& server, tcp::socket socket)
   from_loopback_ =
       peer.is_loopback() || (peer.is_v6() && peer.to_v6().is_v4_mapped() &&
                              boost::asio::ip::make_address_v4(boost::asio::ip::v4_mapped, peer.to_v6()).is_loopback());
-  stream_.socket().set_option(tcp::no_delay(true), ignored);
+  links::serve_promptly(stream_.socket());
 }
 
 template <typename Handler>
@@ -106,8 +116,10 @@ auto HttpConnection::guarded(Handler handler) {
   return [self = shared_from_this(), handler = std::move(handler)](auto&&... results) {
     HttpServer* const server = self->server_;
     if (server == nullptr) return;
+    const auto began = std::chrono::steady_clock::now();
     try {
       handler(std::forward<decltype(results)>(results)...);
+      self->spent_ += std::chrono::steady_clock::now() - began;
     } catch (const std::exception& error) {
       server->count_failure(error);
       if (self->server_ != nullptr) self->close();
@@ -133,6 +145,7 @@ void HttpConnection::receive() {
     return;
   }
   stream_.async_read_some(buffer_.prepare(room), guarded([this](error_code code, std::size_t size) {
+                            links::acknowledge_at_once(stream_.socket());
                             buffer_.commit(size);
                             if (code == boost::asio::error::eof) {
                               code = parser_->got_some() ? http::error::partial_message : http::error::end_of_stream;
@@ -226,6 +239,13 @@ std::optional<Response> HttpConnection::refusal_of_address(const Message& messag
   if (message.target().size() > longest_target) {
     return error_response({414, "the address is too long", "address", "docs/bench-api.md lists the addresses"});
   }
+  // Where the body ends is not known then (RFC 9112 6.1).
+  if (const auto coding = message[http::field::transfer_encoding];
+      message.count(http::field::transfer_encoding) > 1 || (!coding.empty() && !beast::iequals(coding, "chunked"))) {
+    return error_response({501,
+                           fmt::format("the transfer coding \"{}\" is not understood", text_of(coding).substr(0, 40)),
+                           "Transfer-Encoding", "send Content-Length, or Transfer-Encoding: chunked"});
+  }
   for (const http::field field : {http::field::host, http::field::origin, http::field::authorization}) {
     if (message.count(field) > 1) {
       const std::string name = text_of(http::to_string(field));
@@ -260,9 +280,9 @@ void HttpConnection::serve() {
 
 // Browsers let any page open a WebSocket to anywhere, so whoever opens one has to be allowed to write.
 void HttpConnection::upgrade(Message&& message) {
-  const std::string target = text_of(message.target());
   const HttpHandlers& handlers = server_->handlers_;
   Request request = request_of(Message(message), from_loopback_);
+  const std::string target = request.target;
   request.method = Method::post;
   if (request.authorization.empty()) {
     const auto token = token_of_subprotocols(message[http::field::sec_websocket_protocol]);
@@ -333,6 +353,7 @@ void HttpConnection::written(const error_code& code) {
       boost::asio::async_write(stream_, http::make_chunk(boost::asio::buffer(part_)), next);
     }
   } else if (message_.keep_alive()) {
+    server_->charge(std::exchange(spent_, {}));
     message_ = {};  // up to 16 MiB that nobody needs any more
     read();
   } else {
@@ -341,6 +362,7 @@ void HttpConnection::written(const error_code& code) {
 }
 
 void HttpConnection::close() {
+  server_->charge(spent_);
   error_code ignored;
   stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
   stream_.socket().close(ignored);

@@ -60,6 +60,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::optional<boost::beast::http::response_serializer<boost::beast::http::string_body>> head_;  // of a long response
   More more_;                                                                                     // of it, what follows
   std::string part_;                                                                              // that is being sent
+  std::chrono::steady_clock::duration spent_{};  // of the thread's time on the request at hand
   bool from_loopback_ = false;
   bool wants_head_ = false;  // the request is a HEAD: an answer without its body
 };

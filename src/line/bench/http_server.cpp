@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "line/bench/http_connection.hpp"
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::line::bench {
@@ -23,9 +24,9 @@ constexpr auto retry_time = std::chrono::milliseconds(100);
   } else if (code == boost::asio::error::access_denied) {
     advice = "choose a port above 1023";
   }
-  throw links::LinkError(
-      std::error_code(code.value(), std::system_category()),
-      fmt::format("bench API: cannot listen on {}:{}: {}; {}", address, port, code.message(), advice));
+  throw links::LinkError(std::error_code(code.value(), std::system_category()),
+                         fmt::format("bench API: cannot listen on {}:{}: {}; {}", address, port, code.message(),
+                                     links::advice_for(code.value(), advice)));
 }
 
 }  // namespace
@@ -86,6 +87,12 @@ void HttpServer::count_failure(const std::exception& error) {
       fmt::format("bench API: an exception ended a connection, the {}. so far: {}; please report it with "
                   "the request that did it",
                   failures_, error.what()));
+}
+
+void HttpServer::charge(std::chrono::steady_clock::duration spent) {
+  constexpr int share = 2;
+  if (share * spent <= turn) return;
+  next_turn_ = std::max(next_turn_, std::chrono::steady_clock::now() - burst) + (share * spent - turn);
 }
 
 void HttpServer::accept() {

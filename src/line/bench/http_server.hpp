@@ -35,7 +35,8 @@ struct HttpHandlers {
 // HTTP/1.1 on a TCP port, with keep-alive. Requests of at most 8 KiB of header and 256 KiB of body; at most 64
 // connections, of which the one that was silent longest makes room for a new one (none that is being answered does);
 // one that is silent for a minute is closed. More than 2000 requests per second, of all clients together, wait for
-// their turn: what they ask for is done between the ticks of drives. All in the thread of `io`.
+// their turn, and fewer of those that take longer: what they ask for is done between the ticks of drives. All in the
+// thread of `io`.
 class HttpServer {
  public:
   // Listens at once. Throws links::LinkError when it cannot.
@@ -65,6 +66,9 @@ class HttpServer {
   bool make_room();
   // How long a request that is there now has to wait.
   std::chrono::steady_clock::duration take_turn();
+  // A request has taken so much of the thread's time: what is more than its turn is paid by those that come after it,
+  // so that requests have half of the time at most.
+  void charge(std::chrono::steady_clock::duration spent);
 
   boost::asio::ip::tcp::acceptor acceptor_;
   boost::asio::steady_timer retry_;

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <fmt/format.h>
 
@@ -30,13 +31,23 @@ Object object_argument(Call& call) {
   return {axis, *entry, std::move(where)};
 }
 
+// A thousand objects take some milliseconds: they are listed some at a time, with everything else in between.
 Json list_objects(Call& call) {
-  Axis& axis = axis_argument(call);
-  Json objects = Json::array();
-  for (const Entry& entry : axis.device().dictionary().table()) {
-    objects.push_back(listed(entry, axis.device(), axis.settings().product->name));
-  }
-  return Json{{"objects", std::move(objects)}};
+  constexpr std::size_t objects_at_once = 16;
+  const auto part = [&axis = axis_argument(call), at = std::size_t{0}, ended = false]() mutable -> std::string {
+    if (ended) return {};
+    const auto table = axis.device().dictionary().table();
+    std::string text = at == 0 ? R"({"objects":[)" : "";
+    for (const std::size_t end = std::min(at + objects_at_once, table.size()); at < end; ++at) {
+      if (at > 0) text += ',';
+      text += to_text(listed(table[at], axis.device(), axis.settings().product->name));
+    }
+    ended = at >= table.size();
+    if (ended) text += "]}";
+    return text;
+  };
+  call.content = Content{"application/json", {}, part};
+  return nullptr;
 }
 
 Json read_object(Call& call) {

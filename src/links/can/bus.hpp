@@ -109,8 +109,9 @@ class CanBus {
   PortId attach(Receiver& receiver, std::size_t queue_depth = default_queue_depth);
   void detach(PortId port);
 
-  // Queues a frame to be sent from `now` on. False, and counted as refused, if the queue is full, the port is off,
-  // listen-only or bus-off, or the frame is not one (length above 8, identifier too wide).
+  // Queues a frame to be sent from `now` on, which may be when it began to wait elsewhere. False, and counted as
+  // refused, if the queue is full, the port is off, listen-only or bus-off, or the frame is not one (length above 8,
+  // identifier too wide).
   bool transmit(PortId port, const canopen::Frame& frame, Time now, std::uint32_t tag = 0);
   // For a port with a queue of one, the transmit mailbox of a controller: `frame` is what it has to send now, since
   // `since`; nullptr: nothing. Replaces or takes back what waits there, but not what is on the wire: that ends with

@@ -7,6 +7,7 @@
 #include <netinet/tcp.h>
 #include <sys/socket.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -62,8 +63,8 @@ void SocketcandClient::connect(Deadline deadline) {
     }
   }
   const std::error_code code(reason, std::generic_category());
-  throw LinkError(code, fmt::format("cannot connect to \"{}\": {}; is the line up (servodrome up) and the port right?",
-                                    to_string(name_), code.message()));
+  throw LinkError(code, fmt::format("cannot connect to \"{}\": {}; {}", to_string(name_), code.message(),
+                                    advice_for(reason, "is the line up (servodrome up) and the port right?")));
 }
 
 void SocketcandClient::lost(int reason) const {

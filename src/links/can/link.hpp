@@ -20,6 +20,8 @@ class CanLink {
   // The name under which clients find it; a port number 0 is replaced by the one the system chose.
   virtual std::string name() const = 0;
   virtual const LinkCounters& counters() const = 0;
+  // What clients have written is on the bus or queued for it, as far as there is room, and they are being shown frames.
+  virtual bool settled() { return true; }
 };
 
 // Opens the link a name asks for, as a port on `bus`, served by `io`. Throws LinkError. `mem:` has nothing to open: use

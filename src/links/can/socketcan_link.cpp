@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "links/can/socketcan.hpp"
+#include "links/file_descriptor.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -35,6 +36,8 @@ SocketcanLink::~SocketcanLink() {
   *alive_ = false;
   bus_.detach(port_);
 }
+
+bool SocketcanLink::settled() { return paused_ || !is_readable(socket_.native_handle()); }
 
 void SocketcanLink::wait_for_frames() {
   socket_.async_wait(boost::asio::posix::stream_descriptor::wait_read, [this, alive = alive_](error_code code) {

@@ -24,6 +24,7 @@ class SocketcanLink final : public CanLink, private Receiver {
   PortId port() const override { return port_; }
   std::string name() const override { return to_string(name_); }
   const LinkCounters& counters() const override { return counters_; }
+  bool settled() override;
 
  private:
   void on_frame(const canopen::Frame& frame, Time at) override;

@@ -4,9 +4,12 @@
 #include <array>
 #include <boost/asio/post.hpp>
 #include <boost/asio/write.hpp>
+#include <deque>
 #include <fmt/format.h>
+#include <utility>
 
 #include "links/can/socketcand_protocol.hpp"
+#include "links/guarded.hpp"
 #include "links/listen.hpp"
 
 namespace servodrome::links {
@@ -22,15 +25,37 @@ constexpr auto rawmode_quiet_time = std::chrono::milliseconds(50);
 constexpr auto accept_retry_time = std::chrono::milliseconds(200);
 // Keeps what waits in the system small, so that a slow reader sees recent frames.
 constexpr int socket_send_buffer_bytes = 64 * 1024;
+// Of a client, beside the frame in the controller.
+constexpr std::size_t most_queued = link_queue_depth - 1;
 
 }  // namespace
 
+// The frames that a client has sent and that are not on the wire yet. They outlive it: a program may send a frame and
+// leave.
+struct SocketcandServer::Queue {
+  struct Waiting {
+    canopen::Frame frame;
+    Time since{};
+  };
+  explicit Queue(std::uint32_t its_client) : client(its_client) {}
+  std::uint32_t client;  // its number
+  bool is_open = true;   // the client is connected
+  std::deque<Waiting> frames;
+};
+
 class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
  public:
-  Client(SocketcandServer& server, tcp::socket socket, std::uint32_t number)
-      : server_(&server), socket_(std::move(socket)), quiet_(socket_.get_executor()), number_(number) {}
+  Client(SocketcandServer& server, tcp::socket socket, std::shared_ptr<Queue> queue)
+      : server_(&server), socket_(std::move(socket)), quiet_(socket_.get_executor()), queue_(std::move(queue)) {}
 
-  std::uint32_t number() const { return number_; }
+  std::uint32_t number() const { return queue_->client; }
+  // It has sent nothing since.
+  Moment silent_since() const { return silent_since_; }
+  // It is being shown what the bus carries, and what it has written is taken.
+  bool settled() const {
+    error_code ignored;
+    return !is_quiet_ && !(reading_ && socket_.available(ignored) > 0);
+  }
 
   void start() {
     reply("hi");
@@ -39,25 +64,33 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
 
   void show(const std::string& text) {
     if (mode_ != Mode::raw) return;
-    if (waiting_.size() + writing_.size() + text.size() > most_waiting_bytes) {
+    if (held_.size() + waiting_.size() + writing_.size() + text.size() > most_waiting_bytes) {
       ++server_->counters_.dropped;
       return;
     }
     ++server_->counters_.from_bus;
-    waiting_ += text;
+    (is_quiet_ ? held_ : waiting_) += text;
     write();
   }
 
-  // The bus has room again.
+  // Its queue has room again, or is not waited for any more.
   void resume() {
-    if (!paused_) return;
+    if (!paused_ || must_wait()) return;
     paused_ = false;
-    boost::asio::post(socket_.get_executor(), [self = shared_from_this()] { self->work(); });
+    boost::asio::post(socket_.get_executor(), guarded(shared_from_this(), [this] { work(); }));
+  }
+
+  bool is_open() const { return server_ != nullptr; }
+  void fail(const std::exception& error) {
+    server_->host_.report(
+        fmt::format("CAN link \"{}\": an exception ended a connection: {}", server_->name(), error.what()));
+    close();
   }
 
   // No call of the server after this.
   void disconnect() {
     server_ = nullptr;
+    queue_->is_open = false;
     error_code ignored;
     socket_.close(ignored);
     quiet_.cancel();
@@ -70,23 +103,24 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
     if (reading_) return;
     reading_ = true;
     socket_.async_read_some(boost::asio::buffer(input_),
-                            [self = shared_from_this()](error_code code, std::size_t size) {
-                              self->reading_ = false;
-                              if (self->server_ == nullptr) return;
+                            guarded(shared_from_this(), [this](error_code code, std::size_t size) {
+                              reading_ = false;
                               if (code) {
-                                self->close();
+                                close();
                                 return;
                               }
-                              self->unread_ = std::string_view(self->input_.data(), size);
-                              self->work();
-                            });
+                              acknowledge_at_once(socket_);
+                              silent_since_ = std::chrono::steady_clock::now();
+                              unread_ = std::string_view(input_.data(), size);
+                              work();
+                            }));
   }
 
   // Goes through what has been read; reads more when it is all done and neither the bus nor the client is behind.
   void work() {
     while (server_ != nullptr && !paused_ && !unread_.empty()) {
       if (waiting_.size() > most_waiting_bytes) return;  // it does not read its answers: the write goes on here
-      if (bus_is_full()) {
+      if (must_wait()) {
         paused_ = true;
         return;
       }
@@ -100,9 +134,8 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
     if (server_ != nullptr && unread_.empty() && !closing_) read();
   }
 
-  bool bus_is_full() const {
-    const CanBus& bus = server_->bus_;
-    return bus.queue_space(server_->port_) == 0 && bus.error_state(server_->port_) == ErrorState::active;
+  bool must_wait() const {
+    return queue_->frames.size() >= most_queued && server_->bus_.error_state(server_->port_) == ErrorState::active;
   }
 
   void execute(const socketcand::Words& words) {
@@ -146,12 +179,7 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
       refuse("send takes an identifier of 3 or 8 hexadecimal digits, a length from 0 to 8 and as many bytes");
       return;
     }
-    if (server_->bus_.transmit(server_->port_, *frame, server_->host_.now(), number_)) {
-      ++server_->counters_.to_bus;
-      server_->host_.wake();
-    } else {
-      ++server_->counters_.refused;
-    }
+    server_->queue(*queue_, *frame);
   }
 
   void reply(std::string_view words) {
@@ -167,36 +195,37 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
   void begin_quiet_time() {
     is_quiet_ = true;
     quiet_.expires_after(rawmode_quiet_time);
-    quiet_.async_wait([self = shared_from_this()](error_code code) {
-      if (!code && self->server_ != nullptr) self->end_quiet_time();
-    });
+    quiet_.async_wait(guarded(shared_from_this(), [this](error_code code) {
+      if (!code) end_quiet_time();
+    }));
   }
 
   void end_quiet_time() {
     if (!is_quiet_) return;
     is_quiet_ = false;
     quiet_.cancel();
+    waiting_ += std::exchange(held_, {});
     write();
   }
 
   void write() {
-    if (!writing_.empty() || is_quiet_) return;
+    if (!writing_.empty()) return;
     if (waiting_.empty()) {
       if (closing_) close();
       return;
     }
     std::swap(writing_, waiting_);
     boost::asio::async_write(socket_, boost::asio::buffer(writing_),
-                             [self = shared_from_this()](error_code code, std::size_t) {
-                               if (self->server_ == nullptr) return;
+                             guarded(shared_from_this(), [this](error_code code, std::size_t) {
                                if (code) {
-                                 self->close();
+                                 close();
                                  return;
                                }
-                               self->writing_.clear();
-                               self->write();
-                               self->work();
-                             });
+                               writing_.clear();
+                               write();
+                               work();
+                             }));
+    acknowledge_at_once(socket_);  // sending ends it
   }
 
   void close() {
@@ -206,7 +235,8 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
   SocketcandServer* server_;
   tcp::socket socket_;
   boost::asio::steady_timer quiet_;
-  std::uint32_t number_;
+  std::shared_ptr<Queue> queue_;
+  Moment silent_since_ = std::chrono::steady_clock::now();
   Mode mode_ = Mode::no_bus;
   bool reading_ = false;
   bool paused_ = false;
@@ -218,6 +248,7 @@ class SocketcandServer::Client : public std::enable_shared_from_this<Client> {
   std::uint64_t oversized_ = 0;
   std::string writing_;
   std::string waiting_;
+  std::string held_;  // frames, in the quiet time
 };
 
 SocketcandServer::SocketcandServer(const SocketcandName& name, CanBus& bus, boost::asio::io_context& io, LineHost& host)
@@ -226,7 +257,7 @@ SocketcandServer::SocketcandServer(const SocketcandName& name, CanBus& bus, boos
       host_(host),
       acceptor_(listen_at(io, {name.host, name.port}, to_string(name))),
       accept_retry_(io),
-      port_(bus.attach(*this, link_queue_depth)) {
+      port_(bus.attach(*this)) {
   name_.port = acceptor_.local_endpoint().port();
   accept();
 }
@@ -248,14 +279,15 @@ void SocketcandServer::accept() {
       return;
     }
     error_code ignored;
-    socket.set_option(tcp::no_delay(true), ignored);
+    serve_promptly(socket);
     socket.set_option(boost::asio::socket_base::send_buffer_size(socket_send_buffer_bytes), ignored);
-    if (clients_.size() == most_clients) {
+    if (clients_.size() == most_clients && !make_room()) {
       socket.non_blocking(true, ignored);
       socket.write_some(boost::asio::buffer(std::string_view("< error too many clients >")), ignored);
     } else {
       if (++last_client_number_ == 0) ++last_client_number_;
-      clients_.push_back(std::make_shared<Client>(*this, std::move(socket), last_client_number_));
+      queues_.push_back(std::make_shared<Queue>(last_client_number_));
+      clients_.push_back(std::make_shared<Client>(*this, std::move(socket), queues_.back()));
       counters_.clients = static_cast<std::uint32_t>(clients_.size());
       clients_.back()->start();
       host_.wake();  // from now on what drives send is heard
@@ -264,10 +296,20 @@ void SocketcandServer::accept() {
   });
 }
 
+bool SocketcandServer::make_room() {
+  const auto silent_longer = [](const auto& a, const auto& b) { return a->silent_since() < b->silent_since(); };
+  const auto client = std::min_element(clients_.begin(), clients_.end(), silent_longer);
+  if (std::chrono::steady_clock::now() - (*client)->silent_since() < client_patience) return false;
+  const std::shared_ptr<Client> kept = *client;
+  remove(*kept);
+  return true;
+}
+
 void SocketcandServer::remove(Client& client) {
   client.disconnect();
   const auto is_it = [&client](const std::shared_ptr<Client>& other) { return other.get() == &client; };
   clients_.erase(std::remove_if(clients_.begin(), clients_.end(), is_it), clients_.end());
+  feed();
   counters_.clients = static_cast<std::uint32_t>(clients_.size());
 }
 
@@ -275,13 +317,52 @@ void SocketcandServer::on_frame(const canopen::Frame& frame, Time at) { show(fra
 
 void SocketcandServer::on_sent(const canopen::Frame& frame, std::uint32_t tag, Time at) {
   show(frame, at, tag);
-  if (bus_.queue_space(port_) >= link_queue_depth / 2) resume();
+  feed();
+  resume();
 }
 
-void SocketcandServer::on_error_state(ErrorState /*state*/, Time /*at*/) { resume(); }
+// What waits behind a bus-off controller is lost, as what waits in it is.
+void SocketcandServer::on_error_state(ErrorState state, Time /*at*/) {
+  if (state == ErrorState::bus_off) {
+    for (const auto& queue : queues_) counters_.refused += std::exchange(queue->frames, {}).size();
+  }
+  resume();
+}
 
 void SocketcandServer::resume() {
   for (const auto& client : clients_) client->resume();
+}
+
+bool SocketcandServer::settled() {
+  return std::all_of(clients_.begin(), clients_.end(), [](const auto& client) { return client->settled(); });
+}
+
+void SocketcandServer::queue(Queue& queue, const canopen::Frame& frame) {
+  if (queue.frames.size() >= most_queued || bus_.error_state(port_) == ErrorState::bus_off) {
+    ++counters_.refused;
+    return;
+  }
+  ++counters_.to_bus;
+  queue.frames.push_back({frame, host_.now()});
+  feed();
+  host_.wake();
+}
+
+// One frame at a time goes into the controller, of each client in turn.
+void SocketcandServer::feed() {
+  for (std::size_t looked = 0; looked < queues_.size() && bus_.pending(port_) == 0;) {
+    turn_ = (turn_ + 1) % queues_.size();
+    Queue& next = *queues_[turn_];
+    if (next.frames.empty()) {
+      ++looked;
+      continue;
+    }
+    const Queue::Waiting waiting = next.frames.front();
+    next.frames.pop_front();
+    if (!bus_.transmit(port_, waiting.frame, waiting.since, next.client)) ++counters_.refused;
+    looked = 0;
+  }
+  std::erase_if(queues_, [](const auto& queue) { return !queue->is_open && queue->frames.empty(); });
 }
 
 void SocketcandServer::show(const canopen::Frame& frame, Time at, std::uint32_t except) {

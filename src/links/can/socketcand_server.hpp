@@ -16,7 +16,11 @@ namespace servodrome::links {
 //
 // The port takes part in the bus, and acknowledges, also while nobody is connected.
 //
-// A client that does not read loses frames (256 KiB may wait for it), never the line its time.
+// Each client has a queue of its own, and they take turns frame by frame: what one sends without pause holds up the
+// frames of the others by one frame each.
+//
+// A client that does not read loses frames (256 KiB may wait for it), never the line its time. When all places are
+// taken, the client that has sent nothing for longest makes room, if that is some seconds.
 class SocketcandServer final : public CanLink, private Receiver {
  public:
   static constexpr std::size_t most_clients = 32;
@@ -30,16 +34,22 @@ class SocketcandServer final : public CanLink, private Receiver {
   PortId port() const override { return port_; }
   std::string name() const override { return to_string(name_); }
   const LinkCounters& counters() const override { return counters_; }
+  bool settled() override;
 
  private:
   class Client;
+  struct Queue;
+  using Moment = std::chrono::steady_clock::time_point;
 
   void on_frame(const canopen::Frame& frame, Time at) override;
   void on_sent(const canopen::Frame& frame, std::uint32_t tag, Time at) override;
   void on_error_state(ErrorState state, Time at) override;
   void resume();
+  void queue(Queue& queue, const canopen::Frame& frame);
+  void feed();
   void show(const canopen::Frame& frame, Time at, std::uint32_t except);
   void accept();
+  bool make_room();
   void remove(Client& client);
 
   SocketcandName name_;
@@ -50,6 +60,8 @@ class SocketcandServer final : public CanLink, private Receiver {
   PortId port_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   std::vector<std::shared_ptr<Client>> clients_;
+  std::vector<std::shared_ptr<Queue>> queues_;
+  std::size_t turn_ = 0;                  // of the queue that has sent last
   std::uint32_t last_client_number_ = 0;  // 0 is nobody's
   LinkCounters counters_;
 };

@@ -6,6 +6,7 @@
 #include <netdb.h>
 #include <netinet/in.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -34,7 +35,8 @@ FileDescriptor open_socket(const addrinfo& address) {
 
 [[noreturn]] void fail_udp(const std::string& link, const std::string& advice) {
   const std::error_code code(errno, std::generic_category());
-  throw LinkError(code, fmt::format("cannot open \"{}\": {}; {}", link, code.message(), advice));
+  throw LinkError(code,
+                  fmt::format("cannot open \"{}\": {}; {}", link, code.message(), advice_for(code.value(), advice)));
 }
 
 }  // namespace

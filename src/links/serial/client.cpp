@@ -10,6 +10,7 @@
 #include <sys/socket.h>
 #include <thread>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 #include "links/serial/tty.hpp"
 
@@ -20,7 +21,7 @@ constexpr auto send_timeout = std::chrono::seconds(1);
 
 [[noreturn]] void fail(int reason, const std::string& name, std::string_view what, std::string_view advice) {
   const std::error_code code(reason, std::generic_category());
-  throw LinkError(code, fmt::format("\"{}\": {} ({}); {}", name, what, code.message(), advice));
+  throw LinkError(code, fmt::format("\"{}\": {} ({}); {}", name, what, code.message(), advice_for(reason, advice)));
 }
 
 class DescriptorClient final : public ByteClient {

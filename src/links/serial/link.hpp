@@ -19,6 +19,8 @@ class SerialLink {
   // The name under which clients find it; a port number 0 is replaced by the one the system chose.
   virtual std::string name() const = 0;
   virtual const LinkCounters& counters() const = 0;
+  // What clients have written is on the line or answered, as far as there is room.
+  virtual bool settled() { return true; }
 };
 
 // Opens the link a name asks for, served by `io`: `pty:` and `serial:` are one more station on `line`, `tcp:` answers

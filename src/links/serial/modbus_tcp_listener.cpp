@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <boost/asio/write.hpp>
+#include <fmt/format.h>
 
+#include "links/guarded.hpp"
 #include "links/listen.hpp"
 
 namespace servodrome::links {
@@ -23,16 +25,34 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
       : listener_(&listener), socket_(std::move(socket)), connection_(listener.units_) {}
 
   void read() {
+    is_reading_ = true;
     socket_.async_read_some(boost::asio::buffer(input_),
-                            [self = shared_from_this()](error_code code, std::size_t size) {
-                              if (self->listener_ == nullptr) return;
+                            guarded(shared_from_this(), [this](error_code code, std::size_t size) {
+                              is_reading_ = false;
                               if (code) {
-                                self->close();
+                                close();
                                 return;
                               }
-                              self->unread_ = std::span<const std::uint8_t>(self->input_).first(size);
-                              self->work();
-                            });
+                              acknowledge_at_once(socket_);
+                              silent_since_ = std::chrono::steady_clock::now();
+                              unread_ = std::span<const std::uint8_t>(input_).first(size);
+                              work();
+                            }));
+  }
+
+  // It has sent nothing since.
+  Moment silent_since() const { return silent_since_; }
+  // What it has written is answered.
+  bool settled() const {
+    error_code ignored;
+    return !is_reading_ || socket_.available(ignored) == 0;
+  }
+
+  bool is_open() const { return listener_ != nullptr; }
+  void fail(const std::exception& error) {
+    listener_->host_.report(
+        fmt::format("serial link \"{}\": an exception ended a connection: {}", listener_->name(), error.what()));
+    close();
   }
 
   // No call of the listener after this.
@@ -82,18 +102,18 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
     is_writing_ = true;
     std::swap(writing_, waiting_);
     boost::asio::async_write(socket_, boost::asio::buffer(writing_),
-                             [self = shared_from_this()](error_code code, std::size_t) {
-                               if (self->listener_ == nullptr) return;
-                               self->is_writing_ = false;
-                               self->writing_.clear();
+                             guarded(shared_from_this(), [this](error_code code, std::size_t) {
+                               is_writing_ = false;
+                               writing_.clear();
                                if (code) {
-                                 self->close();
-                               } else if (self->unread_.empty() || self->is_closing_) {
-                                 self->write();
+                                 close();
+                               } else if (unread_.empty() || is_closing_) {
+                                 write();
                                } else {
-                                 self->work();
+                                 work();
                                }
-                             });
+                             }));
+    acknowledge_at_once(socket_);  // sending ends it
   }
 
   void close() {
@@ -108,6 +128,8 @@ class ModbusTcpListener::Client : public std::enable_shared_from_this<Client> {
   std::vector<std::uint8_t> request_;  // as far as it has come; for observers
   std::vector<std::uint8_t> writing_;
   std::vector<std::uint8_t> waiting_;
+  Moment silent_since_ = std::chrono::steady_clock::now();
+  bool is_reading_ = false;
   bool is_writing_ = false;
   bool is_closing_ = false;
 };
@@ -139,15 +161,26 @@ void ModbusTcpListener::accept() {
       });
       return;
     }
-    if (clients_.size() < most_clients) {  // else it is closed at once
-      error_code ignored;
-      socket.set_option(tcp::no_delay(true), ignored);
+    if (clients_.size() < most_clients || make_room()) {  // else it is closed at once
+      serve_promptly(socket);
       clients_.push_back(std::make_shared<Client>(*this, std::move(socket)));
       counters_.clients = static_cast<std::uint32_t>(clients_.size());
       clients_.back()->read();
     }
     accept();
   });
+}
+
+bool ModbusTcpListener::make_room() {
+  const auto silent_longer = [](const auto& a, const auto& b) { return a->silent_since() < b->silent_since(); };
+  const auto client = std::min_element(clients_.begin(), clients_.end(), silent_longer);
+  if (std::chrono::steady_clock::now() - (*client)->silent_since() < client_patience) return false;
+  remove(**client);
+  return true;
+}
+
+bool ModbusTcpListener::settled() {
+  return std::all_of(clients_.begin(), clients_.end(), [](const auto& client) { return client->settled(); });
 }
 
 void ModbusTcpListener::remove(const Client& client) {

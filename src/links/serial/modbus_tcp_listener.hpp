@@ -11,7 +11,8 @@ namespace servodrome::links {
 
 // `tcp:HOST:PORT`: Modbus TCP for any number of clients (at most 32). Each client's requests are answered in their
 // order; one that does not read its responses is not served further until it does. What is not Modbus TCP ends the
-// connection.
+// connection. When all places are taken, the client that has sent nothing for longest makes room, if that is some
+// seconds.
 class ModbusTcpListener final : public SerialLink {
  public:
   static constexpr std::size_t most_clients = 32;
@@ -27,11 +28,14 @@ class ModbusTcpListener final : public SerialLink {
   std::string name() const override { return to_string(name_); }
   std::uint16_t port() const { return name_.endpoint.port; }
   const LinkCounters& counters() const override { return counters_; }
+  bool settled() override;
 
  private:
   class Client;
+  using Moment = std::chrono::steady_clock::time_point;
 
   void accept();
+  bool make_room();
   void remove(const Client& client);
 
   ModbusTcpName name_;

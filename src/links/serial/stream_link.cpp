@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <boost/asio/write.hpp>
-#include <poll.h>
 #include <unistd.h>
 
+#include "links/file_descriptor.hpp"
 #include "links/serial/tty.hpp"
 
 namespace servodrome::links {
@@ -18,11 +18,6 @@ constexpr auto input_poll_time = std::chrono::milliseconds(2);
 // Until the line has sent some of what it was given.
 constexpr auto full_line_wait = std::chrono::milliseconds(5);
 
-bool is_readable(int descriptor) {
-  pollfd entry{descriptor, POLLIN, 0};
-  return ::poll(&entry, 1, 0) > 0 && (entry.revents & POLLIN) != 0;
-}
-
 }  // namespace
 
 StreamLink::StreamLink(int descriptor, SerialLine& line, boost::asio::io_context& io, LineHost& host)
@@ -32,6 +27,8 @@ StreamLink::~StreamLink() {
   *alive_ = false;
   line_.detach(port_);
 }
+
+bool StreamLink::settled() { return !is_open() || !is_reading_ || !is_readable(stream_.native_handle()); }
 
 void StreamLink::open() {
   counters_.clients = 1;

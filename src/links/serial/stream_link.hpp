@@ -24,6 +24,7 @@ class StreamLink : public SerialLink, private SerialStation {
   ~StreamLink() override;
 
   const LinkCounters& counters() const final { return counters_; }
+  bool settled() final;
 
  protected:
   // `descriptor` becomes the link's own.

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <termios.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -33,7 +34,8 @@ constexpr std::array<Speed, 14> speeds = {{{1200, B1200},
 
 [[noreturn]] void fail(int reason, const std::string& device, std::string_view what, std::string_view advice) {
   const std::error_code code(reason, std::generic_category());
-  throw LinkError(code, fmt::format("serial port \"{}\" {} ({}); {}", device, what, code.message(), advice));
+  throw LinkError(
+      code, fmt::format("serial port \"{}\" {} ({}); {}", device, what, code.message(), advice_for(reason, advice)));
 }
 
 }  // namespace
