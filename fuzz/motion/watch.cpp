@@ -461,7 +461,7 @@ void Watch::stops() {
 }
 
 void Watch::limit_switches() {
-  if (!drive_.policy().limit_switches_stop) return;
+  if (drive_.policy().limit_switches != drive::LimitSwitches::stop) return;
   const std::uint32_t inputs = axis_.feedback().inputs;
   for (std::size_t i = 0; i < 2; ++i) {
     const double direction = i == 0 ? -1.0 : 1.0;
@@ -555,7 +555,7 @@ void Watch::set_points() {
     const bool above = axis.active(drive::Signal::positive_limit);
     const double least = 0.3 * counts_per_revolution_;
     set_point_.leaves = usual && standing && relative && !changed && below != above && !axis.software_limits_active() &&
-                        drive_.policy().limit_switches_stop && torque_acceleration() > 0.0 &&
+                        (drive_.policy().limit_switches == drive::LimitSwitches::stop) && torque_acceleration() > 0.0 &&
                         (below ? target > least : target < -least);
     set_point_.from = position_;
     set_point_.direction = below ? 1.0 : -1.0;

@@ -25,7 +25,8 @@ class TrafficTest : public testing::Test {
   Response ask(Method method, const std::string& target, const std::string& body = {}) {
     const line::bench::RouteGroup group = traffic.routes();
     Response response =
-        line::bench::handle(line, {.method = method, .target = "/api/v1/buses/" + target, .body = body}, {&group, 1});
+        line::bench::begin(line, {.method = method, .target = "/api/v1/buses/" + target, .body = body}, {&group, 1});
+    while (response.piece) line::bench::carry_out_piece(response);
     if (response.more) {
       for (std::string part = response.more(); !part.empty(); part = response.more()) {
         ++pieces;

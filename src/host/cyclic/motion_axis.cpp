@@ -14,6 +14,7 @@ constexpr std::uint16_t start_homing = drive::controlword::mode_bit_4;
 constexpr std::uint16_t enable_interpolation = drive::controlword::mode_bit_4;
 constexpr std::uint16_t halt = drive::controlword::halt;
 constexpr std::uint16_t target_reached = 1U << 10;
+constexpr std::uint16_t follows_target = 1U << 12;  // in cyclic synchronous position
 
 // A drive takes back "homing attained" of the last run some cycles after it took the order; until then nothing is
 // judged.
@@ -109,6 +110,15 @@ void MotionAxis::fail(AxisFault fault) {
 bool MotionAxis::waits_for_mode() const {
   return switched_on_ && fault_ == AxisFault::none && axis_.state() == PowerState::switched_on &&
          !mode_is(mode_of(Task::position));
+}
+
+// A drive that opens its brake says so in bit 12 and takes no target meanwhile. One that never sets the bit is believed
+// after the time for a change of mode.
+bool MotionAxis::follows() {
+  const bool says_so =
+      !mode_is(OperationMode::cyclic_synchronous_position) || (axis_.statusword() & follows_target) != 0;
+  cycles_not_following_ = says_so ? 0 : cycles_not_following_ + 1;
+  return says_so || cycles_not_following_ > mode_timeout_cycles_;
 }
 
 void MotionAxis::supervise(bool fresh) {
@@ -294,7 +304,7 @@ void MotionAxis::write() {
       if (axis_.state() == PowerState::operation_enabled) axis_.set_controlword(quick_stop);
     } else if (!switched_on_) {
       axis_.disable();
-    } else if (has_position_ && !waits_for_mode() && axis_.enable() && mode_is(mode_of(Task::position))) {
+    } else if (has_position_ && !waits_for_mode() && axis_.enable() && mode_is(mode_of(Task::position)) && follows()) {
       enabled_ = true;
       axis_.set_controlword(enabled_controlword());
     }

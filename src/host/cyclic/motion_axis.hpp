@@ -102,6 +102,7 @@ class MotionAxis {
   OperationMode mode_of(Task task) const;
   bool mode_is(OperationMode mode) const;
   bool waits_for_mode() const;
+  bool follows();
   bool start(Task task);
   void fail(AxisFault fault);
   void take_position();
@@ -124,6 +125,7 @@ class MotionAxis {
   std::uint16_t error_code_ = 0;
   unsigned losses_ = 0;
   std::uint64_t cycles_without_mode_ = 0;
+  std::uint64_t cycles_not_following_ = 0;
   std::uint64_t mode_timeout_cycles_;
 
   bool has_position_ = false;
