@@ -11,10 +11,13 @@ constexpr std::uint32_t lagging_modes =
 
 }  // namespace
 
-// Towards an active limit switch: by the demand's velocity, in torque control by the torque.
+// Towards an active limit switch: by the demand's velocity, in torque control by the torque. A position demand that
+// comes back to the shaft, as at the end of a stream of targets, does not push.
 bool Drive::pushes_limit_switch() const {
   const LoopDemand& demand = axis_.demand;
   const double towards = demand.loop == Loop::torque ? static_cast<double>(demand.torque) : axis_.generator.velocity();
+  const auto ahead = static_cast<double>(axis_.generator.nearest_position() - axis_.position());
+  if (demand.loop == Loop::position && ahead * towards <= 0.0) return false;
   return (axis_.active(Signal::negative_limit) && towards < 0.0) ||
          (axis_.active(Signal::positive_limit) && towards > 0.0);
 }

@@ -197,7 +197,8 @@ TEST_F(SerialAxes, FourDrivesShareOneCanBusAndOneRs485Line) {
   EXPECT_GT(rs485.line.counters().characters, 1000U);
   EXPECT_EQ(line.buses()[0]->bus.counters().errors, 0U);
   for (const Drive& drive : drives) {
-    // None of the heartbeats is missing, though they wait for the SDOs, whose identifiers come first.
+    // Heartbeats wait for the SDOs, whose identifiers come first. One that waits until the next is due is replaced by
+    // it.
     Time first = links::never;
     Time last{};
     unsigned count = 0;
@@ -207,7 +208,8 @@ TEST_F(SerialAxes, FourDrivesShareOneCanBusAndOneRs485Line) {
       last = event.start;
       ++count;
     }
-    EXPECT_NEAR(count, static_cast<double>((last - first) / 1ms) + 1.0, 2.0) << drive.name;
+    const double due = static_cast<double>((last - first) / 1ms) + 1.0;
+    EXPECT_NEAR(count, due, 2.0 + 0.005 * due) << drive.name;
     EXPECT_GT(count, 500U) << drive.name;
   }
 }

@@ -1,5 +1,6 @@
 // Sequences of commands and events that a user of the ISMC drive meets: limit switches outside of homing, homing with
 // half of its speeds, a clamped profile velocity, an encoder that has failed.
+#include <algorithm>
 #include <gtest/gtest.h>
 
 #include "products/ismc/ismc.hpp"
@@ -61,9 +62,10 @@ void point(Axis& axis, int direction) {
 void velocity(Axis& axis, int direction) { must_set(axis, 0x60FF, 0, direction * speed); }
 void torque(Axis& axis, int direction) { must_set(axis, 0x6071, 0, direction * 200); }
 void stream(Axis& axis, int direction) {
-  const std::int64_t start = axis.get(0x6064);
-  for (int i = 1; i <= 400 && (axis.status() & state_mask) != in_fault; ++i) {
-    must_set(axis, 0x607A, 0, start + direction * 400 * i);
+  std::int64_t target = axis.get(0x6064);
+  for (int i = 1; i <= 450 && (axis.status() & state_mask) != in_fault; ++i) {
+    target += direction * std::clamp(10 * (440 - i), 0, 400);  // comes to rest: a step back would be towards the switch
+    must_set(axis, 0x607A, 0, target);
     axis.run_ms(1);
   }
 }
@@ -118,7 +120,7 @@ TEST(IsmcLimitSwitch, OneThatIsMetOutsideOfHomingIsFault8612) {
       ASSERT_TRUE(axis.enable());
       motion.towards(axis, -direction);
       axis.run_ms(200);
-      EXPECT_EQ(axis.status() & 0x6F, 0x27);
+      EXPECT_EQ(axis.status() & 0x6F, 0x27) << std::hex << axis.get(0x603F);
       EXPECT_GT(static_cast<double>(axis.plant.position_counts() - from) * -direction, 1000.0);
     }
   }

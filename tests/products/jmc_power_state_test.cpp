@@ -343,7 +343,8 @@ TEST(JmcPowerState, HomeOffsetIsTravelled) {
   }
 }
 
-// 0, 15, 16, 31 and 32 may be chosen, and nothing happens (L4328, L4542); without 6099h:01 homing is refused (D-24).
+// 0, 15, 16, 31 and 32 may be chosen, and nothing happens (L4328, L4542); without 6099h:01 homing that uses it is
+// refused (D-24).
 TEST(JmcPowerState, HomingThatDoesNothing) {
   for (const int method : {0, 15, 16, 31, 32}) {
     JmcBus rig;
@@ -357,7 +358,7 @@ TEST(JmcPowerState, HomingThatDoesNothing) {
     EXPECT_NEAR(rig.position(), before, 2);
   }
   JmcBus rig;
-  rig.set(0x6098, 0, 33);
+  rig.set(0x6098, 0, 17);
   rig.connect();
   rig.enable_in(6);
   rig.word(0x1F, 50);

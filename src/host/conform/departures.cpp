@@ -32,6 +32,7 @@ constexpr std::array rows{
     Departure{"ismk", "ip.data-record", "the targets of mode 7 are in 607Ah (L3239)", "60C1h", "ismk-ea"},
     Departure{"ismk", "nmt.heartbeat-consumer",
               "with 6007h = 0, its factory value, the loss of the master is ignored (L3215)", "8130h"},
+    Departure{"ismk", "pdo.reserved-type", "types 241 to 251 are taken (L3018)", "245", "ismk-ea"},
     Departure{"ismk", "modbus.no-address", "a refused read is answered with function 81h (L2317)", "81 02"},
     Departure{"ismk", "modbus.wrong-count", "a refused read is answered with function 81h (L2317)", "81 03"},
     // JMC EtherCAT manual

@@ -113,12 +113,12 @@ bool MotionAxis::waits_for_mode() const {
 }
 
 // A drive that opens its brake says so in bit 12 and takes no target meanwhile. One that never sets the bit is believed
-// after the time for a change of mode.
+// after half the time for a change of mode.
 bool MotionAxis::follows() {
   const bool says_so =
       !mode_is(OperationMode::cyclic_synchronous_position) || (axis_.statusword() & follows_target) != 0;
   cycles_not_following_ = says_so ? 0 : cycles_not_following_ + 1;
-  return says_so || cycles_not_following_ > mode_timeout_cycles_;
+  return says_so || cycles_not_following_ > mode_timeout_cycles_ / 2;
 }
 
 void MotionAxis::supervise(bool fresh) {
