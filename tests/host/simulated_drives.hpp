@@ -59,6 +59,7 @@ class SimulatedDrive final : public ProcessImage {
   void show() {
     std::uint16_t word = drive::state_bits(state);
     if (mode == 6) word = static_cast<std::uint16_t>(word | homing_bits_);
+    if (mode >= 8 && state == PowerState::operation_enabled) word = static_cast<std::uint16_t>(word | 0x1000);
     set<std::uint16_t>(0x6041, word);
     set<std::int8_t>(0x6061, static_cast<std::int8_t>(mode));
     set<std::int32_t>(0x6064, static_cast<std::int32_t>(static_cast<std::uint32_t>(position)));
