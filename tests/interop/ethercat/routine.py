@@ -105,7 +105,13 @@ class Axis:
         bit, direction = how["bit"], how["direction"]
         self.run_at(direction * how["speed"], how["acceleration"])
         self.master.wait(lambda: self.input(bit), "the switch")
-        self.MC_Stop(how["acceleration"])
+        if bit in (0, 1):  # a limit switch: the drive holds the axis there, whatever the controller sends
+            self.run_at(0.0, how["acceleration"])
+            self.master.wait(lambda: self.speed == 0.0, "the end of the ramp")
+            self.drive.wait_standstill()
+            self.hold()
+        else:
+            self.MC_Stop(how["acceleration"])
         self.run_at(-direction * how["creep"], how["acceleration"])
         self.master.wait(lambda: not self.input(bit), "the switch to open")
         edge = self.drive.position
