@@ -197,7 +197,7 @@ def test_the_big_stop_stops_all_axes(studio, line):
         wait_for(lambda axis=axis: studio.bench.axis(axis)["powered"], axis)
         studio.does(axis, do="enable")
         studio.does(axis, do="velocity", **turns(axis, velocity=0.5, acceleration=5))
-        assert abs(line.bench.axis(NAMES[axis])["velocity_rpm"]) > 20
+        wait_for(lambda axis=axis: abs(line.bench.axis(NAMES[axis])["velocity_rpm"]) > 20, f"{axis} turns")
     stopped = studio.bench.post("stop", {})["axes"]
     assert {row["name"]: row["stopped"] for row in stopped} == dict.fromkeys(NAMES, True)
     for name in NAMES.values():
