@@ -70,7 +70,6 @@ def test_synchronous_cyclic(drive, network, every):
     quieten(drive)
     identifier = set_tpdo(drive, 1, every, [STATUS])
     start(network, drive)
-    wait_for(lambda: drive.statusword & 0x10, "the DC link")
     network.seen.clear()
     count = 2 * every if every < 240 else 245
     assert syncs(network, drive, identifier, count) == [n // every for n in range(1, count + 1)]
