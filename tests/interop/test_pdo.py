@@ -70,6 +70,8 @@ def test_synchronous_cyclic(drive, network, every):
     quieten(drive)
     identifier = set_tpdo(drive, 1, every, [STATUS])
     start(network, drive)
+    if drive.name == "reference":  # its DC link charges from power-on, others' from Switched on
+        wait_for(lambda: drive.statusword & 0x10, "the DC link")
     network.seen.clear()
     count = 2 * every if every < 240 else 245
     assert syncs(network, drive, identifier, count) == [n // every for n in range(1, count + 1)]
