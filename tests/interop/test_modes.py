@@ -83,7 +83,10 @@ def test_profile_velocity(drive):
 
 
 def test_profile_torque_turns_the_free_shaft(drive):
-    """10 % of rated torque: the shaft picks up speed in the direction of the torque; nothing is left after disable."""
+    """10 % of rated torque: the shaft picks up speed in the direction of the torque; nothing is left after disable.
+
+    The ISMC's speed limit of torque mode takes the torque back long before the limit switch comes (a fault there).
+    """
     drive.set_mode(PROFILE_TORQUE)
     drive.write(0x6087, 1000)
     if drive.name == "ismc":
@@ -92,7 +95,10 @@ def test_profile_torque_turns_the_free_shaft(drive):
     drive.enable()
     true_start = drive.true_position
     drive.write(0x6071, 100)
-    wait_for(lambda: drive.read(0x6074) == 100, "torque demand 10 %")
+    if drive.name == "ismc":
+        turning_at(drive, 90)
+    else:
+        wait_for(lambda: drive.read(0x6074) == 100, "torque demand 10 %")
     drive.wait_bits(TARGET_REACHED, TARGET_REACHED)
     wait_for(lambda: drive.true_position > true_start + 1000, "motion in positive direction")
     drive.disable()
