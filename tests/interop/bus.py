@@ -1,5 +1,6 @@
 """A CAN bus of python-can on a link of the line, with the `canopen` package on top, and what was seen on it."""
 
+import socket
 import threading
 import time
 
@@ -10,6 +11,7 @@ from line import PATIENCE, wait_for
 
 # The package gives up after 0.3 s, which on a busy machine is nothing; how fast an answer comes is not what is tested.
 canopen.sdo.SdoClient.RESPONSE_TIMEOUT = PATIENCE
+SO_RCVBUFFORCE = 33  # Linux; as SO_RCVBUF, beyond the system's limit, for root (in tools/with-socketcan the tests are root)
 
 
 def open_bus(link):
@@ -25,7 +27,11 @@ def open_bus(link):
         assert bus.get_version(timeout=PATIENCE) != (None, None)
         return bus
     assert kind == "socketcan", link
-    return can.Bus(interface="socketcan", channel=rest)
+    bus = can.Bus(interface="socketcan", channel=rest)
+    # A line that was held up for some ten milliseconds sends what is due in one burst, more than a socket's buffer
+    # holds from the start.
+    bus.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 4 << 20)
+    return bus
 
 
 class Recorder(can.Listener):

@@ -14,6 +14,8 @@
 namespace servodrome::links {
 namespace {
 
+constexpr int receive_buffer_bytes = 1 << 20;  // about 1300 frames: 100 ms of a full bus of 1 Mbit/s, and some room
+
 [[noreturn]] void fail(const std::string& interface_name, std::string_view reason, std::string_view advice) {
   const std::error_code code(errno, std::generic_category());
   throw LinkError(
@@ -38,6 +40,11 @@ FileDescriptor open_socketcan(const std::string& interface_name) {
   }
   const int off = 0;
   ::setsockopt(socket.get(), SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &off, sizeof off);
+  // From the start it holds some 270 frames, less than a line or a master that was held up for 100 ms has to read at
+  // once. The second call is for who may not exceed the system's limit.
+  for (const int option : {SO_RCVBUFFORCE, SO_RCVBUF}) {
+    if (::setsockopt(socket.get(), SOL_SOCKET, option, &receive_buffer_bytes, sizeof receive_buffer_bytes) == 0) break;
+  }
   sockaddr_can address{};
   address.can_family = AF_CAN;
   address.can_ifindex = static_cast<int>(index);
