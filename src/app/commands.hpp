@@ -12,6 +12,10 @@ class Failure : public std::runtime_error {
   static Failure did_not_work(const std::string& message) { return {1, message}; }
   static Failure wrong_use(const std::string& message) { return {2, message}; }
 
+  static Failure lost_output() {
+    return did_not_work("the output is not complete: standard output could not be written; is the disk full?");
+  }
+
   int exit_status() const { return exit_status_; }
 
  private:

@@ -25,9 +25,7 @@ int report(int exit_status, std::string_view message) {
   return exit_status;
 }
 
-int report_lost_output() {
-  return report(1, "the output is not complete: standard output could not be written; is the disk full?");
-}
+int report_lost_output() { return report(1, Failure::lost_output().what()); }
 
 int end_of_output() {
   const bool written = std::fflush(stdout) == 0 && std::ferror(stdout) == 0;

@@ -28,24 +28,21 @@ TRAVEL = f"""
   positive_limit = 10
   home = {{ from = -0.5, to = 0.5 }}
 """
-TWO_DRIVES = f"""
-[[bus]]
-name = "can0"
 
-[[axis]]
-name = "ismc"
-product = "ismc"
-bus = "can0"
-node = 1
-{TRAVEL}
 
-[[axis]]
-name = "reference"
-product = "generic402"
-bus = "can0"
-node = 2
-{TRAVEL}
-"""
+def bus_text(name, kind="can"):
+    return f'[[bus]]\nname = "{name}"\ntype = "{kind}"\n'
+
+
+def axis_text(name, product, counts=COUNTS, **keys):
+    """An axis of a line file with the travel above; `keys`: where it is reached, as bus="can0", node=1."""
+    rows = "\n".join(f"{key} = {json.dumps(value)}" for key, value in keys.items())
+    return f'[[axis]]\nname = "{name}"\nproduct = "{product}"\n{rows}\n{TRAVEL.replace(str(COUNTS), str(counts))}'
+
+
+TWO_DRIVES = (
+    bus_text("can0") + axis_text("ismc", "ismc", bus="can0", node=1) + axis_text("reference", "generic402", bus="can0", node=2)
+)
 
 
 # Deadlines are for what never happens, not for a slow machine.

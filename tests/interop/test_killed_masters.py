@@ -1,41 +1,26 @@
 """Masters that die: `servodrome studio` and the commands, killed at random moments. The axis comes to rest by the drive's own watch."""
 
+import fcntl
+import json
+import os
+import pty
 import random
+import signal
 import subprocess
+import termios
 import time
 
 import pytest
-from line import COUNTS, PROGRAM, TRAVEL, Line, wait_for
+from line import COUNTS, PROGRAM, Line, axis_text, bus_text, wait_for
 from studio import Studio, patiently
 
-DRIVES = f"""
-[[bus]]
-name = "can0"
-
-[[bus]]
-name = "ecat"
-type = "ethercat"
-
-[[axis]]
-name = "ismc"
-product = "ismc"
-bus = "can0"
-node = 1
-{TRAVEL}
-
-[[axis]]
-name = "reference"
-product = "generic402"
-bus = "can0"
-node = 2
-{TRAVEL}
-
-[[axis]]
-name = "jmc"
-product = "jmc_ec"
-bus = "ecat"
-{TRAVEL.replace(str(COUNTS), "4000")}
-"""
+DRIVES = (
+    bus_text("can0")
+    + bus_text("ecat", "ethercat")
+    + axis_text("ismc", "ismc", bus="can0", node=1)
+    + axis_text("reference", "generic402", bus="can0", node=2)
+    + axis_text("jmc", "jmc_ec", 4000, bus="ecat")
+)
 # What the studio calls them, units of a revolution (of a drive that does not say), and how long its watch and stop take.
 AXES = {"ismc": ("ismc-1", COUNTS, 3.0), "reference": ("generic402-2", None, 3.0), "jmc": ("jmc_ec-1", None, 1.5)}
 ROUNDS = 4
@@ -50,18 +35,18 @@ def line(tmp_path):
     line.stop()
 
 
-def speed(line, axis):
-    return abs(line.bench.axis(axis)["velocity_rpm"])
+def speed(line, name):
+    return abs(line.bench.axis(name)["velocity_rpm"])
 
 
-def rests_within(line, axis, seconds):
+def rests_within(line, name, seconds):
     """The clock is that of the line, which a busy machine may slow down."""
     begun = line.bench.get("clock")["time_ms"]
     while line.bench.get("clock")["time_ms"] - begun < seconds * 1000:
         time.sleep(0.02)
-    assert speed(line, axis) < 1, f"{axis} turns {seconds} s after its master died"
+    assert speed(line, name) < 1, f"{name} turns {seconds} s after its master died"
     time.sleep(0.2)
-    assert speed(line, axis) < 1
+    assert speed(line, name) < 1
 
 
 @pytest.mark.parametrize("axis", AXES)
@@ -107,15 +92,71 @@ def test_commands_are_killed_at_random_moments(line, axis):
         rests_within(line, axis, longest)
 
 
-@pytest.mark.parametrize("signal", ["SIGTERM", "SIGHUP", "SIGINT"])
-def test_studio_that_is_told_to_end_stops_its_axes(line, signal):
+@pytest.mark.parametrize("name_of_signal", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_studio_that_is_told_to_end_stops_its_axes(line, name_of_signal):
     studio = Studio(line.links["can0"][0])
     name = AXES["reference"][0]
     wait_for(lambda: studio.bench.axis(name)["powered"], name)
     studio.does(name, do="enable")
     studio.does(name, do="velocity", velocity=0.5, acceleration=5, units="revolutions")
-    studio.process.send_signal(getattr(subprocess.signal, signal))
+    studio.process.send_signal(getattr(signal, name_of_signal))
     assert studio.process.wait(60) == 0
+    assert speed(line, "reference") < 1
+    assert line.bench.axis("reference")["state"] != "operation enabled"
+
+
+def in_a_terminal(command):
+    """The process, leader of a session of its own, and the other end of its terminal: closed, the terminal is gone."""
+    ours, its = pty.openpty()
+    process = subprocess.Popen(
+        command,
+        stdin=its,
+        stdout=its,
+        stderr=its,
+        start_new_session=True,
+        preexec_fn=lambda: (fcntl.ioctl(0, termios.TIOCSCTTY, 0), signal.signal(signal.SIGHUP, signal.SIG_DFL)),
+    )
+    os.close(its)
+    return process, ours
+
+
+def test_a_command_whose_terminal_is_closed_stops_its_axis(line):
+    command = [PROGRAM, "jog", "--bus", line.links["can0"][0], "--node", "2", "--revolutions", "--velocity", "0.3", "--seconds", "60"]
+    process, terminal = in_a_terminal(command)
+    wait_for(lambda: speed(line, "reference") > 5, "the axis to turn")
+    os.close(terminal)
+    process.wait(60)
+    assert speed(line, "reference") < 1
+    assert line.bench.axis("reference")["state"] != "operation enabled"
+
+
+def test_a_studio_whose_terminal_is_closed_stops_its_axes(line):
+    process, terminal = in_a_terminal([PROGRAM, "studio", "--api", "127.0.0.1:0", "--json", "--bus", line.links["can0"][0]])
+    said = b""
+    while b"\n" not in said:
+        said += os.read(terminal, 4096)
+    studio = Studio.at(json.loads(said)["api"])
+    name = AXES["reference"][0]
+    wait_for(lambda: studio.bench.axis(name)["powered"], name)
+    studio.does(name, do="enable")
+    studio.does(name, do="velocity", velocity=0.5, acceleration=5, units="revolutions")
+    assert speed(line, "reference") > 5
+    os.close(terminal)
+    process.wait(60)
+    assert speed(line, "reference") < 1
+    assert line.bench.axis("reference")["state"] != "operation enabled"
+
+
+def test_a_script_that_cannot_write_stops_its_axis(line, tmp_path):
+    """Its output goes to a disk that is full."""
+    script = tmp_path / "turn.script"
+    script.write_text(f'axis a 2\na enable\na velocity {COUNTS // 4} acceleration {COUNTS}\nwait 1\nprint "turns"\nwait 60\n')
+    command = [PROGRAM, "run", "--quiet", "--bus", line.links["can0"][0], str(script)]
+    with open("/dev/full", "wb") as full:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=full, stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: speed(line, "reference") > 5, "the axis to turn")
+    _, said = process.communicate(timeout=40)
+    assert process.returncode == 1 and "is the disk full" in said, (process.returncode, said)
     assert speed(line, "reference") < 1
     assert line.bench.axis("reference")["state"] != "operation enabled"
 

@@ -8,41 +8,18 @@ import urllib.error
 import urllib.request
 
 import pytest
-from line import COUNTS, PROGRAM, TRAVEL, ApiError, Line, servodrome, wait_for
+from line import COUNTS, PROGRAM, ApiError, Line, axis_text, bus_text, servodrome, wait_for
 from mcap.reader import make_reader
 from studio import Studio, patiently
 
-DRIVES = f"""
-[[bus]]
-name = "can0"
-
-[[bus]]
-name = "ecat"
-type = "ethercat"
-
-[[bus]]
-name = "rs"
-type = "rs485"
-
-[[axis]]
-name = "ismc"
-product = "ismc"
-bus = "can0"
-node = 1
-{TRAVEL}
-
-[[axis]]
-name = "jmc"
-product = "jmc_ec"
-bus = "ecat"
-{TRAVEL.replace(str(COUNTS), "4000")}
-
-[[axis]]
-name = "reference"
-product = "generic402"
-serial = "rs"
-{TRAVEL}
-"""
+DRIVES = (
+    bus_text("can0")
+    + bus_text("ecat", "ethercat")
+    + bus_text("rs", "rs485")
+    + axis_text("ismc", "ismc", bus="can0", node=1)
+    + axis_text("jmc", "jmc_ec", 4000, bus="ecat")
+    + axis_text("reference", "generic402", serial="rs")
+)
 # What the studio calls them, and the line.
 NAMES = {"ismc-1": "ismc", "jmc_ec-1": "jmc", "generic402": "reference"}
 

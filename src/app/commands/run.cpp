@@ -117,7 +117,8 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
       fmt::print("{:>5}  {:<50} {:8.3f} s{}{}\n", step.place.line, step.source, seconds, said.empty() ? "" : "  ",
                  said);
     }
-    std::fflush(stdout);
+    // A script whose steps cannot be told does not go on; its axes stop.
+    if (std::fflush(stdout) != 0) throw Failure::lost_output();
   };
   try {
     host::script::run(script, group.axes(), run_options);
