@@ -28,13 +28,15 @@ Trajectory::Result Generator::begin(Trajectory::Result result, Counts base, cons
 
 Trajectory::Result Generator::plan_position(MotionState state, double gone_s, Counts target, double end_velocity,
                                             const MotionLimits& limits, RampShape shape) {
-  const Counts base = rebase(state);
+  const Counts base = rebase(state, shape);
   return begin(trajectory_.plan_position(state, static_cast<double>(target - base), end_velocity, limits, shape), base,
                state, gone_s);
 }
 
-// The base on which the position of `state` lies within a count.
-Counts Generator::rebase(MotionState& state) const {
+// The base on which the position of `state` lies within a count. What accelerates by a ramp without jerk may stop to do
+// so at once; a plan that keeps to the jerk would take that acceleration for one that it has to take back.
+Counts Generator::rebase(MotionState& state, RampShape shape) const {
+  if (shape == RampShape::jerk_limited && trajectory_.shape() != RampShape::jerk_limited) state.acceleration = 0.0;
   const double whole = std::floor(state.position);
   state.position -= whole;
   return base_ + static_cast<Counts>(whole);
@@ -46,7 +48,7 @@ Trajectory::Result Generator::move_to(Counts target, double end_velocity, const 
 
 Trajectory::Result Generator::run_at(double velocity, const MotionLimits& limits, RampShape shape) {
   MotionState state = state_;
-  const Counts base = rebase(state);
+  const Counts base = rebase(state, shape);
   return begin(trajectory_.plan_velocity(state, velocity, limits, shape), base, state, 0.0);
 }
 

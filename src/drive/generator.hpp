@@ -43,7 +43,7 @@ class Generator {
   double duration_s() const { return trajectory_.duration_s(); }
 
  private:
-  Counts rebase(MotionState& state) const;
+  Counts rebase(MotionState& state, RampShape shape) const;
   Trajectory::Result begin(Trajectory::Result result, Counts base, const MotionState& state, double gone_s);
   Trajectory::Result plan_position(MotionState state, double gone_s, Counts target, double end_velocity,
                                    const MotionLimits& limits, RampShape shape);

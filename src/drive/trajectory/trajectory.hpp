@@ -84,6 +84,8 @@ class Trajectory {
   /// Time until the end state is reached, in seconds.
   double duration_s() const { return duration_s_; }
 
+  RampShape shape() const { return shape_; }
+
   /// The pieces, for display and test.
   const SegmentList& segments() const { return list_; }
 
