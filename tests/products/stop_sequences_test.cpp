@@ -165,7 +165,8 @@ void jump_and_stop(Bus& bus, std::size_t target_at, std::int32_t target, std::ui
     const auto off = static_cast<double>(bus.plant.position_counts() - from);
     extremes = {std::min(extremes.first, off), std::max(extremes.second, off)};
   }
-  EXPECT_LT(later, 1.05 * fastest + 0.001 * counts_per_turn);
+  // The little that the demand had moved comes with the loop's lag.
+  EXPECT_LT(later, 1.05 * fastest + 0.05 * counts_per_turn);
   EXPECT_LT(extremes.second, 1.1 * way + 0.02 * fastest + 0.005 * counts_per_turn);
   EXPECT_GT(extremes.first, -0.01 * fastest - 0.005 * counts_per_turn);
   const std::int64_t rests = bus.plant.position_counts();

@@ -23,8 +23,12 @@ void LineDemand::begin(const Axis& axis, Line& line, Counts target, double cycle
   if (!catching_up_) line.stand(generator.position(), generator.fraction());
 }
 
-void LineDemand::follow(Axis& axis, const Line& line, double distance, double line_velocity) {
+void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
   Generator& generator = axis.generator;
+  // From where the line would have been a cycle ago, had it always been as fast as it is now: a line that ends in this
+  // cycle stands, so that its last step belongs to the distance.
+  const double step = -distance_to(axis, line);
+  const double distance = line_velocity * axis.cycle_s - step;
   if (held_ != 0) {
     if (distance * held_ < 0.0) {
       axis.limited = true;
@@ -36,8 +40,9 @@ void LineDemand::follow(Axis& axis, const Line& line, double distance, double li
     catching_up_ = true;
     velocity_ = 0.0;
   }
-  const double greatest = axis.max_velocity(false);
-  if (std::abs(line_velocity) > greatest * (1.0 + 1e-9)) {
+  const double greatest = axis.greatest_velocity;
+  const double wanted = catching_up_ ? line_velocity : step / axis.cycle_s;  // of the demand
+  if (std::abs(wanted) > greatest * (1.0 + 1e-9)) {
     axis.exceed_velocity(Mode::cyclic_sync_position);
     if (!catching_up_) velocity_ = generator.velocity();
     catching_up_ = true;

@@ -27,9 +27,8 @@ class LineDemand {
   // whether it moves.
   template <typename Step>
   void follow(Axis& axis, Line& line, Step&& step) {
-    const double before = distance_to(axis, line);
     const double line_velocity = step() ? line.rate() / axis.cycle_s : 0.0;
-    follow(axis, line, before, line_velocity);
+    lead(axis, line, line_velocity);
   }
 
  private:
@@ -37,7 +36,7 @@ class LineDemand {
 
   // Of the demand from the line, counts.
   static double distance_to(const Axis& axis, const Line& line);
-  void follow(Axis& axis, const Line& line, double distance, double line_velocity);
+  void lead(Axis& axis, const Line& line, double line_velocity);
 
   int held_ = 0;
   bool catching_up_ = false;
