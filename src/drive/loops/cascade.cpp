@@ -35,6 +35,11 @@ constexpr float handover_end = 1.0e-5F;
 // No more than that is kept back of errors: of an axis that rings, one moment's torque would be a blow.
 constexpr float most_handover = 0.3F;
 
+// A braking current keeps so much of the DC link's voltage for its control, and is at least such a share of the peak
+// current.
+constexpr float braking_voltage_share = 0.95F;
+constexpr float least_braking_share = 0.1F;
+
 // As far as the position loop looks; beyond, it saturates.
 constexpr Counts largest_position_error = Counts{1} << 30;
 
@@ -46,6 +51,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   const auto counts = static_cast<float>(motor.counts_per_revolution);
   const auto pole_pairs = static_cast<float>(motor.pole_pairs);
   two_phases_ = motor.phases == 2;
+  voltage_share_ = two_phases_ ? voltage_share(2) : voltage_share(3);
   rests_ = false;
   const bool controlling = enabled_ && (demand_.loop == Loop::velocity || demand_.loop == Loop::position);
   const float proportional_before = controlling ? proportional_torque() : 0.0F;
@@ -254,7 +260,7 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
     measure_velocity(feedback.position_counts);
     if (active && demand_.loop != Loop::locked) {
       if (demand_.loop == Loop::position && (tick & position_mask_) == 0) run_position_loop(feedback.position_counts);
-      run_velocity_loop(feedback.position_counts);
+      run_velocity_loop(feedback);
     }
   }
 
@@ -364,17 +370,37 @@ void Cascade::observe_disturbance() {
   compensation_ = disturbance_share_ * disturbance_.load;
 }
 
-void Cascade::run_velocity_loop(Counts position) {
+// The greatest torque that brakes, a fraction of rated. A turning motor drives a braking current by itself, and the
+// current loop holds it only as long as there is voltage against it: (w L i)^2 + (w psi)^2 within that of the DC link.
+// Without that a hard stop from a high speed ends in overcurrent.
+float Cascade::braking_limit(float dc_link_v) const {
+  const float available = braking_voltage_share * voltage_share_ * dc_link_v;
+  const float emf = electrical_rad_per_s_ * flux_linkage_vs_;
+  const float reactance = electrical_rad_per_s_ * quadrature_.inductance_h;
+  const float peak_drop = reactance * peak_torque_ * ampere_per_torque_;
+  const float room = available * available - emf * emf;
+  if (room >= peak_drop * peak_drop) [[likely]]
+    return peak_torque_;
+  const float share = room > 0.0F ? std::sqrt(room) / std::fabs(peak_drop) : 0.0F;
+  return peak_torque_ * std::max(share, least_braking_share);
+}
+
+void Cascade::run_velocity_loop(const Feedback& feedback) {
+  const float braking = braking_limit(feedback.dc_link_v);
+  const bool forward = state_.velocity_counts_per_s > 0.0F;
+  torque_low_ = -(forward ? std::min(demand_.torque_limit_negative, braking) : demand_.torque_limit_negative);
+  torque_high_ = forward ? demand_.torque_limit_positive : std::min(demand_.torque_limit_positive, braking);
   const float controlled = demand_.loop == Loop::torque ? torque_controller() : velocity_controller();
   float torque = controlled;
   if (notch_end_ != 0) {
     for (std::size_t i = 0; i < notch_end_; ++i) torque = notches_[i].apply(torque);
-    torque = clip(torque, -demand_.torque_limit_negative, demand_.torque_limit_positive);
+    torque = clip(torque, torque_low_, torque_high_);
   }
   torque = torque_filter_.apply(torque);
   if (analysis_ != nullptr) {
-    torque += analysis_->exchange({.position = position, .controller_torque = controlled, .torque = state_.torque});
-    torque = clip(torque, -demand_.torque_limit_negative, demand_.torque_limit_positive);
+    torque += analysis_->exchange(
+        {.position = feedback.position_counts, .controller_torque = controlled, .torque = state_.torque});
+    torque = clip(torque, torque_low_, torque_high_);
   }
   state_.torque_reference = torque;
   current_reference_a_ = torque * ampere_per_torque_;
@@ -389,8 +415,8 @@ float Cascade::velocity_controller() {
   state_.velocity_reference_counts_per_s = reference;
   state_.velocity_limited = wanted > demand_.velocity_limit_positive || wanted < -demand_.velocity_limit_negative;
 
-  const float low = -demand_.torque_limit_negative;
-  const float high = demand_.torque_limit_positive;
+  const float low = torque_low_;
+  const float high = torque_high_;
   const float measured = state_.velocity_counts_per_s;
   const float error = reference - measured;
   float sum = velocity_kp_ * (setpoint_weight_ * reference - measured) + integral_ + feed_forward_ + handover_;
@@ -422,8 +448,8 @@ float Cascade::velocity_controller() {
 // in proportion as its limit comes near. They share one integral, which finds the load at the limit and fades
 // otherwise.
 float Cascade::torque_controller() {
-  const float low = -demand_.torque_limit_negative;
-  const float high = demand_.torque_limit_positive;
+  const float low = torque_low_;
+  const float high = torque_high_;
   const float wanted = clip(demand_.torque, low, high);
   state_.torque_limited = wanted != demand_.torque;
 

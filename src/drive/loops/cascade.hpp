@@ -114,7 +114,8 @@ class Cascade {
   void clear_controllers();
   void measure_velocity(Counts position);
   void run_position_loop(Counts position);
-  void run_velocity_loop(Counts position);
+  void run_velocity_loop(const Feedback& feedback);
+  float braking_limit(float dc_link_v) const;
   float filtered_velocity(float measured);
   void settle_velocity(float velocity);
   // What the present gains make of the present errors, without the integral.
@@ -192,7 +193,10 @@ class Cascade {
   float sense_ = 1.0F;              // -1 with the phases reversed: angle against counts, torque against the q current
   float torque_per_ampere_ = 0.0F;  // fraction of rated per A, with its sense
   float ampere_per_torque_ = 0.0F;
-  float peak_torque_ = 0.0F;                // fraction of rated at the peak current
+  float peak_torque_ = 0.0F;  // fraction of rated at the peak current
+  float torque_low_ = 0.0F;   // what the loops may ask for in this velocity period, fractions of rated
+  float torque_high_ = 0.0F;
+  float voltage_share_ = 0.0F;              // of the DC link, amplitude of a phase
   float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
   float electrical_rad_per_count_ = 0.0F;
   float half_tick_turns_ = 0.0F;  // electrical turns in half a tick per counts/s
