@@ -47,6 +47,15 @@ Axis::Room Axis::room() const {
   return {static_cast<double>(position() - low), static_cast<double>(high - position())};
 }
 
+bool Axis::near_software_limit() const {
+  const double velocity = generator.velocity();
+  if (velocity == 0.0) return false;
+  const double quick = quick_stop_ramp();
+  const double way = quick > 0.0 ? velocity * velocity / (2.0 * quick) : 0.0;
+  const Room room = this->room();
+  return (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * cycle_s;
+}
+
 std::int64_t Axis::position_range() const {
   const std::int64_t low = objects.min_position_range_limit;
   const std::int64_t high = objects.max_position_range_limit;

@@ -160,6 +160,9 @@ struct Axis {
   LoopDemand demand{};
 
   std::uint16_t controlword = 0;  // the last without bit 7, which commands nothing
+  // 6080h and the motor's greatest speed as the axis is held to it, counts/s: where it is lowered in motion it comes
+  // down by the mode's ramp.
+  double greatest_velocity = 0.0;
   double cycle_s = 500e-6;
   double cycles_per_ms = 2.0;
   Counts encoder_position = 0;
@@ -213,7 +216,7 @@ struct Axis {
   bool has_shape(std::int16_t type) const { return type >= 0 && type <= 3 && (policy.ramp_shapes >> type & 1) != 0; }
   double rpm_to_counts_per_s(double rpm) const { return rpm / 60.0 * units.counts_per_revolution; }
 
-  // The speed nobody may exceed: 607Fh (where `profile`), 6080h, the motor. counts/s.
+  // The greatest speed as it is set: 607Fh (where `profile`), 6080h, the motor. counts/s.
   double max_velocity(bool profile) const {
     double limit = rpm_to_counts_per_s(static_cast<double>(configuration.motor.max_speed_rpm));
     if (objects.max_motor_speed_rpm != 0) limit = std::min(limit, rpm_to_counts_per_s(objects.max_motor_speed_rpm));
@@ -279,7 +282,12 @@ struct Axis {
   }
 
   // Puts the generator where the axis really is, moving as it moves.
-  void take_over_actual() { generator.start_from(position(), velocity()); }
+  void take_over_actual() { generator.start_from(position(), turning_velocity()); }
+  // The measured speed, as far as a motor can turn: an encoder that has lost its place shows any speed for a moment.
+  double turning_velocity() const {
+    const double most = 1.2 * rpm_to_counts_per_s(static_cast<double>(configuration.motor.max_speed_rpm));
+    return std::clamp(velocity(), -most, most);
+  }
 
   // How far the position loop lets a shaft of this speed lag behind its demand, counts, and what friction and load add.
   double lag(double counts_per_s) const {
@@ -305,9 +313,9 @@ struct Axis {
   // As take_over_actual, for an axis in the position loop: keeps of the lag what its speed explains, so that the loop
   // goes on without a step.
   void take_over_lagging() {
-    const double most = lag(velocity());
+    const double most = lag(turning_velocity());
     const double error = demand.loop == Loop::position ? static_cast<double>(loops->following_error_counts) : 0.0;
-    generator.start_from(position() + static_cast<Counts>(std::clamp(error, -most, most)), velocity());
+    generator.start_from(position() + static_cast<Counts>(std::clamp(error, -most, most)), turning_velocity());
   }
 
   // The demand of the loops from the generator.
@@ -326,6 +334,9 @@ struct Axis {
   std::int64_t position_range() const;
   bool software_limits_active() const;
   bool beyond_software_limits() const;  // command, demand or position
+  bool at_software_limit(std::int64_t user) const {
+    return software_limits_active() && (user <= objects.min_position_limit || user >= objects.max_position_limit);
+  }
   // A limit switch is active, or the demand is at a software limit or beyond it (the shaft hunts around it by a count).
   bool at_position_limit() const;
   // ... and the demand does not lead away from it.
@@ -338,6 +349,8 @@ struct Axis {
     double above;
   };
   Room room() const;
+  // The demand still just comes to rest before the software limit ahead, with the quick stop's ramp.
+  bool near_software_limit() const;
 };
 
 }  // namespace servodrome::drive

@@ -19,6 +19,7 @@ Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
       axis_{.objects = objects, .policy = policy},
       touch_probe_(TouchProbeCapability{}) {
   for (const StatusBit& row : policy.status_bits) shown_sources_ |= bit(row.source);
+  for (const FaultRow& row : policy.faults) comparators_ |= Supervision::comparator_of(row.cause);
   set_mode(Mode::none);
   set_rates();
   axis_.loops = &cascade_.state();
@@ -114,6 +115,7 @@ void Drive::power_on(const Feedback& feedback) {
   look_at_ = 0;
   cascade_.forget_motion();
   axis_.velocity_display.forget();
+  axis_.greatest_velocity = 0.0;
   restart();
 }
 
@@ -170,8 +172,8 @@ void Drive::synchronise() {
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   if (feedback.edge_count != 0) capture_edges(feedback);
   const bool cycle_due = cascade_.position_loop_due();
-  if ((tripped_ | feedback.hardware_faults) != 0) [[unlikely]] {
-    if (tripped_ == 0) tripped_ = feedback.hardware_faults;  // the first to speak; what follows it is its consequence
+  if (const std::uint32_t faults = feedback.hardware_faults & comparators_; (tripped_ | faults) != 0) [[unlikely]] {
+    if (tripped_ == 0) tripped_ = faults;  // the first to speak; what follows it is its consequence
     if (!cycle_due && outputs_.pwm_enabled) {
       // The comparators do not wait for the end of a cycle.
       outputs_.pwm_enabled = false;
@@ -235,6 +237,7 @@ void Drive::cycle(const Feedback& feedback) {
     handle_command(command_of(axis_.controlword));  // of a master that did not wait
   }
   change_mode();
+  update_greatest_velocity();
   if (axis_.active(Signal::quick_stop) && state_ == PowerState::operation_enabled) handle_command(Command::quick_stop);
   step_power();
   if (stage_ == Stage::on) {
@@ -269,6 +272,7 @@ void Drive::cycle(const Feedback& feedback) {
   }
   axis_.objects.statusword = statusword();
   axis_.synchronised = false;
+  moved_demand_ = false;
   edge_count_ = 0;
   tripped_ = 0;
 }

@@ -198,6 +198,7 @@ class Drive final : public dictionary::Listener {
   void smooth_demand();
   float known_load();  // torque, fraction of rated
   void hold_by_current();
+  void update_greatest_velocity();
   void set_limits();
   void write_actuation();
   void set_mode(Mode mode);
@@ -242,7 +243,8 @@ class Drive final : public dictionary::Listener {
   PendingTransition pending_{};
   bool stopping_ = false;  // the generator runs a stop instead of the mode
   bool halted_ = false;
-  bool limit_stop_ = false;  // a limit switch is the reason of the stop
+  bool limit_stop_ = false;    // a limit switch is the reason of the stop
+  bool moved_demand_ = false;  // the demand was put elsewhere: the loops' following error is that of the old place
   bool held_by_current_ = false;
   bool releasing_torque_ = false;  // the stop's first part: the torque of profile torque mode goes to zero
   Stop stop_ = Stop::power_off;
@@ -292,9 +294,10 @@ class Drive final : public dictionary::Listener {
   float power_stage_temperature_c_ = 0.0F;
   std::array<SignalEdge, edge_capacity> edges_{};
   std::size_t edge_count_ = 0;
-  std::uint32_t tripped_ = 0;  // HardwareFault bits since the last cycle
-  std::uint32_t look_at_ = 0;  // for an open phase, by the ticks of the cascade
-  Rates rates_{0, 0};          // in force
+  std::uint32_t tripped_ = 0;      // HardwareFault bits since the last cycle
+  std::uint32_t comparators_ = 0;  // HardwareFault bits of those that the product has
+  std::uint32_t look_at_ = 0;      // for an open phase, by the ticks of the cascade
+  Rates rates_{0, 0};              // in force
 };
 
 }  // namespace servodrome::drive

@@ -134,6 +134,24 @@ float Drive::known_load() {
   return configuration.weight_torque + friction;
 }
 
+// A limit that is lowered in motion takes the axis along by the mode's ramp, and a stop goes on by its own. So does a
+// shaft that is faster when power comes.
+void Drive::update_greatest_velocity() {
+  const double set = axis_.max_velocity(false);
+  double& now = axis_.greatest_velocity;
+  if (!energised()) {
+    now = std::max(set, std::abs(axis_.turning_velocity()));
+  } else if (now > set) [[unlikely]] {
+    double ramp = with_mode(*this, [&](const auto& mode) { return mode.deceleration(axis_); });
+    if (ramp <= 0.0) ramp = quick_stop_deceleration();
+    const double used = std::max(std::abs(axis_.generator.velocity()), std::abs(axis_.velocity()));
+    const double step = stopping_ ? 0.0 : ramp * axis_.cycle_s;
+    now = ramp > 0.0 ? std::max(set, std::min(now, used) - step) : set;
+  } else {
+    now = set;
+  }
+}
+
 void Drive::set_limits() {
   const Objects& objects = axis_.objects;
   const MotorData& motor = axis_.configuration.motor;
@@ -155,7 +173,7 @@ void Drive::set_limits() {
     demand.torque_limit_positive = std::min(demand.torque_limit_positive, axis_.configuration.homing_torque_limit);
     demand.torque_limit_negative = std::min(demand.torque_limit_negative, axis_.configuration.homing_torque_limit);
   }
-  const auto most = static_cast<float>(axis_.max_velocity(false));
+  const auto most = static_cast<float>(axis_.greatest_velocity);
   demand.velocity_limit_positive = demand.velocity_limit_negative = most;
   if (demand.loop == Loop::torque) {
     const Configuration& configuration = axis_.configuration;

@@ -38,6 +38,13 @@ constexpr std::uint32_t under_voltage_ms = 5;
 
 }  // namespace
 
+std::uint32_t Supervision::comparator_of(Cause cause) {
+  for (const FlagCause& row : hardware_causes) {
+    if (row.cause == cause) return row.flag;
+  }
+  return 0;
+}
+
 void Supervision::configure(const Axis& axis) {
   const MotorData& motor = axis.configuration.motor;
   open_phase_.configure(motor);
@@ -143,9 +150,12 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   if (objects.max_motor_speed_rpm != 0 && monitors.over_speed_by_object) {
     over_speed_rpm = std::min(over_speed_rpm, 1.2F * static_cast<float>(objects.max_motor_speed_rpm));
   }
-  if (std::abs(axis.velocity()) > axis.rpm_to_counts_per_s(static_cast<double>(over_speed_rpm))) {
-    present_.set(Cause::over_speed);
-  }
+  // One that is lowered in motion is watched once the shaft has been below it; till then that of before.
+  const auto above = [&axis](float speed_rpm) {
+    return std::abs(axis.velocity()) > axis.rpm_to_counts_per_s(static_cast<double>(speed_rpm));
+  };
+  if (over_speed_rpm >= over_speed_rpm_ || !above(over_speed_rpm)) over_speed_rpm_ = over_speed_rpm;
+  if (above(over_speed_rpm_)) present_.set(Cause::over_speed);
 
   const bool position_loop = situation.energised && situation.loop == Loop::position && !situation.pressing;
   std::uint32_t window = objects.following_error_window;

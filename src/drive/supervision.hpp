@@ -22,6 +22,9 @@ class Supervision {
     Loop loop = Loop::off;
   };
 
+  // The HardwareFault bit that raises this cause; 0: none does.
+  static std::uint32_t comparator_of(Cause cause);
+
   void reset() { *this = {}; }
   void configure(const Axis& axis);  // takes the configuration over and keeps what has been measured
   void cycle(Axis& axis, const Feedback& feedback, const Situation& situation);
@@ -52,6 +55,7 @@ class Supervision {
   Dwell brake_resistor_{};
   OpenPhase open_phase_{};
   std::uint32_t last_signals_ = 0;
+  float over_speed_rpm_ = 0.0F;  // that is watched
   Counts brake_position_ = 0;
   Counts index_position_ = 0;  // where the last index pulse was
   bool brake_was_closed_ = false;

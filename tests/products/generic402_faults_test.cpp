@@ -51,6 +51,13 @@ Action standing(std::int8_t mode) {
   };
 }
 
+// A load that takes the shaft along until the drive notices.
+void pull_until_fault(Axis& axis) {
+  axis.plant.set_external_torque_nm(-12.0);
+  axis.run_until([&axis] { return axis.get(0x603F) != 0; }, 100.0);
+  axis.plant.set_external_torque_nm(0.0);
+}
+
 Action inject(Injection injection) {
   return [injection](Axis& axis) { axis.plant.inject(injection, true); };
 }
@@ -163,11 +170,12 @@ std::vector<Row> rows() {
             [](Axis& axis) {
               must_set(axis, 0x6083, 0, 13107200);
               must_set(axis, 0x6084, 0, 13107200);
+              must_set(axis, 0x6080, 0, 1000);
               standing(3)(axis);
-              must_set(axis, 0x60FF, 0, 6553600);
+              must_set(axis, 0x60FF, 0, 2180000);
               axis.run_ms(800);
             },
-        .raise = [](Axis& axis) { must_set(axis, 0x6080, 0, 1000); },
+        .raise = [](Axis& axis) { pull_until_fault(axis); },
         .remove = [](Axis& axis) { axis.plant.set_coulomb_friction_nm(5.0); }}},
       {profile,
        {.code = 0x8611,

@@ -108,6 +108,13 @@ Action homing_with(std::int8_t method) {
   };
 }
 
+// A load that takes the shaft along until the drive notices.
+void pull_until_fault(Axis& axis) {
+  axis.plant.set_external_torque_nm(-12.0);
+  axis.run_until([&axis] { return axis.get(0x603F) != 0; }, 100.0);
+  axis.plant.set_external_torque_nm(0.0);
+}
+
 Action inject(Injection injection) {
   return [injection](Axis& axis) { axis.plant.inject(injection, true); };
 }
@@ -301,11 +308,12 @@ std::vector<Case> cases() {
            [](Axis& axis) {
              must_set(axis, 0x6083, 0, 13107200);
              must_set(axis, 0x6084, 0, 13107200);
+             must_set(axis, 0x6080, 0, 1000);
              standing(3)(axis);
-             must_set(axis, 0x60FF, 0, 6553600);  // 3000 rpm
+             must_set(axis, 0x60FF, 0, 2180000);  // 998 rpm
              axis.run_ms(800);
            },
-       .raise = [](Axis& axis) { must_set(axis, 0x6080, 0, 1000); },
+       .raise = [](Axis& axis) { pull_until_fault(axis); },
        .remove = [](Axis& axis) { axis.plant.set_coulomb_friction_nm(5.0); }},  // where it coasts
       {.code = 0x8483,
        .prepare =

@@ -56,7 +56,7 @@ void CyclicSyncVelocity::step(Axis& axis) {
   const Objects& objects = axis.objects;
   const double wanted =
       axis.units.velocity_to_counts(static_cast<double>(objects.target_velocity) + objects.velocity_offset);
-  const double allowed = axis.max_velocity(false);
+  const double allowed = axis.greatest_velocity;
   const double target = std::clamp(wanted, -allowed, allowed);
   axis.limited = target != wanted;
   if (axis.limited) axis.exceed_velocity(Mode::cyclic_sync_velocity);

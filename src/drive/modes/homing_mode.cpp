@@ -119,6 +119,7 @@ void HomingMode::start(Axis& axis) {
   acceleration_ = config.acceleration;
   offset_applies_ = method->offset_applies;
   active_ = true;
+  allowed_ = axis.max_velocity(false);
   if (axis.policy.home_counts_at_rest) axis.homed = false;
   last_ = {};
   homing_.start(*method, config, inputs(axis));
@@ -158,6 +159,10 @@ void HomingMode::step(Axis& axis) {
   }
   if (active_) {
     const bool had_latch = homing_.latched();
+    if (const double allowed = axis.max_velocity(false); allowed != allowed_) {  // 6080h was changed under way
+      allowed_ = allowed;
+      carry_out(axis, last_);
+    }
     carry_out(axis, homing_.step(inputs(axis)));
     if (homing_.latched() && !had_latch) {
       // The machine's home is at the latch: there the position is the home offset with the product's sign.

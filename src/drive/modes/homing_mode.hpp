@@ -41,6 +41,7 @@ class HomingMode {
   HomingCommand last_{};
   bool offset_applies_ = true;
   double acceleration_ = 0.0;
+  double allowed_ = 0.0;  // the greatest speed when the leg was planned, counts/s
   bool start_requested_ = false;
   bool given_up_ = false;  // the start bit was taken away: ramp to zero
   bool active_ = false;

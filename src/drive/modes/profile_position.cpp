@@ -211,16 +211,20 @@ bool ProfilePosition::start_at_speed(Axis& axis, const SetPoint& set_point, Coun
 void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target, bool chained) {
   const MotionLimits limits =
       axis.limits(set_point.velocity, set_point.acceleration, set_point.deceleration, set_point.jerk);
+  allowed_ = axis.max_velocity(true);
+  // A target at a software limit is the end of the way.
+  const double end_velocity = axis.at_software_limit(target_user_) ? 0.0 : set_point.end_velocity;
   const bool from_rest = start_at_speed(axis, set_point, target, limits);
-  const Trajectory::Result result =
-      chained && !from_rest ? axis.generator.continue_to(target, set_point.end_velocity, limits, set_point.shape)
-                            : axis.generator.move_to(target, set_point.end_velocity, limits, set_point.shape);
+  const Trajectory::Result result = chained && !from_rest
+                                        ? axis.generator.continue_to(target, end_velocity, limits, set_point.shape)
+                                        : axis.generator.move_to(target, end_velocity, limits, set_point.shape);
   // A profile without velocity or acceleration leads nowhere: what was running is broken off, and the axis rests short
   // of its target until it is given a usable one.
   running_ = result != Trajectory::Result::bad_limits && result != Trajectory::Result::bad_state;
   if (!running_) axis.come_to_rest(axis.shape());
   target_ = target;
   running_set_point_ = set_point;
+  running_set_point_.end_velocity = end_velocity;
   passing_ = false;
   interrupted_ = !running_;
   target_reached_ = false;
@@ -245,6 +249,7 @@ void ProfilePosition::track(Axis& axis) {
 void ProfilePosition::step(Axis& axis) {
   track(axis);
   keep_to_limits(axis);
+  keep_to_speed(axis);
   if (immediate_pending_) {
     immediate_pending_ = false;
     start(axis, immediate_, false);
@@ -286,6 +291,11 @@ void ProfilePosition::halt(Axis& axis) {
 void ProfilePosition::keep_to_limits(Axis& axis) {
   const Objects& objects = axis.objects;
   if (!running_ || !axis.software_limits_active()) return;
+  if (axis.generator.finished() && !axis.generator.standing() && axis.near_software_limit()) {  // with its end velocity
+    axis.limited = true;
+    axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
+    return interrupt(axis, 0);
+  }
   const std::int64_t clipped =
       std::clamp<std::int64_t>(target_user_, objects.min_position_limit, objects.max_position_limit);
   if (clipped == target_user_) return;
@@ -301,6 +311,18 @@ void ProfilePosition::keep_to_limits(Axis& axis) {
   }
   axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
   interrupt(axis, 0);
+}
+
+// 607Fh or 6080h was changed under way: the motion goes on with the speed that is allowed now.
+void ProfilePosition::keep_to_speed(Axis& axis) {
+  const double allowed = axis.max_velocity(true);
+  if (!running_ || allowed == allowed_) return;
+  allowed_ = allowed;
+  const SetPoint motion = running_set_point_;
+  axis.limited = axis.limited || motion.velocity > allowed * (1.0 + 1e-9);
+  if (!axis.generator.finished()) return plan(axis, motion, target_, false);
+  const double end = std::copysign(std::min(motion.end_velocity, allowed), axis.generator.velocity());
+  axis.generator.run_at(end, axis.limits(allowed, motion.acceleration, motion.deceleration, motion.jerk), motion.shape);
 }
 
 void ProfilePosition::interrupt(Axis&, int) {

@@ -46,6 +46,7 @@ class ProfilePosition {
   bool may_chain(const Axis& axis);
   void track(Axis& axis);
   void keep_to_limits(Axis& axis);
+  void keep_to_speed(Axis& axis);
   Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
   bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);
   void start(Axis& axis, const SetPoint& set_point, bool chained);
@@ -65,6 +66,7 @@ class ProfilePosition {
   bool target_reached_ = true;
   Counts target_ = 0;  // of the running or last motion, application counts
   std::int64_t target_user_ = 0;
+  double allowed_ = 0.0;  // the greatest speed when the motion was planned, counts/s
   Dwell window_{};
   Dwell rest_{};  // of the shaft, between two set-points
   std::uint32_t rest_wait_cycles_ = 0;

@@ -20,6 +20,10 @@ bool plan_velocity(Axis& axis, double target, MotionLimits limits, double quick_
   const bool possible = limits.acceleration > 0.0 || (!turns && std::abs(target) <= std::abs(velocity));
   if (!possible) target = turns ? 0.0 : velocity;
   if (limits.deceleration <= 0.0) limits.deceleration = quick_stop;
+  if (limits.deceleration <= 0.0) {
+    if (slows) generator.start_from(axis.position(), turns ? 0.0 : target);
+    limits.deceleration = limits.acceleration;
+  }
   if (limits.acceleration <= 0.0) limits.acceleration = limits.deceleration;
   if (limits.jerk <= 0.0 && shape == RampShape::jerk_limited) shape = RampShape::linear;
   const Trajectory::Result result = generator.run_at(target, limits, shape);
@@ -66,7 +70,7 @@ void ProfileVelocity::step(Axis& axis) {
                         objects.profile_deceleration,
                         objects.profile_jerk[0],
                         objects.motion_profile_type,
-                        objects.max_profile_velocity,
+                        axis.max_velocity(true),
                         axis.active(Signal::invert_direction)};
   const bool same_target = planned_ && request.target == request_.target && request.inverted == request_.inverted;
   if (!planned_ || (request != request_ && !(given_up_ && same_target))) {
@@ -78,11 +82,10 @@ void ProfileVelocity::step(Axis& axis) {
     planned_ = true;
     const double target_velocity = axis.units.velocity_to_counts(request.target);
     wanted_ = request.inverted ? -target_velocity : target_velocity;
-    const double allowed = axis.max_velocity(true);
-    const double target = std::clamp(wanted_, -allowed, allowed);
+    const double target = std::clamp(wanted_, -request.allowed, request.allowed);
     axis.limited = clipped_ = target != wanted_;
     MotionLimits limits = axis.profile_limits();
-    limits.velocity = allowed;
+    limits.velocity = request.allowed;
     given_up_ = !plan_velocity(axis, target, limits, axis.quick_stop_ramp(), shape);
     windows_.changed();
   }

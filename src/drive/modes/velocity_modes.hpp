@@ -48,7 +48,7 @@ class ProfileVelocity {
     std::uint32_t deceleration = 0;
     std::uint32_t jerk = 0;
     std::int16_t shape = 0;
-    std::uint32_t max_velocity = 0;
+    double allowed = 0.0;   // the greatest speed, counts/s
     bool inverted = false;  // by an input
     friend bool operator==(const Request&, const Request&) = default;
   };

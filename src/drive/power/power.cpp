@@ -187,11 +187,13 @@ void Drive::take_over_shaft() {
   const bool without_ramp = stopping_ && (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit);
   if (!without_ramp && axis_.follows_demand()) return;
   without_ramp ? axis_.take_over_actual() : axis_.take_over_lagging();
+  moved_demand_ = true;
   smoothed_loop_ = Loop::off;
 }
 
 // An axis that cannot brake as its ramp asks for goes past the demand. It is not pulled back afterwards.
 void Drive::keep_near_shaft() {
+  if (moved_demand_) return;  // what the loops saw is not where the demand is now
   const auto error = static_cast<double>(cascade_.state().following_error_counts);
   const double most = axis_.lag(axis_.velocity());
   if (std::abs(error) <= most) return;
