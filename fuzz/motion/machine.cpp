@@ -10,6 +10,8 @@
 namespace servodrome::motion {
 namespace {
 
+using drive::Mode;
+
 constexpr std::int64_t set_up_tick = 8;  // a node has booted by then
 constexpr std::int64_t enable_limit = 600 * ticks_per_ms;
 constexpr std::int64_t master_period = ticks_per_ms;
@@ -66,7 +68,6 @@ class Machine final : public FrameListener {
     Stream stream;
     bool enabling = false;
     std::int64_t enabling_until = 0;
-    bool reset_edge = false;
     bool set_up = false;
     std::int64_t set_up_at = 0;  // after power-on
   };
@@ -204,9 +205,8 @@ class Machine final : public FrameListener {
       return;
     }
     switch (axis(i).device().drive().state()) {
-      case drive::PowerState::fault:
-        control(i, state.reset_edge ? 0x80 : 0x00);
-        state.reset_edge = !state.reset_edge;
+      case drive::PowerState::fault:  // each level for two cycles: process data have room for one value
+        control(i, tick_ / (2 * std::max(cycle_ticks_, master_period)) % 2 == 0 ? 0x80 : 0x00);
         break;
       case drive::PowerState::switch_on_disabled: control(i, 0x06); break;
       case drive::PowerState::ready_to_switch_on: control(i, 0x07); break;
@@ -347,7 +347,14 @@ class Machine final : public FrameListener {
 
   // --- The way back
 
+  // Nothing is broken any more and the shaft rests: first by the bus alone, then with the power off and on.
   void recover() {
+    heal();
+    if (!run_for(20) || !back_by_the_bus() || !run_for(1)) return;
+    back_by_power();
+  }
+
+  void heal() {
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       for (int wire = 0; wire < 8; ++wire) axis(i).force_input(wire, std::nullopt);
       for (std::int64_t injection = 0; injection < static_cast<std::int64_t>(plant::injection_names.size());
@@ -362,14 +369,98 @@ class Machine final : public FrameListener {
       }
       axes_[i].stream = {};
       axes_[i].enabling = false;
-      carry_out_benchs(i, {.kind = Kind::power, .value = 0});
-      carry_out_benchs(i, {.kind = Kind::lock, .value = 1});  // so that it rests
     }
     cycling_ = true;
     pause_ = 0;
-    for (int t = 0; t < 20 * ticks_per_ms; ++t) {
-      if (!one_tick()) return;
+  }
+
+  bool run_for(int milliseconds) {
+    for (int t = 0; t < milliseconds * ticks_per_ms; ++t) {
+      if (!one_tick()) return false;
     }
+    return true;
+  }
+  bool all_enabled() const {
+    return std::all_of(line_.axes().begin(), line_.axes().end(), [](const auto& one) {
+      return one->device().drive().state() == drive::PowerState::operation_enabled;
+    });
+  }
+  bool enable_all(int milliseconds) {
+    for (AxisState& state : axes_) {
+      state.enabling = true;
+      state.enabling_until = tick_ + (milliseconds + 100) * ticks_per_ms;
+    }
+    for (int t = 0; t < milliseconds * ticks_per_ms && !all_enabled(); ++t) {
+      if (!one_tick()) return false;
+    }
+    return true;
+  }
+
+  // A master that starts the node, takes back its commands and resets the fault. What only the supply takes back is
+  // left.
+  bool back_by_the_bus() {
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      if (!axes_[i].around.powered) carry_out_benchs(i, {.kind = Kind::power, .value = 1});
+      master_->command(i, on_can() ? Kind::nmt : Kind::al, on_can() ? 1 : 8);
+    }
+    if (!run_for(60)) return false;
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      if (!axes_[i].set_up) set_up(i);
+      control(i, 0);
+    }
+    if (!run_for(60)) return false;
+    for (const std::int64_t held : {1, 0}) {
+      for (std::size_t i = 0; i < axes_.size(); ++i) carry_out_benchs(i, {.kind = Kind::lock, .value = held});
+      if (!run_for(20)) return false;
+    }
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      // What may be wrong with the objects is not the drive's to forgive.
+      const auto mode = static_cast<std::int64_t>(Mode::profile_position);
+      carry_out_masters(i, {.kind = Kind::write, .via = Via::pdo, .index = 0x6060, .value = mode});
+      for (const std::uint16_t index : std::to_array<std::uint16_t>({0x60FF, 0x6071, 0x60B0, 0x60B1, 0x60B2})) {
+        if (axis(i).device().bus_dictionary().find(index, 0) != nullptr)
+          carry_out_masters(i, {.kind = Kind::write, .via = Via::sdo, .index = index, .value = 0});
+      }
+    }
+    if (!run_for(100) || !enable_all(1500)) return false;
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      const drive::Drive& drive = axis(i).device().drive();
+      if (drive.state() == drive::PowerState::operation_enabled) continue;
+      const bool by_power =
+          std::any_of(drive.policy().faults.begin(), drive.policy().faults.end(), [&](const auto& row) {
+            return drive.is_active(row.cause) &&
+                   (row.reset != drive::ResetRule::when_cause_gone || lasts(i, row.cause));
+          });
+      if (by_power) continue;
+      finding_ = Finding{"no-way-back", i, tick_,
+                         fmt::format("{} after 1.5 s with everything whole and resets, 603Fh {:04X}h",
+                                     drive::name(drive.state()), drive.axis().objects.error_code)};
+      return false;
+    }
+    return true;
+  }
+
+  // What takes longer to go than is waited for: heat, and a DC link that nothing discharges.
+  bool lasts(std::size_t i, drive::Cause cause) {
+    const drive::Drive& drive = axis(i).device().drive();
+    switch (cause) {
+      case drive::Cause::over_voltage:
+        return axis(i).plant().dc_link_v() > static_cast<double>(drive.configuration().monitors.over_voltage_v);
+      case drive::Cause::i2t:
+      case drive::Cause::stage_i2t:
+      case drive::Cause::motor_hot:
+      case drive::Cause::power_stage_hot: return true;
+      default: return false;
+    }
+  }
+
+  void back_by_power() {
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      axes_[i].enabling = false;
+      carry_out_benchs(i, {.kind = Kind::power, .value = 0});
+      carry_out_benchs(i, {.kind = Kind::lock, .value = 1});  // so that it rests
+    }
+    if (!run_for(20)) return;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       // Where the switches of its travel do not speak.
       if (axis(i).plant().position_counts() != sequence_.axes[i].start_counts)
@@ -377,21 +468,7 @@ class Machine final : public FrameListener {
       carry_out_benchs(i, {.kind = Kind::lock, .value = 0});
       carry_out_benchs(i, {.kind = Kind::power, .value = 1});
     }
-    for (int t = 0; t < 30 * ticks_per_ms; ++t) {
-      if (!one_tick()) return;
-    }
-    for (std::size_t i = 0; i < axes_.size(); ++i) {
-      axes_[i].enabling = true;
-      axes_[i].enabling_until = tick_ + 1000 * ticks_per_ms;
-    }
-    const auto all_enabled = [this] {
-      return std::all_of(line_.axes().begin(), line_.axes().end(), [](const auto& one) {
-        return one->device().drive().state() == drive::PowerState::operation_enabled;
-      });
-    };
-    for (int t = 0; t < 900 * ticks_per_ms && !all_enabled(); ++t) {
-      if (!one_tick()) return;
-    }
+    if (!run_for(30) || !enable_all(900)) return;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       const drive::Drive& drive = axis(i).device().drive();
       if (drive.state() == drive::PowerState::operation_enabled) continue;
@@ -410,7 +487,7 @@ class Machine final : public FrameListener {
       const drive::Objects& objects = drive.axis().objects;
       const bool changed =
           told_.size() <= i || told_[i] != std::pair(objects.statusword, static_cast<int>(drive.mode()));
-      if (!changed && tick_ % (10 * ticks_per_ms) != 0) continue;
+      if (!changed && tick_ % options_.story_ticks != 0) continue;
       if (told_.size() <= i) told_.resize(i + 1);
       told_[i] = {objects.statusword, static_cast<int>(drive.mode())};
       const plant::Plant& plant = axis(i).plant();

@@ -23,7 +23,8 @@ using Story = std::string;
 struct RunOptions {
   std::map<std::string, Coverage>* coverage = nullptr;
   Story* story = nullptr;
-  bool recover = false;  // at the end every axis is to be led back to Operation enabled
+  std::int64_t story_ticks = 10 * ticks_per_ms;  // between two lines of it, where nothing happens
+  bool recover = false;                          // at the end every axis is to be led back to Operation enabled
 };
 
 // Carries a sequence out on a line of its own, in virtual time, and watches every tick.

@@ -41,7 +41,8 @@ what must hold whatever was done. What fails is shrunk to a short sequence and p
   --product NAME    this product alone; --model NAME its size
   --jobs N          processes (1)
   --sequence N      that one of the seed alone, told tick by tick; --print: only its text
-  --replay FILE ... carries out the sequences in these files; with --story told tick by tick
+  --replay FILE ... carries out the sequences in these files; with --story told by state
+  --each N          ... and every N ms (10)
   --only NAME       only this invariant counts
   --without NAME    this invariant does not count; may be given more than once
   --known FILE      lines "INVARIANT PRODUCT reason": counted, and no failure
@@ -66,6 +67,7 @@ struct Options {
   std::optional<std::uint64_t> one;
   bool print = false;
   bool story = false;
+  std::int64_t each_ms = 10;
   std::vector<std::string> replays;
   std::string only;
   std::set<std::string> without;
@@ -143,6 +145,8 @@ Options parse(int argc, char** argv) {
       options.print = true;
     } else if (option == "--story") {
       options.story = true;
+    } else if (option == "--each") {
+      options.each_ms = std::max<std::int64_t>(1, static_cast<std::int64_t>(number("--each", value())));
     } else if (option == "--replay") {
       while (i + 1 < argc && std::strncmp(argv[i + 1], "--", 2) != 0) options.replays.emplace_back(argv[++i]);
       if (options.replays.empty()) wrong_usage("--replay needs a file");
@@ -345,7 +349,7 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
 std::string case_text(const Options& options, const std::pair<std::string, std::string>& group, const Found& found,
                       const std::vector<Variant>& variants) {
   Sequence sequence = generate(options.seed, found.number, variants);
-  const RunOptions run_options{.recover = group.first == "no-way-back"};
+  const RunOptions run_options{.recover = recovers(found.number)};
   const bool twice = group.first == "not-deterministic";
   if (options.shrinks) {
     sequence = shrink(sequence, [&](const Sequence& candidate) {
@@ -384,6 +388,7 @@ int replay(const Options& options) {
     }
     Story story;
     RunOptions run_options{.story = options.story ? &story : nullptr,
+                           .story_ticks = options.each_ms * ticks_per_ms,
                            .recover = text.find("# recover") != std::string::npos};
     try {
       const Outcome outcome = run_checked(parsed.sequence, run_options, true);
@@ -409,7 +414,8 @@ int run_one(const Options& options, const std::vector<Variant>& variants) {
   std::fputs(to_text(sequence).c_str(), stdout);
   if (options.print) return 0;
   Story story;
-  const Outcome outcome = run_number(*options.one, sequence, {.story = &story});
+  const Outcome outcome =
+      run_number(*options.one, sequence, {.story = &story, .story_ticks = options.each_ms * ticks_per_ms});
   std::fputs(story.c_str(), stdout);
   if (!outcome.finding) return 0;
   std::printf("FAILED %s at %.4f ms, axis a%zu: %s\n", outcome.finding->invariant.c_str(),

@@ -177,7 +177,8 @@ std::string to_text(const Event& event) {
     text += fmt::format(" {}", plant::name_of(static_cast<plant::Injection>(event.count)));
   if (event.kind == Kind::input) text += fmt::format(" {}", event.count);
   if (event.kind != Kind::enable) {
-    text += event.index == 0x6040 ? fmt::format(" 0x{:02X}", event.value) : fmt::format(" {}", event.value);
+    text += event.index == 0x6040 && event.value >= 0 ? fmt::format(" 0x{:02X}", event.value)
+                                                      : fmt::format(" {}", event.value);
   }
   if (event.kind == Kind::stream || event.kind == Kind::cycle) text += fmt::format(" {}", event.count);
   if (event.kind == Kind::stream) text += fmt::format(" {}", event.gap);

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "canopen/node.hpp"
+#include "ethercat/slave/slave.hpp"
 
 namespace servodrome::motion {
 
@@ -22,10 +23,12 @@ constexpr double pi = 3.14159265358979323846;
 
 // Tolerances, and where they come from.
 constexpr double lag_s = 0.08;  // a loop follows its demand so late: 1/Kp of the softest factory gains, twice
-constexpr double place_revolutions = 0.05;  // and stops so far beside: friction under a soft integral, and cogging
-constexpr double still_rpm = 30.0;          // slower is rest: velocity ripple of a cogging motor held by a soft loop
-constexpr double heavy_load = 0.6;          // of the rated torque: a motor at the edge of its limits is not judged
-constexpr std::int64_t cycle_ticks = 16;    // the slowest position loop
+constexpr double place_revolutions = 0.05;    // and stops so far beside: friction under a soft integral, and cogging
+constexpr double still_rpm = 30.0;            // slower is rest: velocity ripple of a cogging motor held by a soft loop
+constexpr double heavy_load = 0.6;            // of the rated torque: a motor at the edge of its limits is not judged
+constexpr std::int64_t cycle_ticks = 16;      // the slowest position loop
+constexpr double torque_in_flight_s = 0.002;  // until velocity and current loop have taken a torque back
+constexpr double integral_s = 0.02;           // until a soft loop has taken back what its integral had for a ramp
 
 constexpr bool one_of(PowerState state, std::initializer_list<PowerState> states) {
   return std::find(states.begin(), states.end(), state) != states.end();
@@ -101,10 +104,16 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"let-go-in-motion", "power is not taken from a turning motor at the end of a stop with a ramp"},
     {"torque-beyond-limit", "torque stays within 6072h, 60E0h and 60E1h"},
     {"reached-is-untrue", "statusword bit 10 is set only at the target"},
+    {"limit-is-untrue",
+     "bit 11 of profile velocity shows that 607Fh or 6080h holds the axis back, and nothing else does"},
+    {"following-error-is-untrue", "bit 13 of the position modes shows that the shaft is out of 6065h, and only that"},
     {"zero-speed-is-untrue", "statusword bit 12 of profile velocity is set only at rest"},
     {"velocity-not-obeyed", "60FFh = 0 stops the axis"},
     {"mode-display", "6061h is a mode that the product has"},
     {"fault-without-code", "in Fault 603Fh and 1001h tell why"},
+    {"register-without-error", "without a fault or a warning 1001h is 0"},
+    {"error-history", "1003h has the code that 603Fh shows"},
+    {"al-status", "an AL status code is there when, and only when, the error bit is"},
     {"emergency-missing", "a fault is told by an EMCY"},
     {"stale-statusword", "a TPDO shows a statusword that was true when it could be sent"},
     {"pdo-in-wrong-state", "no PDO outside NMT operational"},
@@ -133,6 +142,11 @@ Watch::Watch(line::Axis& axis, std::size_t number)
   const drive::MotorData& motor = drive_.configuration().motor;
   const double peak_ratio = static_cast<double>(motor.peak_current_a) / static_cast<double>(motor.rated_current_a);
   peak_torque_nm_ = peak_ratio * rated_torque_nm_;
+  const plant::Motor& built = axis.plant().parameters().motor;
+  // Torque per A rms = phases / 2 p flux sqrt(2); the voltage is flux times the electrical speed.
+  emf_per_speed_ =
+      built.torque_constant_nm_per_a / (0.5 * built.phases * std::sqrt(2.0)) * 2.0 * pi / counts_per_revolution_;
+  voltage_share_ = built.phases == 2 ? 1.0 : 1.0 / std::sqrt(3.0);
   statusword_at_.fill(-1);
 }
 
@@ -176,10 +190,30 @@ double Watch::slope() const {
   return least;
 }
 
-Watch::Stopping Watch::stopping(double velocity) const {
-  const double speed = std::abs(velocity) + still_rpm / 60.0 * counts_per_revolution_;
+// The torque that flows when a stop begins acts for some time yet. What a loop holds for a ramp is in its integral;
+// `slope` below 0: that is not meant.
+double Watch::overshoot(double slope) const {
+  const double inertia = inertia_kgm2_ + load_inertia_kgm2_ * around_->inertia_factor;
+  const double torque = std::abs(axis_.plant().torque_nm()) + std::abs(around_->load_share) * rated_torque_nm_;
+  const double gained = torque / inertia / (2.0 * pi) * counts_per_revolution_;
+  return slope < 0.0 ? gained * torque_in_flight_s
+                     : gained * torque_in_flight_s + std::min(gained, slope > 0.0 ? slope : gained) * integral_s;
+}
+
+double Watch::lag(double velocity) const {
+  const auto gain = static_cast<double>(drive_.configuration().gains.position_kp);
+  return gain > 0.0 ? 1.3 * std::abs(velocity) / gain : 0.0;
+}
+
+std::int64_t Watch::demand_cycle() const {
+  const std::uint8_t own = drive_.configuration().rates.position_loop_ticks;
+  return own != 0 ? own : drive_.policy().position_loop_ticks;
+}
+
+Watch::Stopping Watch::stopping(double velocity, double slope) const {
+  const double speed = std::abs(velocity) + still_rpm / 60.0 * counts_per_revolution_ + overshoot(slope);
   double braking = torque_acceleration();
-  if (const double ramp = slope(); ramp > 0.0) braking = std::min(braking, ramp);
+  if (slope > 0.0) braking = std::min(braking, slope);
   if (braking <= 0.0) return {1e18, 1e18};
   double seconds = speed / braking;
   if (objects_.motion_profile_type != 0) {
@@ -196,7 +230,8 @@ Watch::Stopping Watch::stopping(double velocity) const {
 bool Watch::motion_can_be_judged() const {
   return around_->powered && !around_->locked && (around_->injected & spoils_motion) == 0 &&
          std::abs(around_->load_share) + std::abs(objects_.torque_offset) * 0.001 <= heavy_load &&
-         around_->supply_share >= 0.8 && around_->supply_share <= 1.2 && tick_ - around_->disturbed > ms(150);
+         around_->supply_share >= 0.8 && around_->supply_share <= 1.2 && tick_ - around_->disturbed > ms(150) &&
+         tick_ - voltage_spent_ > ms(50);
 }
 
 void Watch::look() {
@@ -209,6 +244,10 @@ void Watch::look() {
                 fmt::format("position {}, velocity {}, torque {}", position_, velocity_, plant.torque_nm()));
   }
   if ((around_->injected & spoils_motion) != 0) spoilt_ = true;
+  // A motor whose own voltage is that of the DC link is out of the current loop's hands.
+  constexpr double spent_share = 0.9;
+  const double available = axis_.plant().dc_link_v() * voltage_share_;
+  if (std::abs(velocity_) * emf_per_speed_ > spent_share * available) voltage_spent_ = tick_;
   pwm_ = axis_.actuation().pwm_enabled;
   shorted_ = axis_.actuation().short_circuit;
   state_ = around_->powered ? drive_.state() : PowerState::not_ready_to_switch_on;
@@ -227,6 +266,14 @@ void Watch::look() {
   if (pwm_ != had_pwm_) pwm_since_ = tick_;
   coasting();
   if (around_->powered) {
+    // A frame may wait for the bus: the command comes when the objects have it.
+    const std::uint64_t asked = static_cast<std::uint64_t>(objects_.controlword) << 48 ^
+                                static_cast<std::uint64_t>(static_cast<std::uint8_t>(objects_.modes_of_operation))
+                                    << 40 ^
+                                static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.target_position)) * 3 ^
+                                static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.target_velocity)) * 5;
+    if (asked != asked_before_) asked_ = tick_;
+    asked_before_ = asked;
     if (shown_count_ == 0 || shown_[(shown_count_ - 1) % shown_.size()].statusword != objects_.statusword) {
       shown_[shown_count_++ % shown_.size()] = {tick_, objects_.statusword};
     }
@@ -240,7 +287,10 @@ void Watch::look() {
     unasked();
     torque();
     bits();
+    limit_bit();
+    following_error_bit();
     errors();
+    error_registers();
   }
   had_pwm_ = pwm_;
   was_powered_ = around_->powered;
@@ -268,7 +318,10 @@ void Watch::power() {
     std::int16_t code = 0;
     bool judged = true;
     switch (before_) {
-      case PowerState::quick_stop_active: code = objects_.quick_stop_option_code; break;
+      case PowerState::quick_stop_active:
+        code = objects_.quick_stop_option_code;
+        judged = !one_of(state_, {PowerState::fault, PowerState::fault_reaction_active});
+        break;
       case PowerState::fault_reaction_active:
         code = objects_.fault_reaction_option_code;
         judged = fault != nullptr && fault->reaction == drive::Reaction::option_code;
@@ -285,6 +338,8 @@ void Watch::power() {
         break;
       default: judged = false;
     }
+    // As long as a brake opens, it still holds the axis, and nothing has begun that could be ended by a ramp.
+    if (tick_ - pwm_since_ <= ms(drive_.configuration().brake_release_ms)) judged = false;
     // By hand, a second time: disable voltage waits for no ramp.
     if (drive::command_of(objects_.controlword) == drive::Command::disable_voltage) judged = false;
     const bool ramp = code == 1 || code == 2 || code == 3 || code == 5 || code == 6 || code == 7;
@@ -340,17 +395,23 @@ void Watch::demand() {
   const Demand before = demand_before_;
   if (!new_cycle) return;
   demand_before_ = demand;
+  // A command that comes between two cycles may change the velocity of a demand that moves with the next one only.
+  const bool between = demand_tick_ >= 0 && tick_ - demand_tick_ < demand_cycle();
+  if (between && now.loop == before.loop && demand.position == before.position) return;
+  const std::int64_t passed = demand_tick_ < 0 ? cycle_ticks : std::max(tick_ - demand_tick_, demand_cycle());
   demand_speed_ = now.loop == Loop::position && before.loop == Loop::position && demand_tick_ >= 0
-                      ? (demand.position - before.position) / (static_cast<double>(tick_ - demand_tick_) * tick_s)
+                      ? (demand.position - before.position) / (static_cast<double>(passed) * tick_s)
                       : demand.velocity;
-  const std::int64_t cycle = demand_tick_ < 0 ? cycle_ticks : std::min(tick_ - demand_tick_, cycle_ticks);
+  const std::int64_t cycle = std::min(passed, cycle_ticks);
   demand_tick_ = tick_;
   if (!pwm_ || !had_pwm_ || (around_->injected & spoils_motion) != 0) {
     ramp_ = 0.0;
     return;
   }
   const double seconds = static_cast<double>(cycle) * tick_s;
-  const double near = std::abs(velocity_) * 4.0 * cycle_ticks * tick_s + 0.002 * counts_per_revolution_ + 3.0;
+  // Where the shaft is, a position loop's lag before it. The speed that the drive measures is late.
+  const double speed = std::abs(velocity_) + overshoot(-1.0);
+  const double near = speed * 4.0 * cycle_ticks * tick_s + lag(speed) + 0.004 * counts_per_revolution_ + 3.0;
   if (demand.loop == Loop::position && before.loop == Loop::position) {
     const double moved = std::abs(demand.position - before.position);
     // The nameplate's, since a demand comes down to a 6080h that was lowered by its ramps.
@@ -366,7 +427,7 @@ void Watch::demand() {
   }
   // Profile modes: no speed is gained faster than by the steepest ramp.
   const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
-                        tick_ - state_since_ > 2 * cycle_ticks &&
+                        tick_ - state_since_ > 2 * cycle_ticks && motion_can_be_judged() &&
                         (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
   const bool loops = demand.loop == before.loop && (demand.loop == Loop::position || demand.loop == Loop::velocity);
   if (!profiled || !loops) {
@@ -437,10 +498,14 @@ void Watch::stops() {
     return;
   }
   if (kind == StopKind::none) return;
-  if (const double ramp = slope(); ramp != stop_.slope) {  // written while it runs
-    const Stopping stopping = this->stopping(velocity_);
-    stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, ramp};
-    return;
+  if (const double ramp = slope(); ramp != stop_.slope) {
+    // Written while it runs: the stop may have been planned with the one of before, the loops' lag with either.
+    const double gentler = ramp > 0.0 && stop_.slope > 0.0 ? std::min(ramp, stop_.slope) : std::max(ramp, stop_.slope);
+    if (gentler != stop_.slope) {
+      const Stopping stopping = this->stopping(velocity_, gentler);
+      stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentler};
+      return;
+    }
   }
   static constexpr std::array names{"none", "halt", "leaving operation", "quick stop", "fault reaction", "60FFh = 0"};
   const char* name = names[static_cast<std::size_t>(kind)];
@@ -470,7 +535,12 @@ void Watch::limit_switches() {
     const bool active = closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none;
     Limit& limit = limits_[i];
     const double speed = std::max(0.0, direction * velocity_);
-    const double reach = direction * position_ + stopping(speed).counts;
+    // In the position loop the shaft comes to where the demand stands, though it may have swung back from there.
+    const bool demanded = drive_.axis().demand.loop == Loop::position;
+    const double place =
+        demanded ? std::max(direction * position_, direction * static_cast<double>(drive_.axis().demand.position))
+                 : direction * position_;
+    const double reach = place + stopping(speed).counts;
     if (!active || !limit.active || !motion_can_be_judged() || mode_since_ == tick_) {
       limit = {active, reach};
       continue;
@@ -486,10 +556,17 @@ void Watch::limit_switches() {
 
 void Watch::software_limits() {
   const drive::Axis& axis = drive_.axis();
+  // A demand that the motor has no torque to follow is taken along by the shaft.
   const bool applies = pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() &&
-                       objects_.min_position_limit < objects_.max_position_limit && !axis.units.position_inverted &&
+                       torque_acceleration() > 0.0 && objects_.min_position_limit < objects_.max_position_limit &&
+                       !axis.units.position_inverted &&
                        (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity ||
                         mode_ == Mode::interpolated_position || mode_ == Mode::cyclic_sync_position);
+  // A halt or a limit switch stops by a ramp of its own, which may be gentler than that of the motion.
+  const bool stopped = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
+                       axis.active(drive::Signal::positive_limit);
+  const bool begins = stopped && !stopped_before_;
+  stopped_before_ = stopped;
   const auto offset = static_cast<double>(drive_.position_offset());
   // In the position loop the demand is judged, which has no lag; else the shaft.
   const bool demanded = axis.demand.loop == Loop::position;
@@ -505,8 +582,8 @@ void Watch::software_limits() {
     const double speed = std::max(0.0, direction * speed_now);
     const double way = demanded ? ramp_way(speed) : stopping(speed).counts;
     const double reach = place + way + slack;
-    if (!applies || !border.active || border.at != limit || border.demanded != demanded || !motion_can_be_judged() ||
-        tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
+    if (!applies || !border.active || border.at != limit || border.demanded != demanded || begins ||
+        !motion_can_be_judged() || tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
       border = {applies, demanded, limit, std::max(at + slack, reach)};
       continue;
     }
@@ -656,7 +733,7 @@ void Watch::unasked() {
     return;
   }
   if (away > 0.15 * counts_per_revolution_) {
-    if (around_->commanded < rest_since_ && around_->disturbed < rest_since_) {
+    if (std::max(around_->commanded, asked_) < rest_since_ && around_->disturbed < rest_since_) {
       fail("moves-unasked",
            fmt::format("{:.2f} revolutions from where it rested {:.1f} ms, mode {}", away / counts_per_revolution_,
                        static_cast<double>(rested) / ticks_per_ms, static_cast<int>(mode_)));
@@ -664,7 +741,7 @@ void Watch::unasked() {
     rest_ = position_;
     rest_since_ = tick_;
   }
-  if (around_->commanded >= rest_since_) {  // asked for something
+  if (std::max(around_->commanded, asked_) >= rest_since_) {  // asked for something
     rest_ = position_;
     rest_since_ = tick_;
   }
@@ -685,7 +762,7 @@ void Watch::torque() {
   const bool over = pwm_ && share > 1.15 * limit + 0.3 && tick_ - torque_limits_since_ > ms(20) &&
                     (around_->injected & spoils_motion) == 0 && std::abs(velocity_) < greatest_speed() &&
                     around_->supply_share >= 0.8;
-  torque_over_ = over ? torque_over_ + 1 : 0;
+  torque_over_ = over && tick_ - voltage_spent_ > ms(50) ? torque_over_ + 1 : 0;
   if (torque_over_ > ms(5)) {
     fail("torque-beyond-limit",
          fmt::format("{:.0f} % of the rated torque, {:.0f} % are allowed", 100.0 * share, 100.0 * limit));
@@ -697,11 +774,12 @@ void Watch::bits() {
   const std::uint16_t word = objects_.statusword;
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && motion_can_be_judged() &&
                       tick_ - std::max(state_since_, mode_since_) > ms(20);
-  const bool halt = (objects_.controlword & controlword::halt) != 0;
+  const std::uint16_t commanded = drive_.axis().controlword;  // a word with bit 7 commands nothing
+  const bool halt = (commanded & controlword::halt) != 0;
   bool lies = false;
   double expected = 0.0;
   if (judged && (word & drive::statusword::target_reached) != 0 &&
-      drive::command_of(objects_.controlword) == drive::Command::enable_operation) {
+      drive::command_of(commanded) == drive::Command::enable_operation) {
     const drive::Axis& axis = drive_.axis();
     if (mode_ == Mode::profile_velocity && !halt) {
       const bool windowed = objects_.velocity_window != 0xFFFF;
@@ -716,7 +794,9 @@ void Watch::bits() {
       const double tolerance = window + 0.05 * std::abs(expected) + 3.0 * still_rpm / 60.0 * counts_per_revolution_;
       lies = windowed && std::abs(velocity_ - expected) > tolerance;
     } else if (mode_ == Mode::profile_position || (mode_ == Mode::profile_velocity && halt)) {
-      lies = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && objects_.end_velocity == 0;
+      // With 6067h off bit 10 is the demand's, which a motor without torque does not follow.
+      lies = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && objects_.end_velocity == 0 &&
+             torque_acceleration() > 0.0;
     }
   }
   if (!lies) lie_since_ = tick_;
@@ -738,6 +818,90 @@ void Watch::bits() {
   if (tick_ - zero_lie_since_ > ms(60.0 + objects_.velocity_threshold_time_ms)) {
     fail("zero-speed-is-untrue", fmt::format("bit 12 at {:.0f} rpm", rpm(velocity_)));
   }
+}
+
+// Whether bit `bit` of the statusword shows one of these in the present mode.
+bool Watch::shows(unsigned bit, std::initializer_list<drive::StatusSource> sources) const {
+  const auto& rows = drive_.policy().status_bits;
+  return std::any_of(rows.begin(), rows.end(), [&](const drive::StatusBit& row) {
+    return row.bit == bit && (row.modes & drive::mode_bit(mode_)) != 0 &&
+           std::find(sources.begin(), sources.end(), row.source) != sources.end();
+  });
+}
+
+void Watch::limit_bit() {
+  const drive::Axis& axis = drive_.axis();
+  const bool judged = state_ == PowerState::operation_enabled && mode_ == Mode::profile_velocity && pwm_ &&
+                      motion_can_be_judged() && stop_.kind == StopKind::none && !drive_.identification().running() &&
+                      shows(11, {drive::StatusSource::internal_limit}) && torque_acceleration() > 0.0 &&
+                      !axis.software_limits_active() && !axis.active(drive::Signal::negative_limit) &&
+                      !axis.active(drive::Signal::positive_limit) && objects_.profile_acceleration != 0 &&
+                      tick_ - std::max({state_since_, mode_since_, around_->commanded, asked_}) > ms(300);
+  const double wanted = std::abs(axis.units.velocity_to_counts(objects_.target_velocity));
+  double most = greatest_speed();
+  if (objects_.max_profile_velocity != 0) most = std::min(most, objects_.max_profile_velocity * axis.units.velocity);
+  const bool shown = (objects_.statusword & drive::statusword::internal_limit_active) != 0;
+  // At the wanted speed, without a torque or voltage that is spent on it.
+  const bool steady =
+      std::abs(std::abs(velocity_) - wanted) < 0.02 * wanted + still_rpm / 60.0 * counts_per_revolution_ &&
+      std::abs(axis_.plant().torque_nm()) < 0.5 * rated_torque_nm_;
+  const bool lies = judged && (shown ? wanted < 0.9 * most && steady : wanted > 1.05 * most);
+  if (!lies) limit_lie_since_ = tick_;
+  if (tick_ - limit_lie_since_ > ms(50)) {
+    fail("limit-is-untrue",
+         fmt::format("bit 11 is {}, {:.0f} rpm are wanted, {:.0f} allowed", shown ? 1 : 0, rpm(wanted), rpm(most)));
+  }
+}
+
+void Watch::following_error_bit() {
+  const drive::Axis& axis = drive_.axis();
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && axis.demand.loop == Loop::position &&
+                      (mode_ == Mode::profile_position || mode_ == Mode::cyclic_sync_position) &&
+                      (around_->injected & spoils_motion) == 0 && objects_.following_error_window != 0 &&
+                      shows(13, {drive::StatusSource::following_error, drive::StatusSource::mode_bit_13}) &&
+                      tick_ - std::max(state_since_, mode_since_) > ms(20);
+  const double error = std::abs(static_cast<double>(axis.demand.position) - position_);
+  const bool off = objects_.following_error_window == 0xFFFFFFFF;
+  const auto window = std::abs(static_cast<double>(axis.units.to_counts(objects_.following_error_window)));
+  const bool shown = (objects_.statusword & drive::statusword::mode_bit_13) != 0;
+  // As the drive sees it, a cycle late, to a count.
+  const double slack = std::abs(velocity_) * 2.0 * cycle_ticks * tick_s + 2.0;
+  const bool lies = judged && (shown ? off || error + slack < 0.9 * window : !off && error > 1.1 * window + slack);
+  if (!lies || shown != following_shown_) following_lie_since_ = tick_;
+  following_shown_ = shown;
+  if (tick_ - following_lie_since_ > ms(20.0 + (shown ? 0.0 : objects_.following_error_time_out_ms))) {
+    fail("following-error-is-untrue",
+         fmt::format("bit 13 is {}, the shaft is {:.0f} counts off, 6065h has {:.0f}", shown ? 1 : 0, error, window));
+  }
+}
+
+void Watch::error_registers() {
+  dictionary::Dictionary& objects = axis_.device().bus_dictionary();
+  const bool failed = one_of(state_, {PowerState::fault, PowerState::fault_reaction_active});
+  const bool warned = (objects_.statusword & drive::statusword::warning) != 0;
+  const std::uint8_t shown = communication_register();
+  canopen::Node* node = axis_.device().can_node();
+  const bool apart = node != nullptr && (node->communication_error() || tick_ - nmt_since_ < ms(20));
+  const bool alone =
+      shown != 0 && !failed && !warned && !apart && objects_.error_code == 0 && !drive_.any_fault() && node != nullptr;
+  if (!alone) register_since_ = tick_;
+  if (tick_ - register_since_ > ms(20)) {
+    return fail("register-without-error", fmt::format("1001h is {:02X}h in {}", shown, drive::name(state_)));
+  }
+  if (const ethercat::Slave* slave = axis_.device().ethercat_slave()) {
+    if (slave->error() != (slave->status_code() != ethercat::AlStatusCode::none)) {
+      return fail("al-status",
+                  fmt::format("error {}, code {:04X}h", slave->error(), static_cast<unsigned>(slave->status_code())));
+    }
+  }
+  if (!failed || state_since_ == tick_ || tick_ - state_since_ != ms(3) || nmt_since_ >= state_since_) return;
+  if (objects.find(0x1003, 1) == nullptr || objects_.error_code == 0) return;
+  const std::int64_t entries = objects.number(0x1003, 0);
+  for (std::uint8_t entry = 1; entry <= entries; ++entry) {
+    if ((objects.number(0x1003, entry) & 0xFFFF) == objects_.error_code) return;
+  }
+  fail("error-history",
+       fmt::format("603Fh is {:04X}h, which is in none of the {} entries of 1003h", objects_.error_code, entries));
 }
 
 void Watch::errors() {

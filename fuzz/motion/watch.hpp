@@ -68,10 +68,14 @@ class Watch {
     double counts;
     double seconds;
   };
-  Stopping stopping(double velocity) const;
-  double torque_acceleration() const;  // counts/s^2 that the motor can give for certain; 0: none
-  double slope() const;                // the gentlest ramp that a stop may take, counts/s^2; 0: none is set
-  double greatest_speed() const;       // counts/s
+  Stopping stopping(double velocity) const { return stopping(velocity, slope()); }
+  Stopping stopping(double velocity, double slope) const;
+  double overshoot(double slope) const;  // counts/s that a stop gains before the loops have taken their torque back
+  double lag(double velocity) const;     // counts, of the shaft behind a demand of the position loop
+  std::int64_t demand_cycle() const;     // ticks
+  double torque_acceleration() const;    // counts/s^2 that the motor can give for certain; 0: none
+  double slope() const;                  // the gentlest ramp that a stop may take, counts/s^2; 0: none is set
+  double greatest_speed() const;         // counts/s
   double rpm(double counts_per_s) const { return counts_per_s / counts_per_revolution_ * 60.0; }
 
   void look();
@@ -88,7 +92,11 @@ class Watch {
   std::uint8_t communication_register();
   void torque();
   void bits();
+  bool shows(unsigned bit, std::initializer_list<drive::StatusSource> sources) const;
+  void limit_bit();
+  void following_error_bit();
   void errors();
+  void error_registers();
   bool motion_can_be_judged() const;
 
   line::Axis& axis_;
@@ -99,6 +107,8 @@ class Watch {
   std::optional<Finding> finding_;
   double counts_per_revolution_;
   double rated_torque_nm_;
+  double emf_per_speed_ = 0.0;  // of a phase, V s/count
+  double voltage_share_ = 0.0;  // of the DC link, amplitude of a phase
   double peak_torque_nm_;
   double inertia_kgm2_;
   double load_inertia_kgm2_;
@@ -160,6 +170,8 @@ class Watch {
   };
   std::array<Border, 2> borders_{};
 
+  std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
+  bool stopped_before_ = false;
   double demand_speed_ = 0.0;  // counts/s, out of the demanded positions
   struct SetPoint {
     bool active = false;
@@ -175,6 +187,8 @@ class Watch {
   } set_point_;
   std::uint16_t word_before_ = 0;
   std::int32_t target_before_ = 0;
+  std::int64_t asked_ = 0;  // when a command or a set-point changed in the drive
+  std::uint64_t asked_before_ = 0;
 
   double rest_ = 0.0;
   std::int64_t rest_since_ = 0;
@@ -183,6 +197,10 @@ class Watch {
   std::int64_t torque_limits_ = 0;
   std::int64_t lie_since_ = 0;
   std::int64_t zero_lie_since_ = 0;
+  std::int64_t limit_lie_since_ = 0;
+  std::int64_t following_lie_since_ = 0;
+  bool following_shown_ = false;
+  std::int64_t register_since_ = 0;
   std::int64_t obey_since_ = 0;
 
   // The wire.
