@@ -272,6 +272,167 @@ TEST(PronetInterpolation, BothPeriodObjectsMustBeSet) {
   EXPECT_FALSE(run(1000, 4).first) << "2105h forgotten: A 69";
 }
 
+// Set-points of 160 counts each millisecond with a SYNC, from the tick on that is `off` behind the drive's own cycle.
+class Stream {
+ public:
+  explicit Stream(std::int64_t interpolation_ms, unsigned off = 0, bool by_both_objects = false) : master_(axis, 1) {
+    axis.set(0x60C2, 1, interpolation_ms);
+    if (by_both_objects) axis.set(0x2105, 0, 1000 * interpolation_ms);
+    for (unsigned tick = 0; tick < off; ++tick) axis.tick();
+  }
+  // `lost`: neither comes; `word`: the controlword.
+  void cycle(std::int32_t step = 160, bool lost = false, std::uint16_t word = 0x1F, unsigned ticks = 16) {
+    target += step;
+    if (!lost) {
+      master_.data(target, word);
+      master_.sync();
+    }
+    for (unsigned tick = 0; tick < ticks; ++tick) {
+      axis.tick();
+      const double velocity = axis.device.drive().axis().generator.velocity() / 1000.0;  // counts/ms
+      most = std::max(most, velocity);
+      least = std::min(least, velocity);
+    }
+  }
+  void forget() { most = -1e9, least = 1e9; }
+  std::int32_t demand() { return static_cast<std::int32_t>(axis.get(0x6062)); }
+
+  Axis axis{};
+  std::int32_t target = 0;
+  double most = -1e9;
+  double least = 1e9;
+
+ private:
+  Master master_;
+};
+
+// L2012: "the sync period should be not bigger than interpolation cycle period". A set-point is reached one period
+// 60C2h after its SYNC, however often they come.
+TEST(PronetInterpolation, TheLagIsOnePeriod) {
+  for (const bool by_both_objects : {false, true}) {
+    for (const int period_ms : {1, 2, 3, 4, 8, 20}) {
+      Stream stream(period_ms, 0, by_both_objects);
+      for (int i = 0; i < 1000; ++i) stream.cycle();
+      const double lag_ms = 1.0 + (stream.target - stream.demand()) / 160.0;  // the last SYNC was 1 ms ago
+      std::printf("60C2h = %d ms, SYNC 1 ms: lag %.2f ms\n", period_ms, lag_ms);
+      EXPECT_NEAR(lag_ms, period_ms, 0.05) << period_ms;
+      EXPECT_FALSE(alarmed(stream.axis));
+    }
+  }
+}
+
+// "After receiving the synchronization information, servo drive will synchronize its internal clock" (L2012): wherever
+// the SYNC lies in the drive's cycle, the demand is as fast as the set-points and no faster.
+TEST(PronetInterpolation, ASyncAnywhereInTheCycleDoesNotRing) {
+  for (unsigned off = 0; off < 8; ++off) {
+    SCOPED_TRACE(off);
+    Stream stream(1, off);
+    for (int i = 0; i < 30; ++i) stream.cycle();
+    std::printf("SYNC %u ticks off: demand %.1f to %.1f for 160 counts/ms\n", off, stream.least, stream.most);
+    EXPECT_LT(stream.most, 161.0);
+    stream.forget();
+    for (int i = 0; i < 100; ++i) stream.cycle();
+    EXPECT_GT(stream.least, 159.0);
+    for (int i = 0; i < 30; ++i) stream.cycle(0);
+    EXPECT_GT(stream.least, -1.0) << "nor does it swing back at the end";
+    EXPECT_LT(stream.most, 161.0);
+    EXPECT_EQ(stream.demand(), stream.target);
+    EXPECT_FALSE(alarmed(stream.axis));
+  }
+}
+
+// A master whose clock drifts through all of the drive's cycle, and whose speed changes all the while.
+TEST(PronetInterpolation, ADriftingSyncDoesNotRing) {
+  for (const int drift : {-1, 1}) {
+    Stream stream(1);
+    double roughest = 0.0;
+    for (int i = 0; i < 4000; ++i) {
+      const double wanted = 160.0 * std::sin(i * 0.01);
+      stream.forget();
+      // A tick in 100 ms: 625 ppm.
+      stream.cycle(static_cast<std::int32_t>(std::lround(wanted)), false, 0x1F,
+                   i % 100 == 99 ? static_cast<unsigned>(16 + drift) : 16U);
+      if (i > 10) roughest = std::max({roughest, std::abs(stream.most - wanted), std::abs(stream.least - wanted)});
+    }
+    std::printf("drift of %d: demand within %.1f counts/ms of 160\n", 625 * drift, roughest);
+    EXPECT_LT(roughest, 16.0);
+    EXPECT_FALSE(alarmed(stream.axis));
+  }
+}
+
+// What happens while it streams: a lost SYNC, quick stop, another mode, disable and enable twice, NMT stop, the power.
+TEST(PronetInterpolation, InterruptionsOfAStream) {
+  const auto is_calm = [](Stream& stream, const char* what) {
+    EXPECT_LT(stream.most, 420.0) << what << ": beyond the motor";
+    EXPECT_GT(stream.least, -420.0) << what;
+  };
+  for (const unsigned off : {0U, 5U}) {
+    for (const int period_ms : {1, 4}) {
+      SCOPED_TRACE(testing::Message() << off << " ticks, " << period_ms << " ms");
+      {
+        Stream stream(period_ms, off);
+        for (int i = 0; i < 100; ++i) stream.cycle();
+        stream.cycle(160, true);
+        for (int i = 0; i < 100; ++i) stream.cycle();
+        EXPECT_FALSE(alarmed(stream.axis)) << "one period without data is tolerated";
+        EXPECT_NEAR(1.0 + (stream.target - stream.demand()) / 160.0, period_ms, 0.6);
+        is_calm(stream, "a lost SYNC");
+      }
+      {
+        Stream stream(period_ms, off);
+        for (int i = 0; i < 100; ++i) stream.cycle();
+        for (int i = 0; i < 300; ++i) stream.cycle(0, false, 0x0002);
+        is_calm(stream, "quick stop");
+        EXPECT_FALSE(stream.axis.device.drive().in_motion());
+      }
+      {
+        Stream stream(period_ms, off);
+        for (int i = 0; i < 100; ++i) stream.cycle();
+        stream.axis.set(0x6060, 0, 3);
+        for (int i = 0; i < 300; ++i) stream.cycle(0);
+        is_calm(stream, "another mode");
+        EXPECT_FALSE(stream.axis.device.drive().in_motion()) << "60FFh is 0";
+        stream.axis.set(0x6060, 0, 7);
+        stream.target = stream.demand();
+        stream.cycle(0, false, 0x0F);
+        for (int i = 0; i < 100; ++i) stream.cycle();
+        is_calm(stream, "and back");
+      }
+      {
+        Stream stream(period_ms, off);
+        for (int again = 0; again < 2; ++again) {
+          for (int i = 0; i < 100; ++i) stream.cycle();
+          for (int i = 0; i < 500; ++i) stream.cycle(0, false, 0x0007);
+          stream.target = static_cast<std::int32_t>(stream.axis.get(0x6064));
+          stream.cycle(0, false, 0x0F);
+          for (int i = 0; i < 100; ++i) stream.cycle(0, false, 0x0F);
+        }
+        is_calm(stream, "enabled twice");
+      }
+      {
+        Stream stream(period_ms, off);
+        for (int i = 0; i < 100; ++i) stream.cycle();
+        stream.axis.send(0x000, {0x02, 0x01});
+        for (int i = 0; i < 50; ++i) stream.cycle();
+        EXPECT_TRUE(alarmed(stream.axis)) << "no set-point reaches a node that is stopped";
+        EXPECT_FALSE(stream.axis.actuation.pwm_enabled);
+        is_calm(stream, "NMT stop");
+      }
+      {
+        Stream stream(period_ms, off);
+        for (int i = 0; i < 100; ++i) stream.cycle();
+        stream.axis.plant.sample(stream.axis.feedback);
+        stream.axis.device.power_off();
+        stream.axis.device.power_on(stream.axis.feedback, stream.axis.now());
+        for (int i = 0; i < 50; ++i) stream.cycle();
+        EXPECT_FALSE(stream.axis.actuation.pwm_enabled);
+        EXPECT_EQ(stream.axis.status() & 0x4F, 0x40);
+        is_calm(stream, "power");
+      }
+    }
+  }
+}
+
 TEST(PronetInterpolation, HaltStopsAndGoesOn) {
   Axis axis;
   Master master(axis);

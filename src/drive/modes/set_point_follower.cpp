@@ -25,8 +25,9 @@ bool too_late(double due) { return std::ceil(due) < -jitter; }
 // to a half), and what one target counts for it.
 constexpr double phase_slack = 0.6;
 constexpr double phase_share = 1.0 / 32.0;
-// What one SYNC counts for the time base that is locked to it.
+// What one SYNC counts for the time base that is locked to it, unless it is further off than the jitter of a bus.
 constexpr double lock_share = 1.0 / 8.0;
+constexpr double lock_range = 1.0;      // cycles
 constexpr double shortest_line = 0.25;  // cycles
 
 }  // namespace
@@ -74,10 +75,14 @@ bool SetPointFollower::begin(Axis& axis, std::int64_t user, double cycles) {
 
 void SetPointFollower::follow_sync(Axis& axis, std::int64_t user, double age) {
   const double period = period_.cycles(axis);
+  const bool locked = following_;
   regular_ = begin(axis, user, period);
-  // By the SYNC the target before was due `age` cycles ago.
-  due_ = regular_ ? due_ - (due_ + age) * lock_share : -age;
-  due_ = std::max(shortest_line, due_ + period);
+  slack_ = locked ? std::max(slack_, age) : age;
+  const double now = slack_ - age;
+  const double off = sync_due_ - now;
+  sync_due_ = locked && std::abs(off) <= lock_range ? sync_due_ - off * lock_share : now;
+  due_ = std::max(shortest_line, sync_due_ + period);
+  sync_due_ += axis.configuration.sync_period_s > 0.0 ? axis.configuration.sync_period_s / axis.cycle_s : period;
   lead_to(axis, user);
 }
 
@@ -114,6 +119,7 @@ void SetPointFollower::step(Axis& axis) {
   }
   const bool run_on = streams_ && !last_chance;
   due_ -= 1.0;
+  sync_due_ -= 1.0;
   demand_.follow(axis, line_, [&] {
     line_.step(run_on);
     return run_on || !line_.arrived();

@@ -59,7 +59,11 @@ class SetPointFollower {
   Line line_{};
   LineDemand demand_{};
   InterpolationPeriod period_{};
-  double due_ = 0.0;        // cycles until the line's target is due; below 0: since
+  double due_ = 0.0;  // cycles until the line's target is due; below 0: since
+  // Cycles until the time base has the next SYNC. It lies behind the SYNCs by their greatest age, so that the line that
+  // a SYNC ends is over in the cycle that takes the next target over, not before.
+  double sync_due_ = 0.0;
+  double slack_ = 0.0;
   double phase_ = 0.0;      // mean of due_ when the next target comes
   bool following_ = false;  // a target was given
   bool regular_ = false;    // the last target came when it was due
