@@ -51,6 +51,7 @@ class Link {
     place = no_place;
     return waited;
   }
+  bool any_waits() const { return head_ != tail_; }
   bool waits(Place place) const { return place - tail_ < head_ - tail_; }
 
   // The frame to be sent next; nullptr: none. It waits on until sent() tells that it is on its way, and may change or

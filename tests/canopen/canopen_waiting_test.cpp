@@ -71,6 +71,29 @@ TEST(WaitingFrames, ATpdoOfASyncAndOfATimerWaitOnce) {
   EXPECT_EQ(device->sent(), (Frames{"281 # 3C 00", "181 # 3C 00", "381 # 3C 00"}));
 }
 
+// What no change sends, as its type or its mask has it, still shows what is true when it gets onto the bus. What a SYNC
+// sampled stays as it was then.
+TEST(WaitingFrames, ATpdoOfATimerOrWithAMaskTakesItsNewestValue) {
+  auto device = make_device<>(Profile{.type_255_sends_on_change = false});
+  device->start();
+  device->map(0x1800, {0x60410010}, 255);
+  device->map(0x1801, {0x60410010}, 254);
+  device->map(0x1802, {0x60410010}, 1);
+  ASSERT_EQ(device->write(0x1800, 5, 10, 2), AbortCode::none);
+  device->node.set_tpdo_change_mask(1, 0xFF00);
+  hear(*device, start);
+  device->objects.statusword = 0x0101;
+  hear(*device, "080 #");
+  change_status(*device, 0x0101, 0x010A);  // the timer, once
+  change_status(*device, 0x010B, 0x0112);  // 8 ms later
+  EXPECT_EQ(device->sent(), (Frames{"281 # 12 01", "381 # 01 01", "181 # 12 01"}));
+  EXPECT_EQ(device->sent(), Frames{}) << "once";
+  change_status(*device, 0x0113, 0x0113);
+  EXPECT_EQ(device->sent(), Frames{}) << "no reason";
+  change_status(*device, 0x0114, 0x0114);
+  EXPECT_EQ(device->sent(), (Frames{"181 # 14 01"})) << "10 ms after the one before";
+}
+
 TEST(WaitingFrames, TheInhibitTimeDoesNotKeepAnOldValueInTheQueue) {
   auto device = make_device();
   device->start();

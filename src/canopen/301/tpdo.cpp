@@ -17,6 +17,14 @@ constexpr Time retry_time = std::chrono::milliseconds(1);  // while the queue is
 
 // What no SYNC and no remote frame asks for again.
 bool by_event(const Tpdo& pdo) { return pdo.type == acyclic_synchronous || pdo.type >= manufacturer_event_driven; }
+
+Frame frame_of(const Tpdo& pdo, std::uint64_t data) {
+  Frame frame;
+  frame.id = pdo.can_id;
+  frame.length = pdo.mapping.bytes();
+  std::memcpy(frame.data.data(), &data, sizeof data);
+  return frame;
+}
 }  // namespace
 
 void Tpdos::configure() {
@@ -130,12 +138,8 @@ void Tpdos::bus_off() {
 
 // One that still waits for the bus gets the new data where it waits.
 void Tpdos::send(Tpdo& pdo, std::uint64_t data) {
-  Frame frame;
-  frame.id = pdo.can_id;
-  frame.length = pdo.mapping.bytes();
-  std::memcpy(frame.data.data(), &data, sizeof data);
   const Time now = link_.now();
-  if (!link_.transmit_newest(frame, pdo.place)) {
+  if (!link_.transmit_newest(frame_of(pdo, data), pdo.place)) {
     pdo.waiting = by_event(pdo);
     pdo.not_before = now + retry_time;
     link_.wake_at(pdo.not_before);
@@ -172,6 +176,18 @@ void Tpdos::send_changed() {
       pdo.waiting = true;
       link_.wake_at(pdo.not_before);
     }
+  }
+}
+
+// A timer sent it, or a change, or one that the mask hides came after it.
+void Tpdos::refresh_waiting() {
+  for (std::size_t i = 0; i < pdos_.size(); ++i) {
+    Tpdo& pdo = pdos_[i];
+    if (pdo.type < manufacturer_event_driven || !link_.waits(pdo.place)) continue;
+    const std::uint64_t data = pack_data(i, pdo);
+    if (data == pdo.data) continue;
+    link_.transmit_newest(frame_of(pdo, data), pdo.place);
+    pdo.data = data;
   }
 }
 

@@ -52,9 +52,12 @@ class Tpdos {
   // The bus is off: what waits for it is lost, and is due again if it was an event.
   void bus_off();
 
-  // Process data may have changed: asynchronous TPDOs whose data did are sent.
+  // Process data may have changed: asynchronous TPDOs whose data did are sent, and those that wait for the bus,
+  // whatever sent them, take the new data along.
   void process_image_updated() {
-    if (operational_ && on_change_count_ != 0) send_changed();
+    if (!operational_) return;
+    if (on_change_count_ != 0) send_changed();
+    if (link_.any_waits()) refresh_waiting();
   }
   // An application event: the TPDO is sent (types 254, 255 at once, type 0 at the next SYNC), changed or not.
   void trigger(std::uint16_t number);
@@ -71,6 +74,7 @@ class Tpdos {
   void send(Tpdo& pdo, std::uint64_t data);
   void send_when_allowed(std::uint16_t number, Tpdo& pdo);
   void send_changed();
+  void refresh_waiting();
   void rebuild_lists();
   std::size_t entries() const { return objects_.size() / pdos_.size(); }
   std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries(), entries()); }
