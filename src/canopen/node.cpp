@@ -32,7 +32,7 @@ Node::Node(dictionary::Dictionary& dictionary, const Profile& profile, DeviceEve
       sync_(link_, dictionary, profile, emergency_),
       sdo_(link_, dictionary, profile, memory.sdo_buffer),
       error_control_(link_, dictionary, profile),
-      heartbeat_consumers_(link_, dictionary, events, memory.heartbeat_consumers),
+      heartbeat_consumers_(link_, dictionary, profile_, events, memory.heartbeat_consumers),
       lss_(link_, dictionary, events) {
   dictionary.set_listener(dictionary::Owner::communication, this);
 }

@@ -77,13 +77,14 @@ struct Profile {
   bool sdo_expedited_upload_sign_extends = false;  // unused bytes repeat the highest bit instead of being 0
 
   // SYNC, TIME, EMCY
-  bool sync_producer = true;                           // else bit 30 of 1005h is refused with 0609 0030h
-  bool sync_cob_id_fixed = false;                      // CAN-ID of 1005h cannot be changed
-  bool time_consumer = true;                           // consumed on 100h even without object 1012h
-  bool emergency_on_error_reset = true;                // code 0000h (or 00xxh) when errors go
-  bool error_reset_tells_the_last_only = false;        // ... and only when none is left
-  bool bus_off_is_reported_on_recovery = true;         // EMCY 8140h; else the device tells it as an error of its own
-  std::uint16_t frame_length_code = 0;                 // EMCY for an NMT or SDO frame of wrong length; 0: none
+  bool sync_producer = true;                     // else bit 30 of 1005h is refused with 0609 0030h
+  bool sync_cob_id_fixed = false;                // CAN-ID of 1005h cannot be changed
+  bool time_consumer = true;                     // consumed on 100h even without object 1012h
+  bool emergency_on_error_reset = true;          // code 0000h (or 00xxh) when errors go
+  bool error_reset_tells_the_last_only = false;  // ... and only when none is left
+  bool bus_off_is_reported_on_recovery = true;   // EMCY 8140h; else the device tells it as an error of its own
+  std::uint16_t frame_length_code = 0;           // EMCY for an NMT or SDO frame of wrong length; 0: none
+  bool consumers_have_possible_nodes = false;    // 1016h: a node above 127 is refused with 0609 0030h, else unused
   bool errors_clear_on_restored_communication = true;  // heartbeat is back: its error goes; else only on NMT reset
 
   // Error control and NMT

@@ -361,22 +361,91 @@ TEST_F(AtPowerOn, GearWithoutDivisorIs5582) {
   EXPECT_FALSE(in_fault());
 }
 
-TEST_F(AtPowerOn, AddressOrBitRateThatCannotBeAre6300) {
-  axis.set(0x3100, 0, 128);
-  power_cycle();
-  EXPECT_TRUE(in_fault());
-  EXPECT_EQ(axis.get(0x603F), 0x6300);
-  EXPECT_EQ(axis.get(0x1001), 0x11);
-  EXPECT_TRUE(axis.sent.empty()) << "without an address it says nothing";
-  axis.set(0x3100, 0, 1);
-  axis.set(0x30FF, 0, 6);
-  power_cycle();
-  EXPECT_TRUE(in_fault());
-  EXPECT_EQ(axis.get(0x603F), 0x6300);
-  axis.set(0x30FF, 0, 5);
+// No write brings them in; the memory of another firmware may. An address out of range is the factory's then.
+TEST_F(AtPowerOn, SettingsOfTheBusThatCannotBeAre6300) {
+  const auto keep = [&](std::uint16_t index, std::uint16_t value) {
+    dictionary::AbortCode abort{};
+    const dictionary::Entry* entry = axis.device.dictionary().find(index, 0, abort);
+    std::memcpy(axis.device.dictionary().storage(*entry), &value, sizeof value);
+    axis.set(0x3022, 0, 1);  // each write of a parameter keeps all
+  };
+  for (const auto& [index, wrong, right] : {std::tuple{0x30FF, 6, 5}, std::tuple{0x30FF, 0x15, 5},
+                                            std::tuple{0x3006, 4, 3}, std::tuple{0x3006, 0x3003, 3}}) {
+    SCOPED_TRACE(testing::Message() << std::hex << index << " " << wrong);
+    keep(static_cast<std::uint16_t>(index), static_cast<std::uint16_t>(wrong));
+    power_cycle();
+    EXPECT_TRUE(in_fault());
+    EXPECT_EQ(axis.get(0x603F), 0x6300);
+    EXPECT_EQ(axis.get(0x1001), 0x11);
+    EXPECT_TRUE(axis.sent.empty()) << "it says nothing";
+    EXPECT_EQ(axis.set(static_cast<std::uint16_t>(index), 0, right), dictionary::AbortCode::none);
+    power_cycle();
+    EXPECT_FALSE(in_fault());
+    EXPECT_FALSE(axis.sent.empty());
+  }
+  keep(0x3100, 128);
   power_cycle();
   EXPECT_FALSE(in_fault());
-  EXPECT_FALSE(axis.sent.empty());
+  EXPECT_EQ(axis.get(0x3100), 1);
+}
+
+// --- RPDOs of a wrong length
+
+// The warning of one short RPDO is over with the next right one, or a second later, whatever becomes of the RPDO.
+TEST(PronetFaults, TheWarningOfOneShortRpdoGoes) {
+  const auto start = [](Axis& axis) {
+    axis.run_ms(1);
+    for (std::uint16_t tpdo = 0x1800; tpdo < 0x1804; ++tpdo) must_set(axis, tpdo, 1, 0x80000000 | axis.get(tpdo, 1));
+    axis.send(0x000, {0x01, 0x01});
+    axis.sent.clear();
+    axis.send(0x201, {0x06, 0x00});
+    axis.run_ms(10);
+    EXPECT_EQ(axis.get(0x1001), 0x11);
+    EXPECT_EQ(axis.status() & 0x80, 0x80);
+  };
+  const std::vector<std::pair<const char*, Action>> meanwhile{
+      {"nothing", [](Axis&) {}},
+      {"another mapping",
+       [](Axis& axis) {
+         must_set(axis, 0x1600, 0, 0);
+         must_set(axis, 0x1600, 0, 1);
+       }},
+      {"no such RPDO", [](Axis& axis) { must_set(axis, 0x1400, 1, 0x80000201); }},
+      {"NMT stop",
+       [](Axis& axis) {
+         axis.send(0x000, {0x02, 0x01});
+       }},
+      {"pre-operational",
+       [](Axis& axis) {
+         axis.send(0x000, {0x80, 0x01});
+       }},
+      {"enabled", [](Axis& axis) { EXPECT_TRUE(axis.enable()); }},
+  };
+  for (const auto& [what, action] : meanwhile) {
+    SCOPED_TRACE(what);
+    Axis axis;
+    start(axis);
+    action(axis);
+    axis.run_ms(1100);
+    EXPECT_EQ(axis.get(0x1001), 0);
+    EXPECT_EQ(axis.status() & 0x80, 0);
+    axis.send(0x000, {0x01, 0x01});  // where NMT stop held it back
+    EXPECT_EQ(test::emergencies(axis, 1),
+              (std::vector<std::string>{test::emergency_text(0x8210, 0x11), test::emergency_text(0, 0)}));
+  }
+  Axis axis;
+  start(axis);
+  axis.sent.clear();
+  for (int i = 0; i < 30; ++i) {
+    axis.send(0x201, {0x06, 0x00});
+    axis.run_ms(100);
+    EXPECT_EQ(axis.get(0x1001), 0x11) << "as long as they come";
+  }
+  EXPECT_TRUE(test::emergencies(axis, 1).empty()) << "told once";
+  axis.send(0x000, {0x82, 0x01});
+  axis.run_ms(2);
+  EXPECT_EQ(axis.get(0x1001), 0);
+  EXPECT_EQ(axis.status() & 0x80, 0);
 }
 
 // --- What is common to them

@@ -226,6 +226,23 @@ TEST(PronetPdo, CobIds) {
   EXPECT_EQ(set(0x1800, 0x800001FF), AbortCode::none);
   EXPECT_EQ(set(0x1800, 0x1FF), AbortCode::none);
   EXPECT_EQ(set(0x1801, 0x80000381), AbortCode::none);
+  // A PDO that is switched off has an identifier that it may have, or none (CiA 301 7.3.5).
+  for (const std::uint16_t index : {std::uint16_t{0x1402}, std::uint16_t{0x1802}}) {
+    for (const std::int64_t id : {0x701, 0x77F, 0x581, 0x601, 0x67F, 0x101, 0x17F, 0x001, 0x6E0}) {
+      EXPECT_EQ(set(index, 0x80000000 | id), AbortCode::value_invalid) << std::hex << id;
+      EXPECT_EQ(set(index, id), AbortCode::value_invalid) << std::hex << id;
+    }
+    EXPECT_EQ(set(index, 0x80000000), AbortCode::none);
+    EXPECT_EQ(set(index, 0), AbortCode::value_invalid) << "not to be switched on without one";
+    EXPECT_EQ(set(index, 0x800003A1), AbortCode::none);
+    EXPECT_EQ(set(index, 0x3A1), AbortCode::none);
+  }
+  // 1016h: nodes 1 to 127.
+  for (const std::int64_t node : {128, 129, 200, 255}) {
+    EXPECT_EQ(axis.set(0x1016, 1, node << 16 | 100), AbortCode::value_invalid) << node;
+  }
+  for (const std::int64_t node : {1, 127}) EXPECT_EQ(axis.set(0x1016, 1, node << 16 | 100), AbortCode::none) << node;
+  EXPECT_EQ(axis.set(0x1016, 1, 0), AbortCode::none);
   // 1005h: 80h, with or without bit 31, and nothing else (L617-627).
   for (const std::int64_t value : {0x80LL, 0x80000080LL}) EXPECT_EQ(axis.set(0x1005, 0, value), AbortCode::none);
   for (const std::int64_t value : {0x40000080LL, 0x81LL, 0xC0000080LL, 0x20000080LL, 0LL}) {

@@ -31,6 +31,7 @@ void HeartbeatConsumers::configure(std::uint8_t number) {
 AbortCode HeartbeatConsumers::check(const dictionary::Entry& entry, std::uint32_t value) const {
   const std::uint8_t node_id = node_of(value);
   if (node_id == 0 || milliseconds_of(value) == 0) return AbortCode::none;
+  if (node_id > 127 && profile_.consumers_have_possible_nodes) return AbortCode::value_invalid;
   for (std::size_t i = 0; i < consumers_.size(); ++i) {
     if (i + 1 != entry.sub && consumers_[i].node_id == node_id) return AbortCode::parameter_incompatible;
   }

@@ -19,9 +19,9 @@ struct HeartbeatConsumer {
 // Heartbeat consumers (CiA 301 7.2.8.2.2.2, object 1016h). Monitoring of a node begins with its first message.
 class HeartbeatConsumers {
  public:
-  HeartbeatConsumers(Link& link, dictionary::Dictionary& dictionary, DeviceEvents& events,
+  HeartbeatConsumers(Link& link, dictionary::Dictionary& dictionary, const Profile& profile, DeviceEvents& events,
                      std::span<HeartbeatConsumer> consumers)
-      : link_(link), dictionary_(dictionary), events_(events), consumers_(consumers) {}
+      : link_(link), dictionary_(dictionary), profile_(profile), events_(events), consumers_(consumers) {}
 
   void configure();                     // after a reset
   void configure(std::uint8_t number);  // after a write to sub-index `number` + 1
@@ -38,6 +38,7 @@ class HeartbeatConsumers {
  private:
   Link& link_;
   dictionary::Dictionary& dictionary_;
+  const Profile& profile_;
   DeviceEvents& events_;
   std::span<HeartbeatConsumer> consumers_;
 };

@@ -93,8 +93,11 @@ AbortCode PdoConfiguration::check_cob_id(std::uint16_t parameter_index, std::uin
       return AbortCode::value_invalid;
     }
   }
-  if ((value & cob_id::invalid) != 0) return AbortCode::none;
+  // A PDO that is switched off keeps the CAN-ID it has, or has none.
+  const bool invalid = (value & cob_id::invalid) != 0;
+  if (invalid && (can_id == 0 || can_id == (present & cob_id::can_id_mask))) return AbortCode::none;
   if (cob_id::is_restricted(can_id)) return AbortCode::value_invalid;
+  if (invalid) return AbortCode::none;
   // Bits 29 to 0 stay as they are while the PDO exists (CiA 301 7.5.2.35).
   if (!profile.valid_pdo_cob_id_may_change && is_valid(parameter_index) && (present & cob_id::can_id_mask) != can_id) {
     return AbortCode::value_invalid;

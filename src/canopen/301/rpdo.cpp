@@ -1,5 +1,7 @@
 #include "canopen/301/rpdo.hpp"
 
+#include <utility>
+
 #include "canopen/object_access.hpp"
 
 namespace servodrome::canopen {
@@ -13,6 +15,8 @@ constexpr std::uint8_t last_synchronous_type = 240;
 constexpr std::uint16_t not_processed = 0x8210;
 constexpr std::uint16_t length_exceeded = 0x8220;
 constexpr std::uint16_t timeout = 0x8250;
+// A wrong length is over with the next right one, or when so much time brings none at all.
+constexpr Time length_error_time = std::chrono::seconds(1);
 }  // namespace
 
 void Rpdos::configure() {
@@ -80,6 +84,8 @@ bool Rpdos::check_length(Rpdo& pdo, std::uint8_t length) {
   update(pdo.too_short, length < expected, CommunicationError::rpdo_too_short, not_processed);
   update(pdo.too_long, profile_.rpdo_excess_length_is_reported && length > expected, CommunicationError::rpdo_too_long,
          length_exceeded);
+  pdo.length_error_end = pdo.too_short || pdo.too_long ? link_.now() + length_error_time : never;
+  link_.wake_at(pdo.length_error_end);
   return length >= expected;
 }
 
@@ -138,7 +144,20 @@ void Rpdos::sync(Time window_end) {
   pending_count_ = 0;
 }
 
+void Rpdos::end_length_errors() {
+  for (Rpdo& pdo : pdos_) {
+    if (pdo.length_error_end > link_.now()) {
+      link_.wake_at(pdo.length_error_end);
+      continue;
+    }
+    pdo.length_error_end = never;
+    if (std::exchange(pdo.too_short, false)) emergency_.end(CommunicationError::rpdo_too_short);
+    if (std::exchange(pdo.too_long, false)) emergency_.end(CommunicationError::rpdo_too_long);
+  }
+}
+
 void Rpdos::poll() {
+  end_length_errors();
   if (!operational_) return;
   for (Rpdo& pdo : pdos_) {
     if (pdo.deadline > link_.now()) {

@@ -23,6 +23,7 @@ struct Rpdo {
   std::uint64_t received = 0;
   Time event_time{0};  // deadline monitoring, 0: none
   Time deadline = never;
+  Time length_error_end = never;  // of too_short and too_long
 };
 
 // RPDOs (CiA 301 7.2.2, objects 1400h.. and 1600h..).
@@ -67,6 +68,7 @@ class Rpdos {
   void receive_one(std::uint16_t number, Rpdo& pdo, const Frame& frame);
   void tell(std::uint16_t number, std::uint64_t to_tell);
   std::span<const MappedObject> mapped(std::uint16_t number);
+  void end_length_errors();
   bool check_length(Rpdo& pdo, std::uint8_t length);
   std::size_t entries() const { return objects_.size() / pdos_.size(); }
   std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries(), entries()); }

@@ -199,6 +199,8 @@ inline constexpr auto object_table = dictionary::make_table<[] {
 
   // Where the manual prints other defaults, access or types than the reference section.
   for (const std::uint16_t index : dummies) builder.at(index).access = Access::rw;
+  builder.set_range(0x3100, 0, 1, 127);  // Pn704, an address on the bus
+
   builder.set_default(0x605A, 0, 0).set_default(0x605C, 0, 0).set_default(0x605D, 0, 0).set_default(0x605E, 0, 0);
   builder.set_default(0x6065, 0, 256).set_default(0x6066, 0, 0).set_range(0x6065, 0, 0, 0x7FFFFFFF);
   builder.set_default(0x6067, 0, 400).set_default(0x6068, 0, 0);

@@ -22,6 +22,7 @@ struct Parameter {
   const char* unit;
   std::int32_t factory_value;
   Effect effect;
+  std::uint16_t highest_digits = 0xFFFF;  // the greatest of each hex digit
 };
 
 inline constexpr auto parameters = std::to_array<Parameter>({
@@ -31,7 +32,7 @@ inline constexpr auto parameters = std::to_array<Parameter>({
     {0x3003, 3, "Pn003", "", 0, Effect::at_once},
     {0x3004, 4, "Pn004", "", 0, Effect::at_once},
     {0x3005, 5, "Pn005", "", 0, Effect::at_once},
-    {0x3006, 6, "Pn006", "", 0x0003, Effect::after_restart},
+    {0x3006, 6, "Pn006", "", 0x0003, Effect::after_restart, 0x2103},
     {0x3007, 7, "Pn007", "", 0, Effect::at_once},
     {0x3010, 100, "Pn100", "", 0, Effect::at_once},
     {0x3011, 101, "Pn101", "", 0, Effect::at_once},
@@ -107,7 +108,7 @@ inline constexpr auto parameters = std::to_array<Parameter>({
     {0x3091, 525, "Pn525", "%", 0, Effect::at_once},
     {0x30FC, 700, "Pn700", "", 0, Effect::at_once},
     {0x30FD, 701, "Pn701", "", 0, Effect::at_once},
-    {0x30FF, 703, "Pn703", "", 0x0005, Effect::after_restart},
+    {0x30FF, 703, "Pn703", "", 0x0005, Effect::after_restart, 0x0005},
     {0x3100, 704, "Pn704", "", 1, Effect::after_restart},
 });
 
@@ -115,6 +116,13 @@ constexpr std::size_t place_of(std::uint16_t number) {
   std::size_t i = 0;
   while (i < parameters.size() && parameters[i].number != number) ++i;
   return i;
+}
+
+constexpr bool is_possible(const Parameter& parameter, unsigned value) {
+  for (unsigned place = 0; place < 16; place += 4) {
+    if ((value >> place & 0xFU) > (parameter.highest_digits >> place & 0xFU)) return false;
+  }
+  return true;
 }
 
 constexpr const Parameter* find_parameter(std::uint16_t index) {
@@ -144,5 +152,11 @@ struct ParameterValues {
     return get<number>() >> (4 * place) & 0xFU;
   }
 };
+
+// Of Pn006 and Pn703; the range of Pn704 is in the object table.
+constexpr bool bus_settings_are_possible(const ParameterValues& values) {
+  return is_possible(parameters[place_of(6)], values.get<6>()) &&
+         is_possible(parameters[place_of(703)], values.get<703>());
+}
 
 }  // namespace servodrome::products::pronet

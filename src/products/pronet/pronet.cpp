@@ -1,5 +1,7 @@
 #include "products/pronet/pronet.hpp"
 
+#include <cstring>
+
 namespace servodrome::products {
 
 namespace {
@@ -41,9 +43,7 @@ std::uint16_t low_word(double value) { return static_cast<std::uint16_t>(std::ll
 void Pronet::power_on(const drive::Feedback& feedback, Time now) {
   CanDevice::power_on(feedback, now);
   apply_transmit_masks();
-  const pronet::ParameterValues& pn = objects().manufacturer.parameters;
-  const bool address_valid = pn.get<704>() >= 1 && pn.get<704>() <= 127;
-  if (!address_valid || pn.digit<703>(0) >= bit_rates.size()) drive().raise(drive::Cause::bus_settings);
+  if (!pronet::bus_settings_are_possible(objects().manufacturer.parameters)) drive().raise(drive::Cause::bus_settings);
 }
 
 void Pronet::prepare(dictionary::Area areas) {
@@ -101,12 +101,11 @@ drive::Configuration Pronet::configuration() const {
   return configuration;
 }
 
-// Without CANopen (Pn006.0), or with an address that cannot be, the node keeps silent.
+// Without CANopen (Pn006.0), or with settings that cannot be, the node keeps silent.
 std::uint8_t Pronet::chosen_node_id() const {
   const pronet::ParameterValues& pn = objects().manufacturer.parameters;
-  const std::uint16_t address = pn.get<704>();
-  const bool possible = address >= 1 && address <= 127 && pn.digit<703>(0) < bit_rates.size();
-  return pn.digit<6>(0) == can_open && possible ? static_cast<std::uint8_t>(address) : canopen::unconfigured_node_id;
+  const bool speaks = pn.digit<6>(0) == can_open && pronet::bus_settings_are_possible(pn);
+  return speaks ? static_cast<std::uint8_t>(pn.get<704>()) : canopen::unconfigured_node_id;
 }
 
 std::uint32_t Pronet::chosen_bit_rate() const {
@@ -146,6 +145,14 @@ void Pronet::warning_raised(const drive::FaultRow& warning) {
 void Pronet::written(const dictionary::Entry& entry) {
   if (entry.index < 0x2004) return apply_transmit_masks();
   // Parameters are kept as soon as they are written; those that act after a restart do nothing else.
+dictionary::AbortCode Pronet::check(const dictionary::Entry& entry, std::span<const std::byte> value) {
+  const pronet::Parameter* parameter = pronet::find_parameter(entry.index);
+  if (parameter == nullptr || value.size() != sizeof(std::uint16_t)) return dictionary::AbortCode::none;
+  std::uint16_t number = 0;
+  std::memcpy(&number, value.data(), sizeof number);
+  return pronet::is_possible(*parameter, number) ? dictionary::AbortCode::none : dictionary::AbortCode::value_invalid;
+}
+
   if (entry.saved) keep(dictionary::Area::manufacturer);
   const pronet::Parameter* parameter = pronet::find_parameter(entry.index);
   const bool acts_later = entry.saved && (parameter == nullptr || parameter->effect == pronet::Effect::after_restart);

@@ -34,6 +34,7 @@ class Pronet final : public CanDevice<Pronet, pronet::Objects> {
       .error_reset_tells_the_last_only = true,
       .bus_off_is_reported_on_recovery = false,                // 8140h is an alarm of the drive
       .frame_length_code = 0x8200,                             // L662
+      .consumers_have_possible_nodes = true,                   // 1016h
       .node_guarding = canopen::NodeGuarding::absent,          // L204
       .reset_communication_restores = dictionary::Area::none,  // L743-744, L2104
       .lss = false};
@@ -61,6 +62,7 @@ class Pronet final : public CanDevice<Pronet, pronet::Objects> {
   void reset(canopen::NmtCommand command, dictionary::Area restore, std::uint8_t node_id) override;
   void fault_raised(const drive::FaultRow& fault) override;
   void warning_raised(const drive::FaultRow& warning) override;
+  dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
   void written(const dictionary::Entry& entry) override;
   void refresh(const dictionary::Entry& entry) override;
 };
