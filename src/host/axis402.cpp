@@ -288,8 +288,7 @@ std::optional<double> Axis402::ratio(std::uint16_t index) {
 
 std::optional<AxisUnits> Axis402::units_per_count() {
   const auto revolution = units();
-  // Of a drive that does not say, the manual does: its units are before the factors.
-  const auto counts = options_.dialect.units ? std::optional(options_.dialect.units->position) : ratio(0x608F);
+  const auto counts = counts_per_revolution();
   if (revolution && counts) {
     return AxisUnits{revolution->position / *counts, revolution->velocity / *counts,
                      revolution->acceleration / *counts};
@@ -298,10 +297,26 @@ std::optional<AxisUnits> Axis402::units_per_count() {
   return AxisUnits{1.0, 1.0, 1.0};
 }
 
+// Of a drive whose units the manual says, those before the factors are increments.
+std::optional<double> Axis402::counts_per_revolution() {
+  const Dialect& dialect = options_.dialect;
+  if (!dialect.units) return ratio(0x608F);
+  if (!dialect.encoder_counts) return dialect.units->position;
+  const auto counts =
+      objects_.read_if_present<std::uint32_t>(dialect.encoder_counts->index, dialect.encoder_counts->sub);
+  if (!counts || *counts == 0) return std::nullopt;
+  return static_cast<double>(*counts);
+}
+
 std::optional<AxisUnits> Axis402::units(std::optional<double> position) {
   const Dialect& dialect = options_.dialect;
   if (dialect.units) {
     AxisUnits units = *dialect.units;
+    if (!position) {
+      const auto counts = counts_per_revolution();
+      if (!counts) return std::nullopt;
+      units.position = *counts;
+    }
     if (dialect.has_old_factors) {
       units.position /= ratio(0x6093).value_or(1.0);
       units.velocity /= ratio(0x6094).value_or(1.0);

@@ -231,6 +231,8 @@ class Axis402 {
   void take_back_targets_before_enabling();
   // The shaft stands still, by its position, before so much time has passed.
   bool rests_within(Time span);
+  // Of the encoder. Nothing: the drive does not tell.
+  std::optional<double> counts_per_revolution();
   // The quotient of subs 1 and 2.
   std::optional<double> ratio(std::uint16_t index);
   std::int8_t mode();  // 6061h, or 6060h of a drive that does not have it

@@ -44,10 +44,11 @@ constexpr std::array dialects{
     Dialect{.product = "generic402-ec", .foe_file = "parameters.txt"},
     // Halt empties the buffer of set-points (ISMC manual L1523-1530).
     Dialect{.product = "ismc", .halt_drops_target = true},
-    // 0.1 rpm and 0.1 rpm/s (ProNet manual L750-762). The encoder cannot be asked for: increments of the 17-bit one.
-    // Methods that look for an index are not for serial encoders (L1365).
+    // 0.1 rpm and 0.1 rpm/s, and positions in increments of one of four encoders (ProNet manual L750-770). Methods that
+    // look for an index are not for serial encoders (L1365).
     Dialect{.product = "pronet",
             .units = AxisUnits{131072.0, 600.0, 600.0},
+            .encoder_counts = ObjectAddress{0x2F12, 0},
             .has_old_factors = true,
             .cautious_homing_method = 35,
             .cycle_objects = pronet_cycle_objects,

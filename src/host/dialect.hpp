@@ -49,6 +49,9 @@ struct Dialect {
   HomingSignals homing_signals{};
   // Nothing: the drive says what a position unit is (6091h and 6092h, or 608Fh), and velocities are position units/s.
   std::optional<AxisUnits> units{};
+  // Where the drive tells the counts of its encoder in a revolution: `units.position` is that number. Of a drive that
+  // has no such object it is not known.
+  std::optional<ObjectAddress> encoder_counts{};
   // `units` are before the factors 6093h, 6094h and 6097h of the 1998 edition of CiA 402.
   bool has_old_factors = false;
   // Moves the motor by a revolution at most, and needs no switch.

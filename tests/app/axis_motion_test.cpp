@@ -39,6 +39,24 @@ class AxisMotion : public testing::TestWithParam<RigCase> {
 INSTANTIATE_TEST_SUITE_P(Every, AxisMotion, testing::ValuesIn(every_product),
                          [](const auto& row) { return row.param.name(); });
 
+// A revolution is what the drive at hand has, not what its maker's usual motor has.
+constexpr RigCase manuals_encoder{"pronet", RigCase::BusKind::can, "[axis.encoder]\ncounts_per_revolution = 10000\n"};
+INSTANTIATE_TEST_SUITE_P(ManualsEncoder, AxisMotion, testing::Values(manuals_encoder),
+                         [](const auto& row) { return row.param.name(); });
+
+TEST(AxisUnits, AreThoseOfTheEncoderAndTheFactors) {
+  AxisRig rig(manuals_encoder);
+  Axis402 axis(rig.objects(), rig.options());
+  EXPECT_DOUBLE_EQ(axis.units().value().position, 10000.0);
+  EXPECT_DOUBLE_EQ(axis.units_per_count().value().position, 1.0);
+  EXPECT_DOUBLE_EQ(axis.units_per_count().value().velocity, 600.0 / 10000.0);
+  EXPECT_DOUBLE_EQ(axis.units(360.0).value().position, 360.0) << "what is said counts";
+  rig.objects().write<std::uint32_t>(0x6093, 1, 10000);
+  rig.objects().write<std::uint32_t>(0x6093, 2, 360);
+  EXPECT_DOUBLE_EQ(axis.units().value().position, 360.0);
+  EXPECT_DOUBLE_EQ(axis.units_per_count().value().position, 0.036);
+}
+
 TEST_P(AxisMotion, JogsAsLongAsItIsAsked) {
   axis.enable();
   const Time start = rig.objects().now();

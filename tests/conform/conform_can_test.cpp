@@ -35,8 +35,8 @@ class FalseClient final : public links::CanClient {
 };
 
 struct CanRig {
-  explicit CanRig(std::string_view its_product)
-      : product(its_product), line(settings_of(line_of(its_product, "can", "node = 5"))) {
+  explicit CanRig(std::string_view its_product, const std::string& axis_keys = {})
+      : product(its_product), line(settings_of(line_of(its_product, "can", "node = 5\n" + axis_keys))) {
     bus.run_for(200ms);
   }
 
@@ -76,6 +76,12 @@ TEST_P(Makers, DepartWhereTheirManualsSay) {
   CanRig rig(GetParam());
   const Report report = rig.run();
   expect_departures_only(report);
+}
+
+// The encoder of the ProNet manual's examples (L764): a revolution is what the drive has.
+TEST(ConformCan, RevolutionsAreThoseOfTheEncoderThatIsFitted) {
+  CanRig rig("pronet", "[axis.encoder]\ncounts_per_revolution = 10000\n");
+  expect_departures_only(rig.run());
 }
 
 // ---- Planted defects: each is one wrong behaviour of the reference drive, and the check that is to find it ----

@@ -14,7 +14,7 @@ from drive402 import (
     TARGET_REACHED,
     Drive402,
 )
-from line import wait_for
+from line import servodrome, wait_for
 
 TURN = 10_000  # the incremental encoder of the manual's examples
 SWITCH = (int(1.2 * TURN), int(2.4 * TURN))
@@ -304,6 +304,15 @@ def test_parameters_outlive_the_power(drive):
     drive.network.seen.wait(0x701)
     assert drive.read(0x3022) == 4711
     assert drive.read(0x6081) == 0
+
+
+def test_revolutions_are_those_of_the_encoder(drive, pronets):
+    """L764: the command line reads what the motor at hand has."""
+    before = drive.true_position
+    servodrome("move", "--bus", pronets.links["can0"][0], "--node", 1, "--by", 1.5, "--revolutions", "--velocity", 5)
+    wait_for(lambda: abs(drive.true_position - before - 1.5 * TURN) <= CLOSE, "one and a half turns")
+    shown = servodrome("monitor", "--bus", pronets.links["can0"][0], "--node", 1, "--axis", "--units", "degrees", "--for", "0.2")
+    assert "540.0" in shown or "539.9" in shown
 
 
 @pytest.mark.remote_frames

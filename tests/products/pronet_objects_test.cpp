@@ -27,7 +27,7 @@ TEST(PronetObjects, NothingElseButTheSettingsOfThePanel) {
                                              std::stoul(row.at("sub"), nullptr, 16)));
   }
   for (const dictionary::Entry& entry : Pronet::table) {
-    if (entry.index == 0x2F10 || entry.index == 0x2F11) continue;  // Pn201 and Pn202
+    if (entry.index >= 0x2F10 && entry.index <= 0x2F12) continue;  // Pn201, Pn202, and what the encoder has
     EXPECT_TRUE(listed.contains(entry.key())) << std::hex << entry.index << " " << int{entry.sub};
   }
 }
@@ -71,6 +71,41 @@ TEST(PronetObjects, ValuesThatAreNotInTheLists) {
   accepts(0x6086, {0, 2});
   accepts(0x6098, {1, 2, 3, 4, 17, 18, 19, 20, 35});
   EXPECT_EQ(axis.set(0x60C0, 0, 1), AbortCode::value_too_high);
+}
+
+// Pn006, Pn703 and Pn704 (L2041-2043): what cannot be is refused, not kept until the node is silent for good.
+TEST(PronetObjects, SettingsOfTheBusThatCannotBeAreRefused) {
+  Axis axis;
+  axis.run_ms(1);
+  for (unsigned value = 0; value <= 0xFFFF; ++value) {
+    const bool bus = (value & 0xF) <= 3 && (value >> 4 & 0xF) == 0 && (value >> 8 & 0xF) <= 1 && value >> 12 <= 2;
+    ASSERT_EQ(axis.set(0x3006, 0, value), bus ? AbortCode::none : AbortCode::value_invalid) << value;
+    ASSERT_EQ(axis.set(0x30FF, 0, value), value <= 5 ? AbortCode::none : AbortCode::value_invalid) << value;
+    const AbortCode address = value < 1     ? AbortCode::value_too_low
+                              : value > 127 ? AbortCode::value_too_high
+                                            : AbortCode::none;
+    ASSERT_EQ(axis.set(0x3100, 0, value), address) << value;
+  }
+  EXPECT_EQ(axis.get(0x3006), 0x2103);
+  EXPECT_EQ(axis.get(0x30FF), 5);
+  EXPECT_EQ(axis.get(0x3100), 127);
+}
+
+// What a master computes revolutions with.
+TEST(PronetObjects, TellsItsEncoder) {
+  for (const std::int32_t counts : {10000, 65536, 131072, 4000}) {
+    plant::Parameters parameters = test::default_plant();
+    parameters.encoder.counts_per_revolution = counts;
+    Axis axis(parameters);
+    axis.run_ms(1);
+    EXPECT_EQ(axis.get(0x2F12), counts);
+    EXPECT_EQ(axis.set(0x2F12, 0, 5), AbortCode::read_only);
+    for (const std::uint8_t command : {std::uint8_t{0x81}, std::uint8_t{0x82}}) {
+      axis.send(0x000, {command, 0x01});
+      axis.run_ms(2);
+      EXPECT_EQ(axis.get(0x2F12), counts);
+    }
+  }
 }
 
 TEST(PronetObjects, FactorsWithoutADivisorAreRefused) {

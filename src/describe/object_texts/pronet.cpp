@@ -75,6 +75,8 @@ constexpr auto texts = std::to_array<ObjectText>({
     {0x2F11, any,
      "Pn202, divisor of the electronic gear: copied to 6093h:02 at power-on; 0 is alarm 5582h then. The real drive has "
      "no object for it."},
+    {0x2F12, any,
+     "Counts of the encoder in a revolution of the motor, as it is fitted. The real drive has no object for it."},
     {0x3000, any, "Pn000; the CANopen manual gives neither purpose nor unit. Kept, without effect here."},
     {0x3001, any, "Pn001; the CANopen manual gives neither purpose nor unit. Kept, without effect here."},
     {0x3002, any, "Pn002; the CANopen manual gives neither purpose nor unit. Kept, without effect here."},

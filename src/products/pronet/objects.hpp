@@ -24,6 +24,7 @@ struct Manufacturer {
   std::uint32_t sync_time_period_us = 1000;                 // 2105h
   std::uint16_t pn201 = 1;                                  // 2F10h: 6093h:01 at power-on
   std::uint16_t pn202 = 1;                                  // 2F11h: 6093h:02 at power-on
+  std::uint32_t encoder_counts = 0;                         // 2F12h: of the motor that is fitted
   ParameterValues parameters{};                             // 3000h to 3100h
   std::array<std::uint16_t, alarm_record_length> alarms{};  // 3200h.., newest first
   std::array<std::uint16_t, monitor_count> monitors{};      // 320Ah..
@@ -121,6 +122,7 @@ inline constexpr auto manufacturer_section = [] {
           {.default_value = 1, .saved = true, .owner = Owner::product}),
       var(0x2F11, "Pn202", SERVODROME_FIELD(M, pn202), Access::rw, Pdo::none,
           {.default_value = 1, .saved = true, .owner = Owner::product}),
+      var(0x2F12, "Encoder counts per revolution", SERVODROME_FIELD(M, encoder_counts), Access::ro),
       number_constant(0x321E, 0, ObjectCode::var, "DSP-Edition", Type::unsigned16, dsp_edition),
       var(0x3300, "rotates", SERVODROME_FIELD(M, rotates), Access::ro, Pdo::none, {.owner = Owner::product}),
       var(0x3301, "singlePos", SERVODROME_FIELD(M, single_position), Access::ro, Pdo::none, {.owner = Owner::product}),
@@ -197,10 +199,10 @@ inline constexpr auto object_table = dictionary::make_table<[] {
     builder.set_default(index, 3, 100).set_default(index, 5, 10);
   }
 
-  // Where the manual prints other defaults, access or types than the reference section.
-  for (const std::uint16_t index : dummies) builder.at(index).access = Access::rw;
   builder.set_range(0x3100, 0, 1, 127);  // Pn704, an address on the bus
 
+  // Where the manual prints other defaults, access or types than the reference section.
+  for (const std::uint16_t index : dummies) builder.at(index).access = Access::rw;
   builder.set_default(0x605A, 0, 0).set_default(0x605C, 0, 0).set_default(0x605D, 0, 0).set_default(0x605E, 0, 0);
   builder.set_default(0x6065, 0, 256).set_default(0x6066, 0, 0).set_range(0x6065, 0, 0, 0x7FFFFFFF);
   builder.set_default(0x6067, 0, 400).set_default(0x6068, 0, 0);

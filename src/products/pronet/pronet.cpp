@@ -50,6 +50,7 @@ void Pronet::prepare(dictionary::Area areas) {
   pronet::Manufacturer& own = objects().manufacturer;
   objects().communication.serial_number = settings().serial_number;
   if (contains(areas, dictionary::Area::manufacturer)) {
+  own.encoder_counts = settings().motor.counts_per_revolution;
     if (settings().node_id != 0) own.parameters.set<704>(settings().node_id);
     for (std::size_t i = 0; i < bit_rates.size(); ++i) {
       if (bit_rates[i] == settings().bit_rate) own.parameters.set<703>(static_cast<std::uint16_t>(i));
