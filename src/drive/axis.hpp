@@ -75,6 +75,7 @@ struct Configuration {
   std::uint32_t bus_inputs = 0;                    // input wires whose level is that of a bit of 60FEh:01
   std::uint32_t input_filter_cycles = 0;           // a level that lasts no longer is not seen
   bool index_available = true;                     // the encoder has an index that homing may use
+  bool encoder_begins_at_zero = false;             // it counts from where the shaft is at power-on
   Cause encoder_loss = Cause::encoder_connection;  // what its lost connection is called
   bool locks_to_sync = true;                       // with Interpolation::target: the SYNC takes the target over
   double set_point_period_s = 0.0;                 // of cyclic set-points; 0: 60C2h

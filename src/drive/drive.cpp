@@ -98,6 +98,7 @@ void Drive::power_on(const Feedback& feedback) {
   axis_.homed = false;
   axis_.offset =
       policy_.single_turn_encoder ? static_cast<Counts>(feedback.single_turn_counts) - feedback.position_counts : 0;
+  if (axis_.configuration.encoder_begins_at_zero) axis_.offset = -feedback.position_counts;
   dc_link_cycles_ = 0;
   brake_closed_cycles_ = 0;
   outputs_ = {};
@@ -292,6 +293,7 @@ void Drive::change_mode() {
   const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
   if (wanted == mode_ || (wanted == Mode::none && policy_.mode_zero_keeps)) return;
   homing_mode_.abort();
+  homing_mode_.forget_error(axis_);
   identification_.abort();
   const bool running = state_ == PowerState::operation_enabled && !pending_.active;
   set_mode(wanted);

@@ -116,6 +116,13 @@ inline constexpr std::array cia402_status_bits{
     StatusBit{13, StatusSource::mode_bit_13},
 };
 
+// What 603Fh shows of a homing error that is no fault, until homing starts again or the mode changes; 0: nothing.
+struct HomingErrorCodes {
+  std::uint16_t positive_limit = 0;  // ended by that switch
+  std::uint16_t negative_limit = 0;
+  std::uint16_t not_possible = 0;  // neither method, encoder nor speeds allow it to start
+};
+
 struct Policy {
   // Device control
   std::uint32_t supported_modes = 0;
@@ -176,8 +183,9 @@ struct Policy {
 
   // Homing
   std::span<const Method> homing_methods;
-  std::int8_t home_offset_sign = -1;       // position at home = sign * 607Ch
-  bool homing_errors_are_faults = false;   // those that the product has a row for
+  std::int8_t home_offset_sign = -1;      // position at home = sign * 607Ch
+  bool homing_errors_are_faults = false;  // those that the product has a row for
+  HomingErrorCodes homing_error_codes{};
   bool homing_reached_means_home = false;  // statusword bit 10 at rest only with home found, else at every rest
   bool home_counts_at_rest = false;      // home is found at the end of homing, not at the latch; a new start forgets it
   bool homing_needs_its_inputs = false;  // without an input for a switch it looks for, homing is an error at once

@@ -114,6 +114,169 @@ TEST(PronetHoming, EveryMethodFromEverySide) {
   }
 }
 
+// "Afterwards the drive slowly returns" (L1499-1518): only the search for the switch is fast.
+TEST(PronetHoming, OnlyTheSearchIsFast) {
+  for (const int method : {1, 2, 3, 4, 17, 18, 19, 20}) {
+    for (const std::int64_t start : {std::int64_t{0}, switch_from + 2000, low_limit - 500}) {
+      if (start < low_limit && method != 1 && method != 17) continue;
+      SCOPED_TRACE(testing::Message() << "method " << method << " from " << start);
+      Axis axis(travel(start));
+      prepare(axis, method);
+      axis.control(0x1F);
+      const bool on_switch = start != 0;
+      const bool searches_positive = method == 2 || method == 18 || (method % 16 >= 3 && !on_switch);
+      const bool searches_negative = method == 1 || method == 17;
+      double most = 0.0;
+      double least = 0.0;
+      for (int i = 0; i < 60000 && (axis.status() & 0x1400) != 0x1400; ++i) {
+        axis.run_ms(1);
+        most = std::max(most, axis.device.drive().axis().generator.velocity());
+        least = std::min(least, axis.device.drive().axis().generator.velocity());
+      }
+      EXPECT_EQ(axis.status() & 0x3400, 0x1400);
+      constexpr double slow = 10.0 / 60.0 * turn * 1.001;
+      if (!searches_positive) {
+        EXPECT_LE(most, slow);
+      }
+      if (!searches_negative) {
+        EXPECT_GE(least, -slow);
+      }
+    }
+  }
+}
+
+// "The error cause is found by reading the error code" (L1400): as long as bit 13 tells the error, and after it until
+// homing starts again or the mode changes. It is no alarm.
+TEST(PronetHoming, AnErrorTellsItsCode) {
+  struct Failure {
+    const char* what;
+    int method;
+    std::int64_t start;
+    std::int64_t code;
+    std::function<void(Axis&)> spoil;
+  };
+  const std::vector<Failure> failures{
+      {"POT before the switch", 19, 3 * turn, 0x8681, [](Axis&) {}},
+      {"POT at the start", 20, high_limit + 500, 0x8681, [](Axis&) {}},
+      {"NOT instead of the switch's edge", 19, -7 * turn, 0x8682,
+       [](Axis& axis) { axis.plant.force_input(home_wire, true); }},
+      {"no speed", 17, 0, 0x6320, [](Axis& axis) { axis.set(0x6099, 2, 0); }},
+      {"no ramp", 17, 0, 0x6320, [](Axis& axis) { axis.set(0x609A, 0, 0); }},
+  };
+  for (const Failure& failure : failures) {
+    SCOPED_TRACE(failure.what);
+    const auto fail = [&](Axis& axis) {
+      prepare(axis, failure.method);
+      failure.spoil(axis);
+      axis.sent.clear();
+      EXPECT_EQ(home(axis) & 0x3000, 0x2000);
+      EXPECT_EQ(axis.get(0x603F), failure.code);
+      EXPECT_EQ(axis.status() & 0x6F, 0x27) << "no alarm";
+    };
+    {
+      Axis axis(travel(failure.start));
+      fail(axis);
+      axis.control(0x0F);
+      axis.run_ms(5);
+      EXPECT_EQ(axis.get(0x603F), failure.code);
+      axis.set(0x6098, 0, 35);
+      EXPECT_EQ(home(axis), 0x1400);
+      EXPECT_EQ(axis.get(0x603F), 0) << "homing started again";
+    }
+    {
+      Axis axis(travel(failure.start));
+      fail(axis);
+      axis.set(0x6060, 0, 3);
+      axis.run_ms(5);
+      EXPECT_EQ(axis.get(0x603F), 0) << "another mode";
+    }
+    {
+      Axis axis(travel(failure.start));
+      fail(axis);
+      axis.control(0x00);
+      axis.run_ms(5);
+      EXPECT_EQ(axis.get(0x603F), failure.code) << "can still be read without power";
+      ASSERT_TRUE(axis.enable());
+      EXPECT_EQ(axis.get(0x603F), 0);
+      EXPECT_EQ(axis.status() & 0x2000, 0);
+    }
+    {
+      Axis axis(travel(failure.start));
+      fail(axis);
+      axis.device.drive().inject(drive::Cause::current_sensor, true);
+      axis.run_ms(2);
+      EXPECT_EQ(axis.get(0x603F), 0x5210) << "an alarm comes first";
+      axis.set(0x6060, 0, 3);
+      axis.run_ms(2);
+      EXPECT_EQ(axis.get(0x603F), 0x5210);
+      axis.device.drive().inject(drive::Cause::current_sensor, false);
+      axis.control(0x00);
+      axis.run_ms(2);
+      axis.control(0x80);
+      axis.run_ms(2);
+      EXPECT_EQ(axis.get(0x603F), 0);
+    }
+    {
+      Axis axis(travel(failure.start));
+      fail(axis);
+      axis.send(0x000, {0x81, 0x01});
+      axis.run_ms(5);
+      EXPECT_EQ(axis.get(0x603F), 0) << "reset node";
+    }
+  }
+}
+
+// The incremental encoder counts from where the shaft is as the power comes (L764, L1365); the others know their turn.
+TEST(PronetHoming, AnIncrementalEncoderBeginsAtZero) {
+  for (const std::int32_t counts : {10000, 131072, 65536}) {
+    SCOPED_TRACE(counts);
+    const bool incremental = counts == turn;
+    constexpr std::int64_t start = 34711;
+    plant::Parameters parameters = travel(start, counts);
+    parameters.switch_count = 0;
+    Axis axis(parameters);
+    axis.run_ms(5);
+    EXPECT_EQ(axis.get(0x6064), incremental ? 0 : start);
+    EXPECT_EQ(axis.get(0x6062), incremental ? 0 : start);
+    EXPECT_EQ(axis.get(0x6063), incremental ? 0 : start);
+    EXPECT_EQ(axis.get(0x3300), incremental ? 0 : start / counts);
+    EXPECT_EQ(axis.get(0x3301), incremental ? 0 : start % counts);
+    axis.set(0x6060, 0, 3);
+    ASSERT_TRUE(axis.enable());
+    axis.set(0x60FF, 0, 1000);
+    axis.run_ms(1000);
+    const std::int64_t before = axis.get(0x6064);
+    EXPECT_NEAR(static_cast<double>(before), counts * 1.66 + static_cast<double>(incremental ? 0 : start),
+                counts * 0.1);
+    axis.send(0x000, {0x81, 0x01});  // coasts
+    axis.run_ms(10);
+    EXPECT_GT(axis.get(0x6064), before) << "NMT resets no encoder";
+    axis.run_ms(3000);
+    const std::int64_t stands = axis.plant.position_counts();
+    axis.plant.sample(axis.feedback);
+    axis.device.power_off();
+    axis.device.power_on(axis.feedback, axis.now());
+    axis.run_ms(5);
+    EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), static_cast<double>(incremental ? 0 : stands), 1.0);
+  }
+}
+
+TEST(PronetHoming, HomeIsLostWithThePowerOfAnIncrementalEncoder) {
+  Axis axis(travel(switch_from + 500));
+  prepare(axis, 19);
+  EXPECT_EQ(home(axis), 0x1400);
+  EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), 0.0, 100.0);
+  axis.plant.sample(axis.feedback);
+  axis.device.power_off();
+  axis.device.power_on(axis.feedback, axis.now());
+  axis.run_ms(5);
+  EXPECT_EQ(axis.get(0x6064), 0);
+  prepare(axis, 19);
+  EXPECT_EQ(home(axis), 0x1400) << "and is found again";
+  EXPECT_NEAR(static_cast<double>(axis.plant.position_counts() - axis.get(0x6064)), static_cast<double>(switch_from),
+              2.0);
+}
+
 // Serial encoders and resolvers have no index: 1 to 4 start no motion (L1365).
 TEST(PronetHoming, IndexMethodsNeedAnIncrementalEncoder) {
   for (const std::int32_t counts : {131072, 65536}) {
@@ -121,6 +284,7 @@ TEST(PronetHoming, IndexMethodsNeedAnIncrementalEncoder) {
       Axis axis(travel(0, counts));
       prepare(axis, method);
       EXPECT_EQ(home(axis) & 0x3000, 0x2000) << counts << " " << method;
+      EXPECT_EQ(axis.get(0x603F), 0x6320) << "the cause (L1400)";
       EXPECT_EQ(axis.plant.position_counts(), 0);
       EXPECT_EQ(axis.status() & 0x6F, 0x27) << "no fault";
     }

@@ -443,5 +443,70 @@ TEST(PronetMotion, TorqueLimitShowsInBit11) {
   EXPECT_NEAR(static_cast<double>(axis.get(0x320D)), 20.0, 1.0);  // Un003, per cent
 }
 
+// --- Ramps beyond what the motor can do: as steep as the torque limits allow, and no over current.
+
+TEST(PronetMotion, TheSteepestRampsAreNoOverCurrent) {
+  for (const std::int32_t encoder : {131072, 10000}) {
+    for (const std::int64_t percent : {300, 100, 30}) {
+      for (const int mode : {1, 3, 6}) {
+        SCOPED_TRACE(testing::Message() << encoder << " counts, mode " << mode << ", " << percent << " %");
+        plant::Parameters parameters = test::default_plant();
+        parameters.encoder.counts_per_revolution = encoder;
+        const double comparator_a = 1.5 * static_cast<double>(test::motor_data(parameters).peak_current_a);
+        parameters.supply.overcurrent_a = parameters.supply.bus_overcurrent_a = comparator_a;
+        Axis axis(parameters);
+        axis.run_ms(1);
+        for (const std::uint16_t ramp : {std::uint16_t{0x6083}, std::uint16_t{0x6084}, std::uint16_t{0x6085}}) {
+          must_set(axis, ramp, 0, 0xFFFFFFFF);
+        }
+        must_set(axis, 0x605A, 0, 2);
+        must_set(axis, 0x609A, 0, 0x7FFFFFFF);
+        must_set(axis, 0x3068, 0, percent);
+        must_set(axis, 0x3069, 0, percent);
+        must_set(axis, 0x6099, 1, 60000);
+        must_set(axis, 0x6099, 2, 30000);
+        must_set(axis, 0x6098, 0, 17);
+        must_set(axis, 0x6060, 0, mode);
+        must_set(axis, 0x6081, 0, 60000);
+        must_set(axis, 0x6065, 0, 0x7FFFFFFF);
+        ASSERT_TRUE(axis.enable());
+        const auto run = [&](double ms, const char* what) {
+          for (int i = 0; i < static_cast<int>(ms); ++i) {
+            axis.run_ms(1);
+            ASSERT_EQ(axis.get(0x603F), 0) << what << ", " << i << " ms";
+            ASSERT_EQ(axis.get(0x1001), 0) << what << ", " << i << " ms";
+          }
+        };
+        for (const int sign : {1, -1, 1}) {
+          must_set(axis, 0x607A, 0, sign * 100LL * encoder);
+          must_set(axis, 0x60FF, 0, sign * 60000LL);
+          axis.control(0x1F);
+          run(700, "run");
+          axis.control(0x0F);
+          run(20, "bit 4 away");
+        }
+        axis.control(0x10F);
+        run(500, "halt");
+        axis.control(0x0F);
+        run(300, "on");
+        axis.control(0x02);
+        run(700, "quick stop");
+        EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 3.0);
+        must_set(axis, 0x60FF, 0, 0);
+        ASSERT_TRUE(axis.enable());
+        run(300, "enabled again");
+        axis.control(0x0F);
+        must_set(axis, 0x60FF, 0, -60000);
+        axis.control(0x1F);
+        run(200, "again");
+        must_set(axis, 0x6060, 0, mode == 3 ? 1 : 3);
+        run(500, "another mode");
+        axis.control(0x00);
+        run(100, "power off");
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace servodrome

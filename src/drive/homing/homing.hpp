@@ -92,6 +92,7 @@ class Homing {
   // From the edge of the switch to the index that was latched, >= 0; -1: the method has no switch before its index.
   Counts index_distance() const { return index_distance_; }
   HomingError error() const { return error_; }  // after `stop` was commanded
+  Signal limit_ahead() const;                   // that of the present leg, or of the one that failed
 
   // The present leg looks for a hard stop: the following error is no fault, and the caller limits the torque.
   bool pressing() const;
@@ -108,7 +109,6 @@ class Homing {
 
   const Leg& leg() const { return method_.legs[leg_]; }
   Direction travel() const;
-  Signal limit_ahead() const;
   bool is_active(Signal signal, const HomingInputs& inputs) const { return (inputs.signals & bit(signal)) != 0; }
   bool meets(const SignalEdge& edge) const;
   bool lies_ahead(Counts position) const;

@@ -46,7 +46,7 @@ bool can_run(const Method& method, const HomingConfig& config) {
 void HomingMode::enter(Axis& axis) {
   abort();
   given_up_ = false;
-  error_ = false;
+  forget_error(axis);
   standing_ = true;
   acceleration_ = homing_acceleration(axis);
   axis.come_to_rest(RampShape::linear);
@@ -58,14 +58,14 @@ double HomingMode::homing_acceleration(const Axis& axis) {
   return acceleration * axis.units.acceleration;
 }
 
-void HomingMode::controlword(Axis&, std::uint16_t before, std::uint16_t now) {
+void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now) {
   const bool was = (before & controlword::mode_bit_4) != 0;
   const bool is = (now & controlword::mode_bit_4) != 0;
   if (is && !was) {
     start_requested_ = true;
     given_up_ = false;
     attained_ = false;
-    error_ = false;
+    forget_error(axis);
     standing_ = false;
   }
   if (!is && was && (active_ || start_requested_)) {
@@ -92,6 +92,20 @@ void HomingMode::fail(Axis& axis, Cause cause) {
   error_ = true;
   active_ = false;
   if (axis.policy.homing_errors_are_faults) axis.raise(cause);
+  shown_code_ = error_code(axis, cause);
+  if (shown_code_ != 0) axis.objects.error_code = shown_code_;
+}
+
+std::uint16_t HomingMode::error_code(const Axis& axis, Cause cause) const {
+  const HomingErrorCodes& codes = axis.policy.homing_error_codes;
+  if (cause != Cause::homing_wrong_limit) return codes.not_possible;
+  return homing_.limit_ahead() == Signal::positive_limit ? codes.positive_limit : codes.negative_limit;
+}
+
+void HomingMode::forget_error(Axis& axis) {
+  error_ = false;
+  if (shown_code_ != 0 && axis.objects.error_code == shown_code_) axis.objects.error_code = 0;
+  shown_code_ = 0;
 }
 
 void HomingMode::start(Axis& axis) {

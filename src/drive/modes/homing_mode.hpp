@@ -22,6 +22,7 @@ class HomingMode {
     error_ = error_ || active_ || start_requested_;
     abort();
   }
+  void forget_error(Axis& axis);
   double deceleration(const Axis& axis) const { return homing_acceleration(axis); }
   std::uint16_t status(const Axis& axis) const;
   bool running() const { return start_requested_ || active_ || !standing_; }  // until it stands, found or not
@@ -33,6 +34,7 @@ class HomingMode {
   static double homing_acceleration(const Axis& axis);  // counts/s^2
   void start(Axis& axis);
   void fail(Axis& axis, Cause cause);
+  std::uint16_t error_code(const Axis& axis, Cause cause) const;
   void carry_out(Axis& axis, const HomingCommand& command);
   HomingInputs inputs(const Axis& axis) const;
   MotionLimits motion(const Axis& axis, double velocity) const;
@@ -47,7 +49,8 @@ class HomingMode {
   bool active_ = false;
   bool attained_ = false;
   bool error_ = false;
-  bool standing_ = true;  // bit 10
+  std::uint16_t shown_code_ = 0;  // in 603Fh: see HomingErrorCodes
+  bool standing_ = true;          // bit 10
 };
 
 }  // namespace servodrome::drive

@@ -12,6 +12,13 @@
 // point running negative, 4 and 20 running positive (C19). Method 17 to 20 have one text (L1514-1518).
 namespace servodrome::products::pronet {
 
+// "Afterwards the drive slowly returns" (L1516-1518): off the switch, too, before the edge is taken.
+inline constexpr drive::Method method_4 = [] {
+  drive::Method method = drive::cia402::method_4;
+  method.legs[1].speed = drive::HomingSpeed::slow;
+  return method;
+}();
+
 inline constexpr std::array homing_methods = [] {
   namespace cia402 = drive::cia402;
   using drive::mirrored;
@@ -21,11 +28,11 @@ inline constexpr std::array homing_methods = [] {
       without_return(cia402::method_1),                     // L1499-1502
       without_return(mirrored(2, cia402::method_1)),        // L1504-1507
       without_return(cia402::method_3),                     // L1511-1513
-      without_return(cia402::method_4),                     //
+      without_return(method_4),                             // and slowly back (L1516-1518)
       without_return(without_index(17, cia402::method_1)),  // L1516-1518
       without_return(without_index(18, mirrored(2, cia402::method_1))),
       without_return(without_index(19, cia402::method_3)),
-      without_return(without_index(20, cia402::method_4)),
+      without_return(without_index(20, method_4)),
       drive::present_position(35),  // L1522, not in the printed range (C18)
   };
 }();

@@ -7,7 +7,10 @@
 namespace servodrome::products::pronet {
 
 // Readings of the manual that could be the other way round (see README.md of this folder).
-inline constexpr std::int8_t home_offset_sign = -1;      // zero = home + 607Ch (L1367, L1412)
+inline constexpr std::int8_t home_offset_sign = -1;  // zero = home + 607Ch (L1367, L1412)
+// "The error cause is found by reading the error code" (L1400). The list L637-667 names the switches; of what cannot
+// begin it has nothing, so that is "parameter error" of CiA 402.
+inline constexpr drive::HomingErrorCodes homing_error_codes{0x8681, 0x8682, 0x6320};
 inline constexpr std::int16_t halt_code_of_zero = 1;     // 605Dh reads 0 and acts as 1 (C21)
 inline constexpr std::uint32_t resolver_counts = 65536;  // L766; L820 has 65535 (C14)
 
@@ -75,6 +78,7 @@ constexpr drive::Policy make_policy() {
   policy.interpolation = drive::Interpolation::at_sync;  // L2010-2016
   policy.homing_methods = homing_methods;
   policy.home_offset_sign = home_offset_sign;
+  policy.homing_error_codes = homing_error_codes;
   policy.homing_reached_means_home = true;  // L1386-1390
   policy.digital_inputs = digital_inputs;
   policy.output_count = 0;          // no output terminals are described

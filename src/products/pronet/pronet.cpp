@@ -42,6 +42,7 @@ std::uint16_t low_word(double value) { return static_cast<std::uint16_t>(std::ll
 
 void Pronet::power_on(const drive::Feedback& feedback, Time now) {
   CanDevice::power_on(feedback, now);
+  encoder_zero_ = drive().configuration().encoder_begins_at_zero ? feedback.position_counts : 0;
   apply_transmit_masks();
   if (!pronet::bus_settings_are_possible(objects().manufacturer.parameters)) drive().raise(drive::Cause::bus_settings);
 }
@@ -49,8 +50,8 @@ void Pronet::power_on(const drive::Feedback& feedback, Time now) {
 void Pronet::prepare(dictionary::Area areas) {
   pronet::Manufacturer& own = objects().manufacturer;
   objects().communication.serial_number = settings().serial_number;
-  if (contains(areas, dictionary::Area::manufacturer)) {
   own.encoder_counts = settings().motor.counts_per_revolution;
+  if (contains(areas, dictionary::Area::manufacturer)) {
     if (settings().node_id != 0) own.parameters.set<704>(settings().node_id);
     for (std::size_t i = 0; i < bit_rates.size(); ++i) {
       if (bit_rates[i] == settings().bit_rate) own.parameters.set<703>(static_cast<std::uint16_t>(i));
@@ -89,6 +90,7 @@ drive::Configuration Pronet::configuration() const {
   const pronet::Encoder encoder = pronet::encoder_of(motor.counts_per_revolution);
   configuration.encoder_loss = encoder_loss(encoder);
   configuration.index_available = encoder == pronet::Encoder::incremental;  // L1365
+  configuration.encoder_begins_at_zero = encoder == pronet::Encoder::incremental;
   // 5 units of 606Ch for one count of this encoder, so that 606Fh = 10 tells standing from moving.
   if (encoder == pronet::Encoder::incremental) configuration.shown_velocity_ms = 12.0F;
   for (std::size_t i = 0; i < terminals; ++i) {
@@ -143,9 +145,6 @@ void Pronet::warning_raised(const drive::FaultRow& warning) {
   CanDevice::warning_raised(warning);
 }
 
-void Pronet::written(const dictionary::Entry& entry) {
-  if (entry.index < 0x2004) return apply_transmit_masks();
-  // Parameters are kept as soon as they are written; those that act after a restart do nothing else.
 dictionary::AbortCode Pronet::check(const dictionary::Entry& entry, std::span<const std::byte> value) {
   const pronet::Parameter* parameter = pronet::find_parameter(entry.index);
   if (parameter == nullptr || value.size() != sizeof(std::uint16_t)) return dictionary::AbortCode::none;
@@ -154,6 +153,9 @@ dictionary::AbortCode Pronet::check(const dictionary::Entry& entry, std::span<co
   return pronet::is_possible(*parameter, number) ? dictionary::AbortCode::none : dictionary::AbortCode::value_invalid;
 }
 
+void Pronet::written(const dictionary::Entry& entry) {
+  if (entry.index < 0x2004) return apply_transmit_masks();
+  // Parameters are kept as soon as they are written; those that act after a restart do nothing else.
   if (entry.saved) keep(dictionary::Area::manufacturer);
   const pronet::Parameter* parameter = pronet::find_parameter(entry.index);
   const bool acts_later = entry.saved && (parameter == nullptr || parameter->effect == pronet::Effect::after_restart);
@@ -168,7 +170,8 @@ void Pronet::refresh(const dictionary::Entry& entry) {
   const drive::CascadeState& loops = drive().loops();
   const double counts_per_rpm = axis.units.counts_per_revolution / 60.0;
   const auto turn = static_cast<drive::Counts>(axis.units.counts_per_revolution);
-  const drive::Counts within = ((axis.encoder_position % turn) + turn) % turn;
+  const drive::Counts counted = axis.encoder_position - encoder_zero_;
+  const drive::Counts within = ((counted % turn) + turn) % turn;
   switch (entry.index) {
     // The monitors with a unit show what the unit fits (C43); those without one stay 0, but Un005.
     case 0x320A: own.monitors[0] = low_word(axis.shown_velocity() / counts_per_rpm); break;
@@ -178,7 +181,7 @@ void Pronet::refresh(const dictionary::Entry& entry) {
     case 0x320E: own.monitors[4] = static_cast<std::uint16_t>(within); break;
     case 0x320F: own.monitors[5] = static_cast<std::uint16_t>(drive().wires()); break;
     case 0x3213: own.monitors[9] = static_cast<std::uint16_t>(loops.following_error_counts); break;
-    case 0x3300: own.rotates = static_cast<std::uint16_t>((axis.encoder_position - within) / turn); break;
+    case 0x3300: own.rotates = static_cast<std::uint16_t>((counted - within) / turn); break;
     case 0x3301: own.single_position = static_cast<std::uint16_t>(within); break;  // C41
     default: break;
   }

@@ -65,6 +65,8 @@ class Pronet final : public CanDevice<Pronet, pronet::Objects> {
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override;
   void written(const dictionary::Entry& entry) override;
   void refresh(const dictionary::Entry& entry) override;
+
+  drive::Counts encoder_zero_ = 0;  // where an incremental encoder was at power-on
 };
 
 }  // namespace servodrome::products
