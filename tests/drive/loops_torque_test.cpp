@@ -81,6 +81,33 @@ TEST(TorqueLoop, SpeedLimitTakesTorqueBackSmoothly) {
   }
 }
 
+// Whatever the load's inertia, the torque and the gains: the shaft comes to the limit, and hardly passes it.
+TEST(TorqueLoop, SpeedLimitWithEveryLoad) {
+  for (const double share : {0.1, 0.3, 1.0}) {
+    for (const double inertia : {0.0, 1.0e-4, 3.0e-4}) {
+      for (const double torque : {0.3, 1.0, 2.5}) {
+        for (const double limit_rpm : {100.0, 500.0, 2000.0}) {
+          SCOPED_TRACE(testing::Message() << share << " of the gain, " << inertia << " kgm2, torque " << torque << ", "
+                                          << limit_rpm << " rpm");
+          plant::Parameters parameters = frictionless(131072);
+          Axis axis = torque_axis(static_cast<float>(torque), limit_rpm, parameters);
+          axis.gains.velocity_kp *= static_cast<float>(share);
+          axis.gains.velocity_ki *= static_cast<float>(share * share);
+          axis.configure();
+          axis.plant.set_load_inertia_kgm2(inertia);
+          double fastest_rpm = 0.0;
+          for (int i = 0; i < 16000; ++i) {
+            axis.tick();
+            fastest_rpm = std::max(fastest_rpm, axis.plant.velocity_rpm());
+          }
+          EXPECT_LT(fastest_rpm, limit_rpm * 1.2);
+          EXPECT_NEAR(axis.plant.velocity_rpm(), limit_rpm, 0.01 * limit_rpm);
+        }
+      }
+    }
+  }
+}
+
 // A load that drives the axis beyond the limit is braked, against the demanded torque.
 TEST(TorqueLoop, SpeedLimitBrakesADrivingLoad) {
   plant::Parameters parameters = frictionless(131072);

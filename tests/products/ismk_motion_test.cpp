@@ -413,6 +413,35 @@ TEST(IsmkTorque, SpeedIsLimitedBy607F) {
   EXPECT_NEAR(rpm(rig), 800.0, 40.0);
 }
 
+// With the factory's soft gains: all of the torque for a shaft that is held, and hardly a speed beyond the limit, up to
+// a load of ten times the rotor's inertia.
+TEST(IsmkTorque, SpeedLimitNeitherThrottlesNorOvershoots) {
+  constexpr double limit_rpm = 510.0;
+  for (const double load_kgm2 : {0.0, test::ismk_plant().load.inertia_kgm2, 1.0e-4, 3.0e-4}) {
+    SCOPED_TRACE(load_kgm2);
+    plant::Parameters parameters = test::ismk_plant();
+    parameters.load.inertia_kgm2 = load_kgm2;
+    test::FactoryIsmkRig rig(parameters, test::ismk_settings());
+    rig.run_ms(5);
+    rig.set(0x6060, 0, 4);
+    rig.set(0x607F, 0, std::llround(velocity_dec_from_rpm(limit_rpm)));
+    rig.set(0x6071, 0, 900);
+    rig.control(0x0F);
+    double fastest_rpm = 0.0;
+    for (int ms = 0; ms < 1000; ++ms) {
+      rig.run_ms(1);
+      fastest_rpm = std::max(fastest_rpm, rig.plant.velocity_rpm());
+    }
+    EXPECT_LT(fastest_rpm, 1.15 * limit_rpm);
+    EXPECT_NEAR(rig.plant.velocity_rpm(), limit_rpm, 0.02 * limit_rpm);
+    rig.plant.lock_rotor(true);
+    rig.run_ms(5);
+    EXPECT_GT(rig.device.drive().axis().torque(), 0.45F);
+    rig.run_ms(200);
+    EXPECT_NEAR(static_cast<double>(rig.device.drive().axis().torque()), 0.9, 0.01);
+  }
+}
+
 // The encoder counts within a turn (L332).
 TEST(IsmkPosition, StartsWithinTheTurnAfterPowerOn) {
   plant::Parameters parameters = test::ismk_plant();

@@ -20,8 +20,10 @@ constexpr float standstill_share = 1.0e-3F;
 constexpr float standstill_s = 5.0e-3F;
 constexpr float push_s = 1.0F;
 
-// The speed limiter of the torque loop finds its load with this share of velocity_ki, so that running up to the limit
-// leaves little in the integral to overshoot with.
+// The speed limiter of the torque loop: its gain has at least this bandwidth on the bare rotor, less where the velocity
+// is measured late, so that it takes torque back only near the limit even where the velocity loop is soft. It finds its
+// load with this share of velocity_ki, so that running up to the limit leaves little in the integral to overshoot with.
+constexpr float limiter_hz = 100.0F;
 constexpr float limiter_share = 0.25F;
 constexpr float held_load_hz = 20.0F;  // of what the load takes in the torque loop
 
@@ -91,9 +93,8 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   velocity_kp_ = gains.velocity_kp * torque_per_ampere * rad_per_count;
   velocity_ki_ = gains.velocity_ki * torque_per_ampere * rad_per_count * velocity_period_s;
   setpoint_weight_ = gains.velocity_setpoint_weight;
-  inertia_torque_ = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * gains.acceleration_feed_forward;
-  limiter_ki_ = limiter_share * velocity_ki_;
-  limiter_decay_ = velocity_kp_ > 0.0F ? std::min(limiter_ki_ / velocity_kp_, 1.0F) : 1.0F;
+  const float rotor_torque = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count;  // per counts/s^2
+  inertia_torque_ = rotor_torque * gains.acceleration_feed_forward;
   position_kp_ = gains.position_kp;
   velocity_feed_forward_ = gains.velocity_feed_forward;
   const float position_period_s = static_cast<float>(rates.position_loop_ticks) * tick_s;
@@ -103,8 +104,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   disturbance_share_ = gains.disturbance_share;
   disturbance_.gain = low_pass_gain(gains.disturbance_filter_hz, velocity_period_s);
   held_load_.gain = low_pass_gain(held_load_hz, velocity_period_s);
-  held_load_.inertia = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * velocity_periods_per_s_;
-  disturbance_.inertia = motor.inertia_kgm2 / motor.rated_torque_nm * rad_per_count * velocity_periods_per_s_;
+  held_load_.inertia = disturbance_.inertia = rotor_torque * velocity_periods_per_s_;
   rest_.window_counts = gains.rest_window_counts;
   rest_.still_periods = static_cast<std::uint16_t>(standstill_s * velocity_periods_per_s_);
   rest_.least_push = velocity_period_s / push_s;
@@ -127,6 +127,14 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
     settle_velocity(state_.velocity_counts_per_s);
     observer_.disturbance = -observer_.acceleration * state_.torque;  // as if the load held the torque
   }
+  const float filter_lags = feedback == VelocityFeedback::second_order  ? 2.0F * velocity_low_pass_damping
+                            : feedback == VelocityFeedback::first_order ? 1.0F
+                                                                        : 0.0F;
+  const float late_s = velocity_period_s + (filtered ? filter_lags / (2.0F * pi * gains.velocity_filter_hz) : 0.0F);
+  constexpr float limiter_rad_per_s = 2.0F * pi * limiter_hz;
+  limiter_kp_ = std::max(velocity_kp_, rotor_torque * limiter_rad_per_s / (1.0F + limiter_rad_per_s * late_s));
+  limiter_ki_ = limiter_share * velocity_ki_;
+  limiter_decay_ = std::min(limiter_ki_ / limiter_kp_, 1.0F);
   const bool command_filter_on = gains.velocity_command_filter_hz > 0.0F;
   if (command_filter_on && !command_filter_on_) command_filter_.value = state_.velocity_reference_counts_per_s;
   command_filter_on_ = command_filter_on;
@@ -455,8 +463,8 @@ float Cascade::torque_controller() {
 
   const float room_above = demand_.velocity_limit_positive - state_.velocity_counts_per_s;
   const float room_below = -demand_.velocity_limit_negative - state_.velocity_counts_per_s;
-  const float most = velocity_kp_ * room_above + integral_;
-  const float least = velocity_kp_ * room_below + integral_;
+  const float most = limiter_kp_ * room_above + integral_;
+  const float least = limiter_kp_ * room_below + integral_;
   const float torque = clip(clip(wanted, least, most), low, high);
   state_.velocity_limited = wanted < least || wanted > most;
   if (wanted > most) {
