@@ -128,6 +128,34 @@ TEST(IsmkAutoTuning, FollowsALoadThatChanges) {
   EXPECT_NEAR(rig.error_percent(4.0), 0.0, 5.0) << "switched off, it keeps what it knows";
 }
 
+// The axis is disabled in the middle of its moves, and turned by something else before it is enabled again: what
+// happened meanwhile is no answer to the motor's torque.
+TEST(IsmkAutoTuning, DisabledInMotionItLearnsNothingFalse) {
+  TuningRig rig(loaded(3.0));
+  rig.set(0x2340, 0x10, 7);
+  for (int i = 0; i < 12; ++i) {
+    rig.goal += (i % 2 == 0 ? 2 : -2) * 65536;
+    rig.control(0x2F);
+    rig.set(0x607A, 0, rig.goal);
+    rig.control(0x3F);
+    rig.run_ms(40 + 5 * i);  // while it gains speed
+    EXPECT_GT(std::fabs(rig.plant.velocity_rpm()), 100.0);
+    rig.control(i % 3 == 0 ? 0x06 : 0x00);
+    rig.run_ms(5);
+    rig.plant.set_external_torque_nm(i % 2 == 0 ? -0.5 : 0.5);
+    rig.run_ms(30);
+    rig.plant.set_external_torque_nm(0.0);
+    rig.run_ms(500);
+    ASSERT_TRUE(rig.enable());
+    rig.run_ms(20);
+    EXPECT_LT(std::fabs(rig.plant.velocity_rpm()), 10.0) << "enabling moves nothing";
+    rig.goal = rig.get(0x6064);
+  }
+  for (int i = 0; i < 4; ++i) rig.turn(i % 2 == 0 ? 2 : -2);
+  ASSERT_TRUE(rig.tuning().identified());
+  EXPECT_NEAR(rig.error_percent(3.0), 0.0, 8.0);
+}
+
 // The PC software's way: recognise the inertia, then choose a rigidity.
 TEST(IsmkRecognition, AndRigidityOnEveryRating) {
   for (const products::Model& model : products::ismk::ratings) {
@@ -157,6 +185,33 @@ TEST(IsmkRecognition, AndRigidityOnEveryRating) {
       EXPECT_LE(move.overshoot_percent, 2.0) << model.name << ", load " << ratio;
       EXPECT_GT(move.settled_ms, 0.0);
     }
+  }
+}
+
+// Disabled while it recognises the inertia: the axis rests, the gains stay, and it can be asked again.
+TEST(IsmkRecognition, DisableEndsIt) {
+  for (const int word : {0x07, 0x06, 0x00, 0x02}) {
+    SCOPED_TRACE(word);
+    TuningRig rig(loaded(3.0));
+    const std::int64_t kvp = rig.get(0x60F9, 1);
+    ASSERT_TRUE(rig.device.recognise_inertia(1.0));
+    rig.run_until([&] { return std::fabs(rig.plant.velocity_rpm()) > 100.0; }, 8000.0);
+    rig.control(static_cast<std::uint16_t>(word));
+    rig.run_ms(2);
+    EXPECT_EQ(rig.device.drive().identification().outcome(), InertiaIdentification::Outcome::interrupted);
+    rig.run_ms(1500);
+    EXPECT_LT(std::fabs(rig.plant.velocity_rpm()), 1.0);
+    EXPECT_FALSE(rig.actuation.pwm_enabled);
+    EXPECT_FALSE(rig.tuning().identified());
+    EXPECT_EQ(rig.get(0x60F9, 1), kvp);
+    ASSERT_TRUE(rig.enable());
+    const auto stands = static_cast<double>(rig.plant.position_counts());
+    rig.run_ms(200);
+    EXPECT_NEAR(static_cast<double>(rig.plant.position_counts()), stands, 30.0);
+    ASSERT_TRUE(rig.device.recognise_inertia(1.0));
+    rig.run_until([&] { return !rig.device.drive().identification().running(); }, 8000.0);
+    rig.run_ms(2);
+    EXPECT_NEAR(rig.error_percent(3.0), 0.0, 5.0);
   }
 }
 

@@ -115,6 +115,23 @@ TEST(JmcMonitor, PhaseSequence) {
 }
 
 // d22 follows any motion (L852), and AF-J-L makes one of its own (L679).
+// Disabled while the drive finds out its load: it has failed, says so, and the axis rests.
+TEST(JmcMonitor, DisableEndsTheRecognitionOfInertia) {
+  plant::Parameters parameters = test::jmc_plant();
+  parameters.load.inertia_kgm2 = 2.0 * parameters.motor.rotor_inertia_kgm2;
+  for (const int word : {0x07, 0x06, 0x00, 0x02}) {
+    SCOPED_TRACE(word);
+    MonitorRig rig(1, parameters);
+    ASSERT_EQ(rig.set(0x200E, 1, 1), AbortCode::none);
+    rig.run_until([&] { return std::fabs(rig.plant.velocity_rpm()) > 50.0; }, 8000);
+    rig.control(static_cast<std::uint16_t>(word));
+    rig.run_ms(1500);
+    EXPECT_EQ(rig.get(0x200E, 1), 3) << "failed";
+    EXPECT_LT(std::fabs(rig.plant.velocity_rpm()), 1.0);
+    EXPECT_NEAR(rig.item(22), 100.0, 1.0) << "P01-04 until something is known";
+  }
+}
+
 TEST(JmcMonitor, InertiaRatio) {
   for (const double loads : {1.0, 3.0}) {
     plant::Parameters parameters = test::jmc_plant();
