@@ -130,6 +130,7 @@ void Drive::displaced(const Feedback& feedback) {
 
 void Drive::restart() {
   state_ = PowerState::not_ready_to_switch_on;
+  awaits_dc_link_ = false;
   set_mode(Mode::none);
   pending_ = {};
   stopping_ = halted_ = limit_stop_ = short_circuit_ = zero_speed_ = releasing_torque_ = false;
@@ -212,6 +213,7 @@ void Drive::cycle(const Feedback& feedback) {
     position_of_ms_ = axis_.encoder_position;
   }
   axis_.velocity_display.update(axis_.encoder_position);
+  dc_link_rise_v_ = feedback.dc_link_v - dc_link_v_;
   dc_link_v_ = feedback.dc_link_v;
   winding_temperature_c_ = feedback.winding_temperature_c;
   power_stage_temperature_c_ = feedback.power_stage_temperature_c;
@@ -239,6 +241,7 @@ void Drive::cycle(const Feedback& feedback) {
   }
   change_mode();
   update_greatest_velocity();
+  step_dc_link();
   if (axis_.active(Signal::quick_stop) && state_ == PowerState::operation_enabled) handle_command(Command::quick_stop);
   step_power();
   if (stage_ == Stage::on) {
@@ -377,7 +380,8 @@ void Drive::write_actuation() {
   }
   outputs_.brake_released = released != configuration.brake_inverted || configuration.brake_forced;
   brake_closed_cycles_ = outputs_.brake_released ? 0 : brake_closed_cycles_ + 1;
-  outputs_.dc_link_connected = policy_.dc_link == DcLink::always || energised() || state_ == PowerState::switched_on;
+  outputs_.dc_link_connected =
+      policy_.dc_link == DcLink::always || awaits_dc_link_ || energised() || state_ == PowerState::switched_on;
   dc_link_cycles_ = outputs_.dc_link_connected ? dc_link_cycles_ + 1 : 0;
   outputs_.chopper_on = supervision_.chopper();
   outputs_.outputs = (axis_.objects.physical_outputs & axis_.objects.output_mask) >> policy_.first_output_bit &
@@ -388,7 +392,7 @@ void Drive::write_actuation() {
 std::uint16_t Drive::statusword() const {
   std::uint16_t word = policy_.state_bits[static_cast<std::size_t>(state_)];
   const bool powered = outputs_.dc_link_connected && dc_link_v_ > axis_.configuration.monitors.under_voltage_v;
-  if (policy_.dc_link == DcLink::always ? powered : outputs_.dc_link_connected) word |= statusword::voltage_enabled;
+  if (powered) word |= statusword::voltage_enabled;
   if (warnings_ || outside_warning_ || (policy_.faults_show_as_warning && active_.any())) word |= statusword::warning;
   for (std::uint32_t shown = status_sources(); shown != 0; shown &= shown - 1) {
     word |= shown_bits_[static_cast<std::size_t>(std::countr_zero(shown))];

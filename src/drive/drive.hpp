@@ -162,6 +162,8 @@ class Drive final : public dictionary::Listener {
   void handle_command(Command command);
   Stop stop_of(std::int16_t code) const;
   bool has_power_in(PowerState state) const;
+  bool dc_link_charged() const;
+  void step_dc_link();
   void leave_operation(Stop stop, PowerState to);
   bool hold_for_brake();
   bool too_fast_for_brake() const;
@@ -289,7 +291,9 @@ class Drive final : public dictionary::Listener {
   std::array<Counts, 2> limit_positions_{};  // negative, positive
   bool warnings_ = false;
   std::uint32_t dc_link_cycles_ = 0;  // since the DC link was connected
+  bool awaits_dc_link_ = false;       // transition 3 was commanded, and the DC link has not its voltage yet
   float dc_link_v_ = 0.0F;
+  float dc_link_rise_v_ = 0.0F;  // in the last cycle
   float winding_temperature_c_ = 0.0F;
   float power_stage_temperature_c_ = 0.0F;
   std::array<SignalEdge, edge_capacity> edges_{};

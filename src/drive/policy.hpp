@@ -63,7 +63,7 @@ enum class Interpolation : std::uint8_t {
 
 enum class DcLink : std::uint8_t {
   always,            // the supply is wired to the DC link
-  from_switched_on,  // the drive's relay connects it in Switched on and above
+  from_switched_on,  // the drive's relay connects it on the way to Switched on, and above
 };
 
 enum class OutOfLimits : std::uint8_t {

@@ -59,7 +59,7 @@ struct PowerStates : testing::Test {
     axis.run_ms(1);
     const auto write = [&axis](std::uint16_t word) {
       axis.control(word);
-      axis.run_ms(1);
+      axis.run_ms(3);  // transition 3 looks at the DC link
     };
     switch (wanted) {
       case PowerState::not_ready_to_switch_on:
@@ -192,7 +192,7 @@ TYPED_TEST(PowerStates, EveryCommandInEveryState) {
         this->bring_to(axis, from);
         if (from == PowerState::operation_enabled) this->must_set(axis, 0x605A, 0, 6);
         axis.control(word);
-        axis.run_ms(1);
+        axis.run_ms(3);
         const PowerState expected = target(from, command, TypeParam::leaves_quick_stop_by_enabling).value_or(from);
         EXPECT_EQ(this->state(axis), expected) << name(this->state(axis));
         const Pattern status = pattern(expected);
@@ -241,6 +241,8 @@ TYPED_TEST(PowerStates, CommandOfAMasterThatDoesNotWaitForTheDrive) {
   axis.control(0x06);  // in the same instant as the boot-up message
   axis.run_ms(1);
   EXPECT_EQ(this->state(axis), PowerState::ready_to_switch_on);
+  axis.control(0x07);
+  axis.run_ms(TypeParam::switches_dc_link ? 3 : 0);  // for the DC link no command comes early
   // All in one cycle, mode included.
   this->must_set(axis, 0x6060, 0, 1);
   this->must_set(axis, 0x6081, 0, 100000);
@@ -463,7 +465,8 @@ TYPED_TEST(PowerStates, EnabledWhileTheShaftTurnsItTakesTheMotionOver) {
   axis.control(0x06);
   axis.control(0x07);
   axis.control(0x0F);
-  axis.run_ms(1);
+  const auto enabled = [&] { return this->state(axis) == PowerState::operation_enabled; };
+  ASSERT_GE(axis.run_until(enabled, 5.0), 0);
   EXPECT_NEAR(this->demand(axis), speed, 0.05 * speed);
   EXPECT_NEAR(this->seconds_to_rest(axis, false), speed / slow_ramp, 0.03);
 }

@@ -12,6 +12,9 @@ constexpr std::uint32_t standing_ms = 2;
 constexpr float standing_current = 0.05F;
 // A stop ends without the shaft's rest when its ramp has been over for so long: something keeps the axis moving.
 constexpr std::uint32_t rest_wait_ms = 2000;
+// A DC link is charged when it is above its under-voltage and grows no faster than this share of it in a millisecond:
+// the precharge resistor, behind which a motor would starve, is bridged then.
+constexpr double charged_rise_per_ms = 0.001;
 
 // Whether an option code is in a set of them (OptionCodes).
 bool has(std::uint32_t codes, std::int16_t code) {
@@ -49,6 +52,7 @@ bool Drive::accepts(const Transition& transition) const {
 }
 
 void Drive::handle_command(Command command) {
+  if (command != Command::switch_on && command != Command::enable_operation) awaits_dc_link_ = false;
   if (state_ == PowerState::operation_enabled && pending_.active && command == Command::enable_operation) {
     // The operation that was being ended is wanted again: take over the axis as it moves.
     pending_ = {};
@@ -61,6 +65,8 @@ void Drive::handle_command(Command command) {
   if (pending_.active && pending_.to == transition->to && command != Command::disable_voltage) return;
   switch (transition->number) {
     case 3:
+      awaits_dc_link_ = !dc_link_charged();
+      if (awaits_dc_link_) break;
       enter_state(PowerState::switched_on);
       if (command == Command::enable_operation) enter_state(PowerState::operation_enabled);
       break;
@@ -87,6 +93,25 @@ void Drive::handle_command(Command command) {
         enter_state(transition->to);
       }
   }
+}
+
+// Of a drive that does not watch its DC link, any voltage is enough.
+bool Drive::dc_link_charged() const {
+  const FaultRow* fault = row(Cause::under_voltage);
+  const bool watched =
+      fault != nullptr && fault->reaction != Reaction::none && !axis_.configuration.ignored.test(Cause::under_voltage);
+  if (!watched) return true;
+  constexpr std::uint32_t least_cycles = 2;  // for `dc_link_rise_v_` to be that of a link that is connected
+  const double greatest_rise_v = charged_rise_per_ms / axis_.cycles_per_ms * static_cast<double>(dc_link_v_);
+  return dc_link_cycles_ >= least_cycles && dc_link_v_ >= axis_.configuration.monitors.under_voltage_v &&
+         static_cast<double>(dc_link_rise_v_) <= greatest_rise_v;
+}
+
+// Transition 3 when the DC link has its voltage; the controlword that is there then says whether transition 4 follows.
+void Drive::step_dc_link() {
+  if (!awaits_dc_link_ || !dc_link_charged()) return;
+  enter_state(PowerState::switched_on);
+  handle_command(command_of(axis_.controlword));
 }
 
 // Of 605Ah and 605Dh.
@@ -139,6 +164,7 @@ void Drive::enter_state(PowerState to) {
   const bool power = has_power_in(to);
   if (power && energised()) take_over_shaft();
   state_ = to;
+  awaits_dc_link_ = false;
   pending_ = {};
   stopping_ = false;
   halted_ = false;
@@ -342,6 +368,7 @@ void Drive::react_to_fault(const FaultRow& fault) {
   if (fault.reaction == Reaction::angle_lost && stop != Stop::voltage_limit) stop = Stop::power_off;
   const bool reacting = state_ == PowerState::fault_reaction_active;
   state_ = PowerState::fault_reaction_active;
+  awaits_dc_link_ = false;
   homing_mode_.fault();
   identification_.abort();
   const bool controlled = fault.reaction == Reaction::option_code;
@@ -419,6 +446,7 @@ void Drive::communication_lost(Cause cause) {
   if (policy_.communication_loss_is_always_fault) return raise(cause);
   switch (axis_.objects.abort_connection_option_code) {
     case 1:
+      awaits_dc_link_ = false;
       if (energised()) raise(cause);
       break;
     case 2: handle_command(Command::disable_voltage); break;
