@@ -294,6 +294,27 @@ TEST_F(Sdo, MappingOnlyWithSubIndex0At0) {
   EXPECT_EQ(download(0x1C12, 0, 1, 1), AbortCode::none);
 }
 
+// Twice the same place in the process data: which of the two would count is not said.
+TEST_F(Sdo, APdoIsAssignedOnce) {
+  for (const auto& [index, first] :
+       std::to_array<std::pair<std::uint16_t, std::uint16_t>>({{0x1C12, 0x1600}, {0x1C13, 0x1A00}})) {
+    EXPECT_EQ(download(index, 0, 0, 1), AbortCode::none);
+    EXPECT_EQ(download(index, 1, first, 2), AbortCode::none);
+    EXPECT_EQ(download(index, 2, first + 1U, 2), AbortCode::none);
+    EXPECT_EQ(download(index, 3, first, 2), AbortCode::none);  // it may be about to change the others
+    EXPECT_EQ(download(index, 0, 3, 1), AbortCode::parameter_incompatible);
+    EXPECT_EQ(download(index, 0, 2, 1), AbortCode::none);
+    const Bytes whole = words({2, first, first});  // in one go
+    EXPECT_EQ(code_of(sdo(join({head(0x31, index, 0), bytes_of(static_cast<std::uint32_t>(whole.size())), whole}))),
+              AbortCode::parameter_incompatible);
+  }
+  // One that was stored so.
+  objects.communication.rx_assignment.count = 2;
+  objects.communication.rx_assignment.pdo[0] = objects.communication.rx_assignment.pdo[1] = 0x1600;
+  set_process_data(7, 7);
+  EXPECT_EQ(request(4), (std::pair{0x12U, AlStatusCode::invalid_output_mapping}));
+}
+
 TEST_F(Sdo, MappingOnlyInPreOperational) {
   set_process_data(7, 7);
   ASSERT_EQ(request(4), good(4));

@@ -570,6 +570,32 @@ TEST_F(Synchronous, MissedCyclesAreCountedAndForgiven) {
   EXPECT_EQ(upload(0x1C32, 0x20), Bytes{1});
 }
 
+// What was taken once is no set-point of the next cycle as well.
+TEST_F(Synchronous, ACycleWithoutOutputsBringsNone) {
+  to_pre_operational();
+  EXPECT_EQ(download(0x1600, 0, 0, 1), AbortCode::none);
+  EXPECT_EQ(download(0x1600, 3, 0x20070010, 4), AbortCode::none);  // an object whose owner is told
+  EXPECT_EQ(download(0x1600, 4, 0x00000010, 4), AbortCode::none);
+  EXPECT_EQ(download(0x1600, 0, 4, 1), AbortCode::none);
+  set_process_data(7, 7);
+  start_sync(1'000'000);
+  ASSERT_EQ(request(4), good(4));
+  cycle();
+  request(8);
+  run(1500us);
+  ASSERT_EQ(status(), good(8));
+  for (int i = 0; i < 3; ++i) cycle(7), run(1ms);
+  const unsigned cycles = events.cycles;
+  const std::size_t told = events.told.size();
+  run(1ms);
+  EXPECT_EQ(status(), good(8));
+  EXPECT_EQ(events.cycles, cycles);
+  EXPECT_EQ(events.told.size(), told);
+  cycle(8), run(1ms);
+  EXPECT_EQ(events.cycles, cycles + 1);
+  EXPECT_EQ(events.told.size(), told + 1);
+}
+
 // 10F1h:01 = 0: the error is told, and gone when enough cycles had outputs again.
 TEST_F(Synchronous, TheSlaveMayStayWithSyncErrors) {
   to_pre_operational();

@@ -94,6 +94,17 @@ AbortCode ProcessImage::check_pdo(std::uint16_t index) const {
   return is_mapping && dictionary_.find(index, 0) != nullptr ? AbortCode::none : AbortCode::value_invalid;
 }
 
+AbortCode ProcessImage::check_assignment(unsigned count) const {
+  for (unsigned sub = 1; sub <= count; ++sub) {
+    const std::uint16_t pdo = assigned_pdo(sub);
+    if (pdo == 0 || check_pdo(pdo) != AbortCode::none) return AbortCode::value_invalid;
+    for (unsigned other = 1; other < sub; ++other) {
+      if (assigned_pdo(other) == pdo) return AbortCode::parameter_incompatible;
+    }
+  }
+  return AbortCode::none;
+}
+
 AbortCode ProcessImage::check_count(std::uint16_t index, unsigned count) const {
   unsigned bits = 0;
   for (unsigned sub = 1; sub <= count; ++sub) {
@@ -124,20 +135,16 @@ AbortCode ProcessImage::add_pdo(std::uint16_t index) {
 }
 
 AbortCode ProcessImage::resolve() {
-  const std::uint16_t assignment = direction_ == Direction::outputs ? 0x1C12 : 0x1C13;
   count_ = 0;
   bits_ = 0;
-  const auto pdos = static_cast<unsigned>(dictionary_.number(assignment, 0));
-  for (unsigned sub = 1; sub <= pdos; ++sub) {
-    const auto index = static_cast<std::uint16_t>(dictionary_.number(assignment, static_cast<std::uint8_t>(sub)));
-    const AbortCode abort =
-        index == 0 || check_pdo(index) != AbortCode::none ? AbortCode::value_invalid : add_pdo(index);
-    if (abort == AbortCode::none) continue;
+  const auto pdos = static_cast<unsigned>(dictionary_.number(assignment(), 0));
+  AbortCode abort = check_assignment(pdos);
+  for (unsigned sub = 1; sub <= pdos && abort == AbortCode::none; ++sub) abort = add_pdo(assigned_pdo(sub));
+  if (abort != AbortCode::none) {
     count_ = 0;
     bits_ = 0;
-    return abort;
   }
-  return AbortCode::none;
+  return abort;
 }
 
 void ProcessImage::write_objects(std::span<const std::uint8_t> image) {

@@ -47,11 +47,17 @@ class ProcessImage {
   dictionary::AbortCode check_entry(std::uint32_t mapping) const;
   // Before an SDO assigns a PDO.
   dictionary::AbortCode check_pdo(std::uint16_t index) const;
+  // Before an SDO sets sub-index 0 of the assignment to `count`: PDOs that are there, each once.
+  dictionary::AbortCode check_assignment(unsigned count) const;
   // Before an SDO sets sub-index 0 of a mapping to `count`.
   dictionary::AbortCode check_count(std::uint16_t index, unsigned count) const;
 
  private:
   dictionary::AbortCode add_pdo(std::uint16_t index);
+  std::uint16_t assignment() const { return direction_ == Direction::outputs ? 0x1C12 : 0x1C13; }
+  std::uint16_t assigned_pdo(unsigned sub) const {
+    return static_cast<std::uint16_t>(dictionary_.number(assignment(), static_cast<std::uint8_t>(sub)));
+  }
   dictionary::AbortCode resolve_entry(std::uint32_t mapping, MappedObject& object) const;
   bool store_checked(const MappedObject& object, std::span<const std::uint8_t> image);
   unsigned greatest_bits() const {

@@ -241,14 +241,8 @@ AbortCode Slave::check(const Entry& entry, std::span<const std::byte> bytes) {
     if (dictionary_.number(index, 0) != 0) return AbortCode::sub_index_0_not_zero;
     return assigns ? image.check_pdo(static_cast<std::uint16_t>(value)) : image.check_entry(value);
   }
-  if (!assigns) {
-    return value == 0 ? AbortCode::none : image.check_count(index, value);
-  }
-  for (std::uint8_t sub = 1; sub <= value; ++sub) {
-    const auto pdo = static_cast<std::uint16_t>(dictionary_.number(index, sub));
-    if (pdo == 0 || image.check_pdo(pdo) != AbortCode::none) return AbortCode::value_invalid;
-  }
-  return AbortCode::none;
+  if (assigns) return image.check_assignment(value);
+  return value == 0 ? AbortCode::none : image.check_count(index, value);
 }
 
 }  // namespace servodrome::ethercat

@@ -122,7 +122,7 @@ class Slave final : dictionary::Listener {
   void exchange_event(std::uint16_t index, Time now);
   void measure_cycle(Time now);
   void cycle_measurement_written(unsigned command);
-  void take_outputs();
+  void take_outputs(Time now);
   void give_inputs();
   void count_missed(Time now);
   void count(std::uint16_t index, std::uint8_t counter);

@@ -15,7 +15,8 @@ class SlaveEvents {
   // The state is another one; `cause` is why, if the master did not ask for it. Leaving Operational ends the exchange
   // of outputs.
   virtual void state_changed(AlState /*from*/, AlState /*to*/, AlStatusCode /*cause*/, Time /*now*/) {}
-  // The outputs of a cycle are in the objects; what the device puts into its objects now goes out with the inputs.
+  // The outputs of a cycle (if there are any) are in the objects, not called for one without them; what the device puts
+  // into its objects now goes out with the inputs.
   virtual void process_data(Time /*now*/) {}
   // 1010h and 1011h, for devices that have them (`storage_section`). Errors: hardware_error.
   virtual dictionary::AbortCode store(dictionary::Area) { return dictionary::AbortCode::hardware_error; }

@@ -98,11 +98,16 @@ void Slave::start_exchange() {
   give_inputs();  // the first reading finds something
 }
 
-void Slave::take_outputs() {
-  const std::span<const std::uint8_t> image = esc_.open_for_reading(2);
-  if (image.empty()) return;
-  if (state_ == AlState::operational) outputs_.write_objects(image);
-  esc_.close_reading(2);
+// A cycle for which the master has sent nothing brings nothing: outputs that were taken before are not new set-points.
+void Slave::take_outputs(Time now) {
+  if (outputs_.bytes() != 0) {
+    if (esc_.sync_manager(2).unread == 0) return;
+    const std::span<const std::uint8_t> image = esc_.open_for_reading(2);
+    if (image.empty()) return;
+    if (state_ == AlState::operational) outputs_.write_objects(image);
+    esc_.close_reading(2);
+  }
+  if (state_ == AlState::operational) events_.process_data(now);
 }
 
 void Slave::give_inputs() {
@@ -116,8 +121,7 @@ void Slave::give_inputs() {
 void Slave::exchange_shifted(Time now) {
   if (now >= outputs_at_) {
     outputs_at_ = never;
-    take_outputs();
-    if (state_ == AlState::operational) events_.process_data(now);
+    take_outputs(now);
   }
   if (now >= inputs_at_) {
     inputs_at_ = never;
@@ -155,8 +159,7 @@ void Slave::exchange_event(std::uint16_t index, Time now) {
     if (too_short) count(index, sync_parameter::cycle_too_short);
     if (measures_cycle_) measure_cycle(now);
   }
-  take_outputs();
-  if (state_ == AlState::operational) events_.process_data(now);
+  take_outputs(now);
   overrun_ = too_short && sampling_cycle_ != Time{0} && loop_at_ != never && loop_ != Time{0};
   if (overrun_) {
     sampled_at_ = loop_at_ + ((now - loop_at_) / loop_ + 1) * loop_;
