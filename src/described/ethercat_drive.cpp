@@ -18,13 +18,19 @@ EthercatDrive::EthercatDrive(std::shared_ptr<const Blueprint> blueprint, const p
                      blueprint->ethercat->profile, sii_of(*blueprint, settings)),
       blueprint_(std::move(blueprint)) {}
 
-// With SYNC0 the set-points come with its period, whatever 60C2h was.
+// With SYNC0 the set-points come with its period, whatever 60C2h says; where 60C2h can hold it, it does.
 void EthercatDrive::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause,
                                   products::Time now) {
   EthercatDevice::state_changed(from, to, cause, now);
+  if (to == ethercat::AlState::init && set_point_period_s_ != 0.0) {
+    set_point_period_s_ = 0.0;
+    reconfigure();
+  }
   if (from != ethercat::AlState::pre_operational || to != ethercat::AlState::safe_operational) return;
   const auto period = static_cast<std::uint32_t>(dictionary().number(0x1C32, 0x0A));
   products::generic402::set_interpolation_period(drive_objects(), period);
+  set_point_period_s_ = 1e-9 * period;
+  reconfigure();
 }
 
 }  // namespace servodrome::described

@@ -26,7 +26,9 @@ class EthercatDrive final : public products::EthercatDevice<EthercatDrive, Ether
   void prepare(dictionary::Area areas) { binding_.prepare(drive_objects(), settings(), areas); }
   void loaded(dictionary::Area areas) { binding_.loaded(areas); }
   drive::Configuration configuration() const {
-    return products::generic402::configuration(objects().manufacturer, settings().motor);
+    drive::Configuration configuration = products::generic402::configuration(objects().manufacturer, settings().motor);
+    configuration.set_point_period_s = set_point_period_s_;
+    return configuration;
   }
 
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value) override {
@@ -40,6 +42,7 @@ class EthercatDrive final : public products::EthercatDevice<EthercatDrive, Ether
   void state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause,
                      products::Time now) override;
 
+  double set_point_period_s_ = 0.0;  // of SYNC0; 0: 60C2h
   std::shared_ptr<const Blueprint> blueprint_;
   Binding binding_{*blueprint_, dictionary(), drive()};
 };

@@ -161,6 +161,11 @@ class Drive final : public dictionary::Listener {
   void handle_controlword(std::uint16_t before, std::uint16_t now);
   void handle_command(Command command);
   Stop stop_of(std::int16_t code) const;
+  // Interpolated position works, with the buffer 60C4h.
+  bool buffers_records() const {
+    return mode_ == Mode::interpolated_position && state_ == PowerState::operation_enabled &&
+           policy_.interpolation == Interpolation::buffered;
+  }
   bool has_power_in(PowerState state) const;
   bool dc_link_charged() const;
   void step_dc_link();

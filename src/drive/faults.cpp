@@ -87,6 +87,7 @@ constexpr auto names = std::to_array<NamedCause>({
     {Cause::velocity_clipped, "velocity_clipped"},
     {Cause::acceleration_clipped, "acceleration_clipped"},
     {Cause::position_change_clipped, "position_change_clipped"},
+    {Cause::interpolation_overrun, "interpolation_overrun"},
     {Cause::pulse_frequency, "pulse_frequency"},
     {Cause::brake, "brake"},
     {Cause::memory, "memory"},

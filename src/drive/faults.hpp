@@ -94,6 +94,7 @@ enum class Cause : std::uint8_t {
   velocity_clipped,  // warnings: a set-point that is met in part
   acceleration_clipped,
   position_change_clipped,
+  interpolation_overrun,  // a warning: records that the buffer 60C4h could not take
   pulse_frequency,
   brake,
   // The drive's own electronics and memory

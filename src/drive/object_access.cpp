@@ -205,10 +205,23 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
       {0x60BA, 0x60BD, {.refresh = refresh_by<[](Drive& drive, const Entry& entry) {
                           drive.show_touch_probe_position(entry.index - 0x60BAU);
                         }>}},
-      {0x60C1, {.written = written_by<[](Drive& drive, const Entry& entry) {
-                  if (entry.sub != 1) return;
-                  drive.interpolated_position_.data_record(drive.axis_);
-                  drive.synchronous_interpolation_.data_record();
+      {0x60C1,
+       {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+          if (entry.sub != 1 || !drive.buffers_records()) return AbortCode::none;
+          const auto record = static_cast<std::int32_t>(number(entry, value));
+          return drive.interpolated_position_.takes_record(drive.axis_, record) ? AbortCode::none
+                                                                                : AbortCode::device_state;
+        }>,
+        .written = written_by<[](Drive& drive, const Entry& entry) {
+          if (entry.sub != 1) return;
+          if (drive.buffers_records()) drive.interpolated_position_.data_record(drive.axis_);
+          drive.synchronous_interpolation_.data_record();
+        }>}},
+      {0x60C2, {.check = check_by<[](Drive& drive, const Entry& entry, Value value) {
+                  const Policy::InterpolationPeriods& periods = drive.policy_.interpolation_periods;
+                  const std::int64_t written = number(entry, value);
+                  if (entry.sub == 1) return legal(written >= periods.least_value);
+                  return legal(written >= periods.least_index && written <= periods.greatest_index);
                 }>}},
       {0x60C4,
        {.check = check_by<[](Drive&, const Entry& entry, Value value) {
@@ -220,7 +233,7 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
         }>,
         .refresh = refresh_by<[](Drive& drive) {
           drive.axis_.objects.interpolation_buffer_position =
-              static_cast<std::uint16_t>(drive.interpolated_position_.buffered());
+              static_cast<std::uint16_t>(drive.buffers_records() ? drive.interpolated_position_.buffered() : 0);
         }>}},
       {0x60D0,
        {.check = check_by<[](Drive&, const Entry& entry, Value value) {

@@ -178,6 +178,12 @@ struct Policy {
   bool slippage_supported = true;                 // statusword bit 13 in profile velocity
 
   Interpolation interpolation = Interpolation::buffered;
+  // What 60C2h takes: values from this one on, times these powers of ten, in seconds.
+  struct InterpolationPeriods {
+    std::uint8_t least_value = 1;
+    std::int8_t least_index = -6;
+    std::int8_t greatest_index = 0;
+  } interpolation_periods{};
 
   bool single_turn_encoder = false;  // after power-on the position is that within the turn
 

@@ -40,6 +40,8 @@ constexpr auto texts = std::to_array<FaultText>({
     {0x5530, "stored parameters lost",
      "What was stored is damaged, is another product's, or cannot be read: these are factory values.",
      "Set and store the parameters, or restore the defaults (1011h); look at the memory's file."},
+    {0x6300, "interpolation record lost", "A record (60C1h) came while the buffer was full. A warning.",
+     "Write one record per 60C2h, or make the buffer larger (60C4h:02); clearing it (60C4h:06) ends the warning."},
     {0x7122, "commutation", "The Hall signals show a state that cannot be.", "Check the Hall signals' wiring."},
     {0x7305, "encoder connection", "The encoder does not answer.", encoder_cable},
     {0x7306, "Hall wiring", "Hall signals are missing.", "Check the Hall signals' wiring."},

@@ -92,10 +92,19 @@ std::uint16_t CyclicSyncTorque::status(const Axis&) const { return statusword::m
 
 void InterpolatedPosition::enter(Axis& axis) {
   axis.come_to_rest(RampShape::linear);
-  following_ = false;
-  demand_.stop();
-  count_ = 0;
+  stop();
+  clear_buffer();
   enabled_ = (axis.controlword & controlword::mode_bit_4) != 0;
+}
+
+void InterpolatedPosition::stop() {
+  following_ = bridging_ = false;
+  demand_.stop();
+}
+
+void InterpolatedPosition::interrupt(Axis&, int direction) {
+  stop();
+  demand_.hold(direction);
 }
 
 void InterpolatedPosition::controlword(Axis&, std::uint16_t, std::uint16_t now) {
@@ -103,33 +112,79 @@ void InterpolatedPosition::controlword(Axis&, std::uint16_t, std::uint16_t now) 
   enabled_ = enable;
 }
 
+std::size_t InterpolatedPosition::buffer_size(const Axis& axis) {
+  return std::clamp<std::size_t>(axis.objects.interpolation_actual_buffer_size, 1, capacity);
+}
+
+// Buffer organisation 60C4h sub 3: 0 = FIFO, a full one refuses the newest record; 1 = ring, the oldest is lost.
+bool InterpolatedPosition::takes_record(const Axis& axis, std::int32_t record) {
+  if (axis.objects.interpolation_buffer_organisation != 0 || count_ < buffer_size(axis)) return true;
+  // Process data that say the same again lose nothing.
+  if (buffer_[(head_ + count_ - 1) % capacity] != record) lost_record_ = true;
+  return false;
+}
+
 void InterpolatedPosition::data_record(Axis& axis) {
-  // Buffer organisation 60C4h sub 3: 0 = FIFO, a full one refuses the newest record; 1 = ring, the oldest is lost.
-  const std::size_t size = std::clamp<std::size_t>(axis.objects.interpolation_actual_buffer_size, 1, capacity);
-  if (count_ >= size) {
-    if (axis.objects.interpolation_buffer_organisation == 0) return;
+  if (count_ >= buffer_size(axis)) {
     head_ = (head_ + 1) % capacity;
     --count_;
   }
   buffer_[(head_ + count_++) % capacity] = axis.objects.interpolation_data_record;
+  record_age_ = 0.0;
+}
+
+// The line to the next record, from where the axis is.
+void InterpolatedPosition::take_record(Axis& axis) {
+  const std::int64_t user = buffer_[head_];
+  head_ = (head_ + 1) % capacity;
+  --count_;
+  if (!following_) target_ = axis.generator.nearest_position();
+  const Counts target = resolve_cyclic_target(axis, user, target_);
+  const double period = period_.cycles(axis);
+  const double before = line_.rate();
+  if (!following_) {
+    demand_.begin(axis, line_, target, period);
+    line_.go(target, period);
+  } else if (!line_.ends_in_next_cycle()) {
+    // Of a bridge: the one that was missing, there as soon as it would have been, and a little later for those that
+    // follow. On the way back from one: as after any pause.
+    line_.go(target, bridging_ ? line_.remaining() + late_share * (period - line_.remaining()) : period);
+  } else {
+    line_.chain(target, period);
+  }
+  regular_ = following_ && !waited_;
+  bridge_ = regular_ ? bridging_rate(axis, before, line_.rate()) : 0.0;
+  target_ = target;
+  following_ = true;
+  waited_ = bridging_ = false;
+}
+
+// The line has come to its end, and no record is there. In a stream of records that come one at a time the axis goes on
+// for one period in place of the one that is missing; one that works off its buffer is at its end.
+void InterpolatedPosition::await_record(Axis& axis) {
+  const double period = period_.cycles(axis);
+  const bool one_at_a_time = record_age_ < 1.5 * period + 1.0;
+  if (enabled_ && bridge_ != 0.0 && one_at_a_time && !bridging_ && line_.ends_in_next_cycle()) {
+    bridging_ = true;
+    line_.chain(line_.target() + std::llround(bridge_ * period), period);
+  }
+  if (bridging_ && (!enabled_ || line_.arrived() || runs_beyond_limits(axis, line_))) {
+    bridging_ = false;
+    waited_ = true;
+    bridge_ = 0.0;
+    end_bridge(axis, line_, demand_, target_, period);
+  }
 }
 
 void InterpolatedPosition::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
-  if (enabled_ && count_ > 0 && (!following_ || line_.ends_in_next_cycle())) {
-    const std::int64_t user = buffer_[head_];
-    head_ = (head_ + 1) % capacity;
-    --count_;
-    const Counts last = following_ ? line_.target() : axis.generator.nearest_position();
-    const Counts target = resolve_cyclic_target(axis, user, last);
-    const double period = period_.cycles(axis);
-    if (!following_) demand_.begin(axis, line_, target, period);
-    following_ ? line_.chain(target, period) : line_.go(target, period);
-    regular_ = following_ && !waited_;
-    following_ = true;
-    waited_ = false;
-  } else if (line_.arrived()) {
-    waited_ = true;
+  record_age_ += 1.0;
+  const bool late = waited_ || (bridging_ && line_.remaining() >= 0.5 * period_.cycles(axis));
+  if (enabled_ && count_ > 0 && (!following_ || late || line_.ends_in_next_cycle())) {
+    take_record(axis);
+  } else {
+    if (following_ && count_ == 0) await_record(axis);
+    if (line_.arrived()) waited_ = true;
   }
   if (following_) {
     // At the very end of a line the axis goes on when the next record is there or, in a stream, expected this instant.

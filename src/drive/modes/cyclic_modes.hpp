@@ -57,7 +57,8 @@ class CyclicSyncTorque {
   std::uint16_t status(const Axis&) const;
 };
 
-// Interpolated position mode (CiA 402-2), linear interpolation 60C0h = 0, with the buffer of 60C4h.
+// Interpolated position mode (CiA 402-2), linear interpolation 60C0h = 0, with the buffer of 60C4h. One record that
+// does not come is bridged, as SetPointFollower does.
 class InterpolatedPosition {
  public:
   static constexpr Loop loop = Loop::position;
@@ -65,26 +66,40 @@ class InterpolatedPosition {
 
   void enter(Axis& axis);
   void controlword(Axis&, std::uint16_t, std::uint16_t now);
-  void data_record(Axis& axis);  // 60C1h sub 1 was written
-  void clear_buffer() { count_ = 0; }
+  bool takes_record(const Axis& axis, std::int32_t record);  // false: the buffer is full
+  void data_record(Axis& axis);                              // 60C1h sub 1 was written
+  void clear_buffer() { count_ = 0, lost_record_ = false; }
+  bool lost_record() const { return lost_record_; }  // one was refused, since the buffer was cleared
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis&) { following_ = false, demand_.stop(); }
-  void interrupt(Axis&, int direction) { following_ = false, demand_.hold(direction); }
+  void resume(Axis&) { stop(); }
+  void interrupt(Axis&, int direction);
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
   std::size_t buffered() const { return count_; }
 
  private:
+  static constexpr double late_share = 0.25;
+
+  static std::size_t buffer_size(const Axis& axis);
+  void stop();
+  void take_record(Axis& axis);
+  void await_record(Axis& axis);
+
   std::array<std::int32_t, capacity> buffer_{};
   std::size_t head_ = 0;
   std::size_t count_ = 0;
   Line line_{};
   LineDemand demand_{};
+  Counts target_ = 0;       // the last record that was taken
   bool enabled_ = false;    // controlword bit 4
   bool following_ = false;  // a record was taken since the mode was entered
   bool waited_ = false;     // the line's end has passed without another record
   bool regular_ = false;    // the last record came before the end of the line before
+  bool bridging_ = false;   // the line stands for a record that did not come
+  bool lost_record_ = false;
+  double bridge_ = 0.0;      // counts per cycle: see bridging_rate
+  double record_age_ = 0.0;  // cycles since the last one was written
   InterpolationPeriod period_{};
 };
 

@@ -30,6 +30,12 @@ class Line {
     start_ = 0.0;
     begin(to, cycles, elapsed_ - duration_);
   }
+  // From the present place on at another speed, without an end: steps `run_on`.
+  void run_at(double counts_per_cycle) {
+    go(now(), 1.0);
+    rate_ = counts_per_cycle;
+    duration_ = 0.0;
+  }
   // One cycle on. At its end the line waits, or, if it is to `run_on`, goes on straight ahead.
   void step(bool run_on = false) {
     elapsed_ += 1.0;
@@ -39,6 +45,7 @@ class Line {
 
   bool arrived() const { return elapsed_ >= duration_; }
   bool ends_in_next_cycle() const { return elapsed_ + 1.0 > duration_; }
+  double remaining() const { return duration_ - elapsed_; }  // cycles
   Counts target() const { return to_; }
   Counts now() const { return from_ + static_cast<Counts>(std::floor(place_)); }
   double fraction() const { return place_ - std::floor(place_); }

@@ -1,5 +1,7 @@
 #include "drive/modes/set_point_follower.hpp"
 
+#include <utility>
+
 namespace servodrome::drive {
 
 void InterpolationPeriod::update(const Axis& axis) {
@@ -64,12 +66,37 @@ void await_target(Axis& axis) {
   axis.follow_generator(Loop::position);
 }
 
+double bridging_rate(const Axis& axis, double before, double rate) {
+  if (LineDemand::jumps(axis, (rate - before) / axis.cycle_s)) return 0.0;
+  if (before * rate <= 0.0 || std::abs(rate) >= std::abs(before)) return rate;
+  const double slower = 2.0 * rate - before;
+  return slower * rate > 0.0 ? slower : 0.0;
+}
+
+void end_bridge(Axis& axis, Line& line, LineDemand& demand, Counts target, double cycles) {
+  Generator& generator = axis.generator;
+  if (demand.on_line()) {
+    generator.place(generator.position(), generator.fraction(), 0.0);
+    demand.begin(axis, line, target, cycles);
+  }
+  line.go(target, cycles);
+}
+
+bool runs_beyond_limits(const Axis& axis, Line line) {
+  if (!axis.software_limits_active()) return false;
+  line.step(true);
+  const std::int64_t user = axis.to_user_position(line.now());
+  return user < axis.objects.min_position_limit || user > axis.objects.max_position_limit;
+}
+
 // Whether the line leads on to the target from the one before; false: it begins with it, to be there in `cycles`.
 bool SetPointFollower::begin(Axis& axis, std::int64_t user, double cycles) {
-  if (following_) return !too_late(due_);
+  // One that comes long before the next is due is the lost one, late.
+  const bool lost_one = std::exchange(bridging_, false) && due_ > 2.0 * jitter;
+  if (following_) return !too_late(due_) && !lost_one;
   following_ = true;
-  const Counts target = resolve_cyclic_target(axis, user, axis.generator.nearest_position());
-  demand_.begin(axis, line_, target, cycles);
+  target_ = axis.generator.nearest_position();
+  demand_.begin(axis, line_, resolve_cyclic_target(axis, user, target_), cycles);
   return false;
 }
 
@@ -105,24 +132,32 @@ void SetPointFollower::follow(Axis& axis, std::int64_t user) {
 // A line whose speed has nothing to do with that of the one before is a jump, not a stream that would go on.
 void SetPointFollower::lead_to(Axis& axis, std::int64_t user) {
   const double before = line_.rate();
-  line_.go(resolve_cyclic_target(axis, user, line_.target()), due_);
+  target_ = resolve_cyclic_target(axis, user, target_);
+  line_.go(target_, due_);
+  bridge_ = regular_ ? bridging_rate(axis, before, line_.rate()) : 0.0;
   streams_ = regular_ && !LineDemand::jumps(axis, (line_.rate() - before) / axis.cycle_s);
+}
+
+// The axis ran on for the time that the next target might have been late.
+void SetPointFollower::await_late_target(const Axis& axis) {
+  bridging_ = !bridging_ && bridge_ != 0.0;
+  streams_ = bridging_;
+  if (!bridging_) return;
+  line_.run_at(bridge_);
+  due_ += period_.cycles(axis);
 }
 
 void SetPointFollower::step(Axis& axis) {
   if (!following_) return await_target(axis);
-  const bool last_chance = std::ceil(due_) <= -jitter;
-  if (last_chance && streams_) {
-    // The next target is lost. The axis ran on for the time it might have been late; back to the last one.
-    streams_ = false;
-    line_.go(line_.target(), period_.cycles(axis));
-  }
-  const bool run_on = streams_ && !last_chance;
+  const bool streamed = streams_;
+  if (streamed && std::ceil(due_) <= -jitter) await_late_target(axis);
+  if (streams_ && line_.ends_in_next_cycle() && runs_beyond_limits(axis, line_)) streams_ = false;
+  if (streamed && !streams_) end_bridge(axis, line_, demand_, target_, period_.cycles(axis));
   due_ -= 1.0;
   sync_due_ -= 1.0;
   demand_.follow(axis, line_, [&] {
-    line_.step(run_on);
-    return run_on || !line_.arrived();
+    line_.step(streams_);
+    return streams_ || !line_.arrived();
   });
 }
 

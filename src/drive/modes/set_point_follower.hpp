@@ -32,6 +32,9 @@ class InterpolationPeriod {
 // the moments they arrive, and lets that time base be pulled along by them: a target may come up to a cycle early or
 // late (jitter of bus and master, or a period that is no multiple of the cycle) without a trace in the velocity. Where
 // the moment is known to a part of a cycle, as that of a SYNC is, the time base locks to it.
+//
+// One target that does not come is bridged: the axis runs on for one period more. If the next one does not come either,
+// the stream has ended, and the axis rests at the last target.
 class SetPointFollower {
  public:
   // Forgets the targets; the axis comes to rest from whatever it does.
@@ -41,7 +44,7 @@ class SetPointFollower {
   bool on_line() const { return demand_.on_line(); }
   bool following() const { return following_; }
   // At the last target, with none expected this instant.
-  bool arrived() const { return line_.arrived(); }
+  bool arrived() const { return line_.arrived() && (!streams_ || line_.rate() == 0.0); }
 
   // A new target in user units, to be reached one period after the one before.
   void follow(Axis& axis, std::int64_t user);
@@ -55,6 +58,7 @@ class SetPointFollower {
  private:
   bool begin(Axis& axis, std::int64_t user, double cycles);
   void lead_to(Axis& axis, std::int64_t user);
+  void await_late_target(const Axis& axis);
 
   Line line_{};
   LineDemand demand_{};
@@ -68,7 +72,19 @@ class SetPointFollower {
   bool following_ = false;  // a target was given
   bool regular_ = false;    // the last target came when it was due
   bool streams_ = false;    // ... and the axis runs on while the next one may come
+  bool bridging_ = false;   // ... in place of one that did not
+  Counts target_ = 0;       // the last one
+  double bridge_ = 0.0;     // counts per cycle: see bridging_rate
 };
+
+// How fast an axis runs on, counts per cycle, in place of the target after a line of the speed `rate`, which follows
+// one of the speed `before`: as fast, less what it was slowing down, so that a motion that came to its end goes no
+// further. 0 where the line was a jump: its speed has nothing to do with that of the one before.
+double bridging_rate(const Axis& axis, double before, double rate);
+// Ends such a bridge: the axis stands, and goes back to `target` on `line` in `cycles`, or as it catches up.
+void end_bridge(Axis& axis, Line& line, LineDemand& demand, Counts target, double cycles);
+// Whether a line that stands for a missing set-point leaves the software limits in the next cycle.
+bool runs_beyond_limits(const Axis& axis, Line line);
 
 // What the modes of interpolation share: targets in counts, and coming to rest before the first target.
 Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last);

@@ -409,6 +409,7 @@ CauseSet Drive::present_causes() const {
   if (!units_valid_) present.set(Cause::factor_group);
   if (axis_.velocity_clipped) present.set(Cause::velocity_clipped);
   if (axis_.position_change_clipped) present.set(Cause::position_change_clipped);
+  if (buffers_records() && interpolated_position_.lost_record()) present.set(Cause::interpolation_overrun);
   return present;
 }
 

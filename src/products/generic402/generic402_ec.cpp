@@ -24,15 +24,23 @@ void Generic402Ec::prepare(dictionary::Area areas) {
 }
 
 drive::Configuration Generic402Ec::configuration() const {
-  return generic402::configuration(objects().manufacturer, settings().motor);
+  drive::Configuration configuration = generic402::configuration(objects().manufacturer, settings().motor);
+  configuration.set_point_period_s = set_point_period_s_;
+  return configuration;
 }
 
-// With SYNC0 the set-points come with its period, whatever 60C2h was.
+// With SYNC0 the set-points come with its period, whatever 60C2h says; where 60C2h can hold it, it does.
 void Generic402Ec::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time now) {
   EthercatDevice::state_changed(from, to, cause, now);
+  if (to == ethercat::AlState::init && set_point_period_s_ != 0.0) {
+    set_point_period_s_ = 0.0;
+    reconfigure();
+  }
   if (from != ethercat::AlState::pre_operational || to != ethercat::AlState::safe_operational) return;
-  drive::Objects& common = objects().drive;
-  generic402::set_interpolation_period(common, objects().communication.output_sync.sync0_cycle_time_ns);
+  const std::uint32_t period_ns = objects().communication.output_sync.sync0_cycle_time_ns;
+  generic402::set_interpolation_period(objects().drive, period_ns);
+  set_point_period_s_ = 1e-9 * period_ns;
+  reconfigure();
 }
 
 void Generic402Ec::written(const dictionary::Entry& entry) {

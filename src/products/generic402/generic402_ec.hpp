@@ -37,6 +37,7 @@ class Generic402Ec final : public EthercatDevice<Generic402Ec, generic402::Ether
   // --- ethercat::SlaveEvents
   void state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time now) override;
 
+  double set_point_period_s_ = 0.0;  // of SYNC0; 0: 60C2h
   ParameterFile parameter_file_{dictionary(), drive(), settings().store};
 };
 

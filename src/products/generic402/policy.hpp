@@ -44,6 +44,8 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
      "Encoder turn overflow"},
     {Cause::hall_wiring, 0x7306, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Hall wiring"},
     {Cause::hall_state, 0x7122, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Commutation, Hall state"},
+    {Cause::interpolation_overrun, 0x6300, 0x00, Reaction::none, ResetRule::when_cause_gone,
+     "Interpolation data record lost"},
     {Cause::communication_lost, 0x8130, 0x11, Reaction::option_code, ResetRule::when_cause_gone, "Master lost"},
     {Cause::over_speed, 0x8400, 0x21, Reaction::option_code, ResetRule::when_cause_gone,
      "Velocity controller, over-speed"},

@@ -51,15 +51,16 @@ constexpr drive::Policy make_policy() {
   policy.transition_16 = false;                                   // L809
   policy.dc_link = drive::DcLink::from_switched_on;               // table 3-1 (L777-786)
   policy.faults = faults;
-  policy.set_point_queue = 16;                          // L1521
-  policy.halt_discards_set_points = true;               // L1523-1530
-  policy.jerk_limited_only_from_standstill = true;      // L2802
-  policy.ramp_shapes = 0b1001;                          // L1314-1331
-  policy.zero_values_are_faults = true;                 // L2789-2821
-  policy.out_of_limits = drive::OutOfLimits::fault;     // G20
-  policy.limit_switches = drive::LimitSwitches::fault;  // G53
-  policy.software_limits_switch_range_off = true;       // L1159
-  policy.slippage_supported = false;                    // L1589
+  policy.set_point_queue = 16;                                                                 // L1521
+  policy.halt_discards_set_points = true;                                                      // L1523-1530
+  policy.jerk_limited_only_from_standstill = true;                                             // L2802
+  policy.ramp_shapes = 0b1001;                                                                 // L1314-1331
+  policy.zero_values_are_faults = true;                                                        // L2789-2821
+  policy.out_of_limits = drive::OutOfLimits::fault;                                            // G20
+  policy.limit_switches = drive::LimitSwitches::fault;                                         // G53
+  policy.software_limits_switch_range_off = true;                                              // L1159
+  policy.slippage_supported = false;                                                           // L1589
+  policy.interpolation_periods = {.least_value = 0, .least_index = -3, .greatest_index = -3};  // 0 raises 6553h
   policy.homing_methods = homing_methods;
   policy.home_offset_sign = home_offset_sign;
   policy.homing_errors_are_faults = true;  // G27

@@ -76,6 +76,7 @@ constexpr drive::Policy make_policy() {
   policy.jerk_limited_single_symmetric = true;           // L1882
   policy.slippage_supported = false;                     // there is no object for it
   policy.interpolation = drive::Interpolation::at_sync;  // L2010-2016
+  policy.interpolation_periods = {.least_value = 0, .least_index = -128, .greatest_index = 63};  // L1988-2006
   policy.homing_methods = homing_methods;
   policy.home_offset_sign = home_offset_sign;
   policy.homing_error_codes = homing_error_codes;

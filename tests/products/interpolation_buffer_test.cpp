@@ -1,0 +1,145 @@
+#include <gtest/gtest.h>
+
+#include "ismk_rig.hpp"
+#include "jmc_rig.hpp"
+#include "products/generic402/generic402.hpp"
+#include "products/generic402/generic402_ec.hpp"
+#include "products/ismc/ismc.hpp"
+#include "products/ismk/ismk_ea.hpp"
+#include "products/pronet/pronet.hpp"
+
+// What the buffer of interpolated position, 60C4h, and the period 60C2h refuse.
+namespace servodrome {
+namespace {
+
+using dictionary::AbortCode;
+using Rig = test::Rig<products::Generic402>;
+
+struct Interpolating : Rig {
+  explicit Interpolating(std::int64_t size) {
+    set(0x60C4, 2, size);
+    set(0x6060, 0, 7);
+    EXPECT_TRUE(enable());
+  }
+  AbortCode record(std::int64_t position) { return set(0x60C1, 1, position); }
+};
+
+TEST(InterpolationBuffer, ARecordTooManyIsRefused) {
+  for (const auto& [size, fits] : {std::pair{0, 1}, {1, 1}, {4, 4}, {64, 64}}) {
+    SCOPED_TRACE(size);
+    Interpolating axis(size);
+    for (int n = 1; n <= fits; ++n) EXPECT_EQ(axis.record(10 * n), AbortCode::none) << n;
+    EXPECT_EQ(axis.get(0x60C4, 4), fits);
+    EXPECT_EQ(axis.record(10 * fits + 10), AbortCode::device_state);
+    EXPECT_EQ(axis.get(0x60C1, 1), 10 * fits) << "the object has what was taken";
+    // All that were taken are travelled, and none else.
+    axis.control(0x1F);
+    axis.run_ms(2);
+    if (fits > 1) {
+      EXPECT_EQ(axis.record(10 * fits + 10), AbortCode::none) << "there is room again";
+    }
+    axis.run_ms(200);
+    EXPECT_EQ(axis.get(0x6062), 10 * fits + (fits > 1 ? 10 : 0));
+  }
+}
+
+TEST(InterpolationBuffer, ARingTakesTheNewest) {
+  Interpolating axis(4);
+  axis.set(0x60C4, 3, 1);
+  for (int n = 1; n <= 10; ++n) EXPECT_EQ(axis.record(10 * n), AbortCode::none);
+  EXPECT_EQ(axis.get(0x60C4, 4), 4);
+  axis.control(0x1F);
+  axis.run_ms(100);
+  EXPECT_EQ(axis.get(0x6062), 100);
+  EXPECT_EQ(axis.get(0x1001), 0);
+}
+
+TEST(InterpolationBuffer, ClearedItTakesAgain) {
+  Interpolating axis(2);
+  EXPECT_EQ(axis.record(1), AbortCode::none);
+  EXPECT_EQ(axis.record(2), AbortCode::none);
+  EXPECT_EQ(axis.record(3), AbortCode::device_state);
+  EXPECT_EQ(axis.set(0x60C4, 6, 0), AbortCode::none);
+  EXPECT_EQ(axis.get(0x60C4, 4), 0);
+  EXPECT_EQ(axis.record(3), AbortCode::none);
+}
+
+// Where no record is taken, the object takes any value.
+TEST(InterpolationBuffer, OutsideOfTheModeNothingWaits) {
+  Rig axis;
+  for (int n = 1; n <= 5; ++n) EXPECT_EQ(axis.set(0x60C1, 1, 1000 * n), AbortCode::none);
+  EXPECT_EQ(axis.get(0x60C4, 4), 0);
+  axis.set(0x6060, 0, 7);
+  ASSERT_TRUE(axis.enable());
+  axis.control(0x1F);
+  axis.run_ms(50);
+  EXPECT_EQ(axis.get(0x6062), 0);
+}
+
+// Process data have no answer: an EMCY, once, and bit 7.
+TEST(InterpolationBuffer, LostInProcessDataIsTold) {
+  Interpolating axis(2);
+  axis.set(0x1400, 1, 0x80000000 | axis.get(0x1400, 1));
+  axis.set(0x1600, 0, 0);
+  axis.set(0x1600, 1, 0x60C10120);
+  axis.set(0x1600, 0, 1);
+  axis.set(0x1400, 2, 255);
+  axis.set(0x1400, 1, 0x200 + axis.device.node_id());
+  axis.send(0, {1, 0});
+  const auto emergencies = [&](std::uint16_t code) {
+    int count = 0;
+    for (const canopen::Frame& frame : axis.sent) {
+      if (frame.id == 0x80U + axis.device.node_id() && frame.data[0] + (frame.data[1] << 8) == code) ++count;
+    }
+    return count;
+  };
+  const auto record = [&](std::uint8_t value) {
+    axis.send(0x200U + axis.device.node_id(), {value, 0, 0, 0});
+    axis.run_ms(1);
+  };
+  for (const std::uint8_t value : std::to_array<std::uint8_t>({1, 2, 2, 2})) record(value);
+  EXPECT_EQ(emergencies(0x6300), 0) << "what says the same again loses nothing";
+  EXPECT_EQ(axis.status() & 0x80, 0);
+  for (std::uint8_t value = 3; value < 10; ++value) record(value);
+  EXPECT_EQ(emergencies(0x6300), 1);
+  EXPECT_EQ(axis.status() & 0x80, 0x80);
+  EXPECT_EQ(axis.device.drive().state(), drive::PowerState::operation_enabled);
+  axis.set(0x60C4, 6, 0);
+  axis.run_ms(1);
+  EXPECT_EQ(axis.status() & 0x80, 0);
+  EXPECT_EQ(emergencies(0x0000), 1);
+}
+
+// --- 60C2h
+
+template <typename RigType>
+void refuses_impossible_periods(RigType&& rig) {
+  const std::int64_t value = rig.get(0x60C2, 1);
+  const std::int64_t index = rig.get(0x60C2, 2);
+  EXPECT_EQ(rig.set(0x60C2, 1, 0), AbortCode::value_invalid);
+  for (const int impossible : {-128, -7, 1, 63}) EXPECT_EQ(rig.set(0x60C2, 2, impossible), AbortCode::value_invalid);
+  EXPECT_EQ(rig.get(0x60C2, 1), value);
+  EXPECT_EQ(rig.get(0x60C2, 2), index);
+  for (const int possible : {1, 2, 255}) EXPECT_EQ(rig.set(0x60C2, 1, possible), AbortCode::none);
+  for (const int possible : {-6, -3, 0}) EXPECT_EQ(rig.set(0x60C2, 2, possible), AbortCode::none);
+}
+
+TEST(InterpolationPeriod, ImpossibleOnesAreRefused) {
+  refuses_impossible_periods(Rig{});
+  refuses_impossible_periods(test::Rig<products::Generic402Ec>{});
+  refuses_impossible_periods(test::Rig<products::IsmkEa>{test::ismk_plant(), test::ismk_settings()});
+  refuses_impossible_periods(test::FactoryJmcRig{});
+}
+
+// Manuals that print another range: 1 to 4 ms, with a fault for 0 (ISMC L1933, L2817); UINT8 (ProNet L1988-2006).
+TEST(InterpolationPeriod, AsTheManualPrintsIt) {
+  test::Rig<products::Ismc> ismc;
+  EXPECT_EQ(ismc.set(0x60C2, 1, 0), AbortCode::none);
+  EXPECT_NE(ismc.set(0x60C2, 1, 5), AbortCode::none);
+  test::Rig<products::Pronet> pronet;
+  EXPECT_EQ(pronet.set(0x60C2, 1, 0), AbortCode::none);
+  EXPECT_EQ(pronet.set(0x60C2, 2, 63), AbortCode::none);
+}
+
+}  // namespace
+}  // namespace servodrome
