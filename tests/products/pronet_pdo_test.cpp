@@ -191,6 +191,68 @@ TEST(PronetPdo, MappingRules) {
   EXPECT_EQ(map(0, 2), AbortCode::none);
 }
 
+// Whatever happens, and wherever NMT forbids TPDOs meanwhile: the first that comes after it shows the state as it is.
+TEST(PronetPdo, NoTpdoShowsAnOlderState) {
+  const std::vector<std::function<void(Axis&)>> steps{
+      [](Axis& axis) { axis.control(0x06); },
+      [](Axis& axis) { axis.control(0x07); },
+      [](Axis& axis) { axis.run_ms(200), axis.control(0x0F); },
+      [](Axis& axis) { axis.set(0x60FF, 0, 3000); },
+      [](Axis& axis) { axis.device.drive().inject(drive::Cause::current_sensor, true); },
+      [](Axis& axis) { axis.device.drive().inject(drive::Cause::current_sensor, false), axis.control(0x00); },
+      [](Axis& axis) { axis.control(0x80); },
+      [](Axis& axis) { axis.set(0x60FF, 0, 0), axis.control(0x00); },
+      [](Axis& axis) { axis.plant.force_input(2, true); },  // POT
+      [](Axis& axis) { axis.plant.force_input(2, false); },
+      [](Axis& axis) { axis.set(0x6060, 0, 1), axis.control(0x06); },
+      [](Axis& axis) { axis.set(0x6060, 0, 3), axis.control(0x02); },
+  };
+  for (const int type : {254, 255}) {
+    for (const std::uint8_t command : {std::uint8_t{0}, std::uint8_t{0x02}, std::uint8_t{0x80}}) {
+      SCOPED_TRACE(testing::Message() << "type " << type << " NMT " << int{command});
+      Axis axis;
+      axis.run_ms(1);
+      axis.set(0x6060, 0, 3);
+      only(axis, 1, {0x60410010}, type);
+      start(axis);
+      const auto text = [&axis] {
+        const std::uint16_t status = axis.status();
+        return test::text_of(
+            {.id = 0x181, .length = 2, .data = {std::uint8_t(status & 0xFF), std::uint8_t(status >> 8)}});
+      };
+      // Each TPDO of so many ticks shows what is true in that tick, or was in the one before.
+      const auto watch = [&](int ticks) {
+        std::size_t seen = 0;
+        for (int tick = 0; tick < ticks; ++tick) {
+          const std::string before = text();
+          axis.tick();
+          if (count(axis, 0x181) != 0) {
+            EXPECT_TRUE(last(axis, 0x181) == before || last(axis, 0x181) == text());
+          }
+          seen += count(axis, 0x181);
+          axis.sent.clear();
+        }
+        return seen;
+      };
+      for (std::size_t step = 0; step < steps.size(); ++step) {
+        SCOPED_TRACE(step);
+        if (command != 0) axis.send(0x000, {command, 0x01});
+        axis.sent.clear();
+        steps[step](axis);
+        axis.sent.clear();
+        EXPECT_EQ(watch(320) != 0, command == 0) << "not while NMT forbids it";
+        if (command == 0) continue;
+        start(axis);
+        if (type == 254) {
+          EXPECT_EQ(last(axis, 0x181), text()) << "at once";
+        }
+        axis.sent.clear();
+        EXPECT_NE(watch(320), 0U);
+      }
+    }
+  }
+}
+
 // The low byte counts and the rest is padding, in both directions (C7).
 TEST(PronetPdo, EightBitObjectsInSixteenBits) {
   Axis axis;
