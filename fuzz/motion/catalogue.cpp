@@ -1,6 +1,8 @@
 #include "catalogue.hpp"
 
+#include <charconv>
 #include <stdexcept>
+#include <string_view>
 
 #include "drive/drive.hpp"
 #include "line/line.hpp"
@@ -28,6 +30,19 @@ Variant variant_of(const line::Product& product, std::string_view model) {
   return variant;
 }
 
+// A product without sizes may have another encoder: "encoder-10000" is one of 10000 counts per revolution.
+constexpr std::string_view encoder_size = "encoder-";
+
+std::int32_t encoder_of(std::string_view size) {
+  std::int32_t counts = 0;
+  if (size.starts_with(encoder_size)) {
+    const std::string_view digits = size.substr(encoder_size.size());
+    std::from_chars(digits.data(), digits.data() + digits.size(), counts);
+  }
+  if (counts <= 0) throw std::invalid_argument("there is no size \"" + std::string(size) + "\"");
+  return counts;
+}
+
 line::AxisSettings axis_settings(const AxisSetup& setup, std::size_t number) {
   line::AxisSettings axis;
   axis.name = "a" + std::to_string(number);
@@ -38,6 +53,9 @@ line::AxisSettings axis_settings(const AxisSetup& setup, std::size_t number) {
     const products::Model* model = products::find_model(axis.product->models, axis.model);
     if (model == nullptr) throw std::invalid_argument(setup.product + " has no model \"" + axis.model + "\"");
     line::fit_model(*model, axis.plant);
+  } else if (!setup.model.empty()) {
+    axis.model = {};
+    axis.plant.encoder.counts_per_revolution = encoder_of(setup.model);
   }
   plant::Parameters& plant = axis.plant;
   plant.supply.charged_at_start = true;
@@ -77,6 +95,8 @@ std::vector<Variant> variants(std::string_view only) {
   for (const line::Product& product : line::all_products()) {
     if (!only.empty() && product.name != only) continue;
     if (product.models.empty()) all.push_back(variant_of(product, {}));
+    // Of its encoders the incremental one begins at 0 with each power-on, and has an index.
+    if (product.name == "pronet") all.push_back(variant_of(product, "encoder-10000"));
     for (const products::Model& model : product.models) all.push_back(variant_of(product, model.name));
   }
   return all;

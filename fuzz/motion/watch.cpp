@@ -833,6 +833,7 @@ void Watch::limit_bit() {
   const drive::Axis& axis = drive_.axis();
   const bool judged = state_ == PowerState::operation_enabled && mode_ == Mode::profile_velocity && pwm_ &&
                       motion_can_be_judged() && stop_.kind == StopKind::none && !drive_.identification().running() &&
+                      (axis.controlword & controlword::halt) == 0 &&  // a word with bit 7 keeps the halt before it
                       shows(11, {drive::StatusSource::internal_limit}) && torque_acceleration() > 0.0 &&
                       !axis.software_limits_active() && !axis.active(drive::Signal::negative_limit) &&
                       !axis.active(drive::Signal::positive_limit) && objects_.profile_acceleration != 0 &&

@@ -23,7 +23,7 @@ struct Options {
 };
 
 // For drives that do not say what a revolution is (6092h, 608Fh).
-constexpr host::AxisUnits units_of_drives_that_do_not_say{131072.0, 131072.0, 131072.0};
+constexpr double usual_units_per_revolution = 131072.0;
 // Homing looks for edges at this part of the speed.
 constexpr double homing_speed_factor = 0.5;
 constexpr double zero_speed_factor = 0.1;
@@ -93,8 +93,8 @@ void move_and_check(host::Axis402& axis, std::int32_t target, const host::Motion
 
 void prove(host::Axis402& axis, Outcome& outcome, const Options& options) {
   const bool given = options.units_per_revolution > 0;
-  const host::AxisUnits units = axis.units(given ? std::optional(options.units_per_revolution) : std::nullopt)
-                                    .value_or(units_of_drives_that_do_not_say);
+  const auto told = axis.units(given ? std::optional(options.units_per_revolution) : std::nullopt);
+  const host::AxisUnits units = told ? *told : axis.units(usual_units_per_revolution).value();
   const auto speed = [&](double factor) {
     return whole_units<std::uint32_t>(options.speed_rps * factor * units.velocity, "--speed", options.speed_rps);
   };
