@@ -69,7 +69,10 @@ TEST(Allocation, NothingIsAllocatedWhileALineRuns) {
     send(download(node, 0x6081, 4, 500000));
     send(download(node, 0x607A, 4, 300000));
     send(download(node, 0x1017, 2, 10));
-    for (const std::uint32_t word : {0x06U, 0x07U, 0x0FU, 0x1FU}) send(download(node, 0x6040, 2, word));
+    for (const std::uint32_t word : {0x06U, 0x07U, 0x0FU, 0x1FU}) {
+      send(download(node, 0x6040, 2, word));
+      if (word == 0x07U) line.run_until(line.now() + std::chrono::milliseconds(200));  // the DC link charges
+    }
   }
   canopen::Frame sync{.id = 0x80, .length = 0};
   std::size_t received = 0;

@@ -128,7 +128,7 @@ TYPED_TEST(DcLinkWait, TheLastCommandDecides) {
   };
   for (const Row& row : {Row{0x06, PowerState::ready_to_switch_on}, Row{0x00, PowerState::switch_on_disabled},
                          Row{0x0D, PowerState::switch_on_disabled}, Row{0x02, PowerState::switch_on_disabled},
-                         Row{0x0B, PowerState::switch_on_disabled}}) {
+                         Row{0x0B, PowerState::switch_on_disabled}, Row{0x8F, PowerState::ready_to_switch_on}}) {
     SCOPED_TRACE(row.word);
     TypeParam axis;
     this->make_ready(axis);

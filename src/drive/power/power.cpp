@@ -27,6 +27,7 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   controlword_ = now;
   change_mode();  // a mode that was written before acts with this controlword, not only from the next cycle on
   if ((now & controlword::fault_reset) != 0) {
+    awaits_dc_link_ = false;  // what was commanded before is no longer
     // A word with bit 7 resets faults and commands nothing: in the table of commands bit 7 is 0 (CiA 402-2 table 9).
     const bool resets = (before & controlword::fault_reset) == 0 && reset_faults();
     if (!resets || !policy_.reset_word_is_a_command) return;
