@@ -145,6 +145,63 @@ TEST(PronetHoming, OnlyTheSearchIsFast) {
   }
 }
 
+// Whatever comes while methods 4 and 20 search, return and look for the edge: the axis rests, and homing may be done
+// again, with the same home.
+TEST(PronetHoming, InterruptedAtEachLegItIsDoneAgain) {
+  const auto reenable = [](Axis& axis) { axis.control(0x06), axis.run_ms(1), axis.control(0x0F), axis.run_ms(5); };
+  const std::vector<std::pair<const char*, std::function<void(Axis&)>>> interruptions{
+      {"bit 4 away", [](Axis& axis) { axis.control(0x0F), axis.run_ms(400); }},
+      {"halt", [](Axis& axis) { axis.control(0x11F), axis.run_ms(400), axis.control(0x0F), axis.run_ms(400); }},
+      {"disabled", [&](Axis& axis) { axis.control(0x07), axis.run_ms(3000), reenable(axis); }},
+      {"quick stop",
+       [&](Axis& axis) { axis.control(0x02), axis.run_ms(3000), axis.control(0x00), axis.run_ms(5), reenable(axis); }},
+      {"another mode",
+       [](Axis& axis) {
+         axis.set(0x6060, 0, 3), axis.run_ms(400), axis.control(0x0F), axis.set(0x6060, 0, 6), axis.run_ms(5);
+       }},
+      {"NMT stop",
+       [](Axis& axis) {
+         axis.send(0x000, {0x02, 0x01}), axis.run_ms(50), axis.send(0x000, {0x01, 0x01}), axis.control(0x0F),
+             axis.run_ms(400);
+       }},
+      {"enabled twice",
+       [&](Axis& axis) {
+         for (int i = 0; i < 2; ++i) axis.control(0x00), axis.run_ms(1000), reenable(axis);
+       }},
+      {"power",
+       [](Axis& axis) {
+         axis.plant.sample(axis.feedback);
+         axis.device.power_off();
+         axis.device.power_on(axis.feedback, axis.now());
+         axis.run_ms(3000);
+       }},
+  };
+  for (const int method : {4, 20}) {
+    for (const double after_ms : {100.0, 420.0, 700.0, 1500.0}) {
+      for (const auto& [what, interrupt] : interruptions) {
+        SCOPED_TRACE(testing::Message() << "method " << method << ", " << what << " after " << after_ms << " ms");
+        Axis axis(travel(0));
+        prepare(axis, method);
+        axis.control(0x1F);
+        axis.run_ms(after_ms);
+        ASSERT_EQ(axis.status() & 0x3400, 0);
+        interrupt(axis);
+        EXPECT_EQ(axis.status() & 0x1000, 0);
+        EXPECT_FALSE(axis.device.drive().in_motion());
+        EXPECT_NEAR(axis.plant.velocity_rpm(), 0.0, 3.0);
+        EXPECT_EQ(axis.get(0x603F), 0);
+        const std::int64_t stands = axis.plant.position_counts();
+        axis.run_ms(100);
+        EXPECT_NEAR(static_cast<double>(axis.plant.position_counts()), static_cast<double>(stands), 3.0);
+        if (axis.device.drive().state() != drive::PowerState::operation_enabled) prepare(axis, method);
+        ASSERT_EQ(home(axis), 0x1400);
+        const std::int64_t found = axis.plant.position_counts() - axis.get(0x6064);
+        EXPECT_NEAR(static_cast<double>(found), static_cast<double>(method == 4 ? turn + index_at : switch_from), 2.0);
+      }
+    }
+  }
+}
+
 // "The error cause is found by reading the error code" (L1400): as long as bit 13 tells the error, and after it until
 // homing starts again or the mode changes. It is no alarm.
 TEST(PronetHoming, AnErrorTellsItsCode) {
