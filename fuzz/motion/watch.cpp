@@ -991,9 +991,9 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
   for (std::size_t back = 0; back < std::min(shown_count_, shown_.size()); ++back) {
     const Shown& shown = shown_[(shown_count_ - 1 - back) % shown_.size()];
     if (shown.statusword == word) return;
-    // A command acts when it comes, the bits of the mode follow with the next cycle: between the two a TPDO may have
-    // shown what no tick ends with.
-    if (shown.tick >= now - ms(1) && ((shown.statusword ^ word) & 0x00FF) == 0) return;
+    // A command acts when it comes, bit 4 and those of the mode follow with the next cycle: between the two a TPDO may
+    // have shown what no tick ends with.
+    if (shown.tick >= now - ms(1) && ((shown.statusword ^ word) & 0x00EF) == 0) return;
     if (shown.tick < now - ms(3)) {
       return fail(
           "stale-statusword",
