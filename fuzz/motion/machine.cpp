@@ -405,7 +405,7 @@ class Machine final : public FrameListener {
     }
     if (!run_for(60)) return false;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
-      if (!axes_[i].set_up) set_up(i);
+      set_up(i);  // again: a reset that waited for a cut bus has come since
       control(i, 0);
     }
     if (!run_for(60)) return false;
