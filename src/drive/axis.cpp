@@ -56,6 +56,21 @@ bool Axis::near_software_limit() const {
   return (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * cycle_s;
 }
 
+bool Axis::too_fast_for_software_limit(double deceleration) const {
+  const double velocity = generator.velocity();
+  const double steepest = std::max(quick_stop_ramp(), deceleration);
+  if (velocity == 0.0 || steepest <= 0.0 || !software_limits_active() || position_range() != 0) return false;
+  const double way = std::max(0.0, velocity * velocity / (2.0 * steepest) - std::abs(velocity) * cycle_s);
+  return !within_software_limits(generator.nearest_position() + static_cast<Counts>(std::copysign(way, velocity)));
+}
+
+bool Axis::within_software_limits(Counts target) const {
+  if (!software_limits_active()) return true;
+  const auto [least, greatest] =
+      std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
+  return target >= least && target <= greatest;
+}
+
 std::int64_t Axis::position_range() const {
   const std::int64_t low = objects.min_position_range_limit;
   const std::int64_t high = objects.max_position_range_limit;

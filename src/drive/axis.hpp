@@ -338,6 +338,8 @@ struct Axis {
   bool at_software_limit(std::int64_t user) const {
     return software_limits_active() && (user <= objects.min_position_limit || user >= objects.max_position_limit);
   }
+  // Whether a target of counts lies within the software limits, or these are off.
+  bool within_software_limits(Counts target) const;
   // A limit switch is active, or the demand is at a software limit or beyond it (the shaft hunts around it by a count).
   bool at_position_limit() const;
   // ... and the demand does not lead away from it.
@@ -352,6 +354,9 @@ struct Axis {
   Room room() const;
   // The demand still just comes to rest before the software limit ahead, with the quick stop's ramp.
   bool near_software_limit() const;
+  // The demand, which is to stop at the software limit ahead with this deceleration (counts/s^2), cannot, not even with
+  // the quick stop's.
+  bool too_fast_for_software_limit(double deceleration) const;
 };
 
 }  // namespace servodrome::drive

@@ -12,9 +12,10 @@ namespace {
 constexpr float least_share = 0.005F;
 // A phase carries nothing beside one that carries this many times as much.
 constexpr float none_share = 0.1F;
-// Turning: so many sixteenths of a turn must have been passed, and in this share of them the current must have had to
-// do without the phase. Of a whole system that is a quarter at most: each zero of a phase takes a few degrees.
-constexpr int least_passed = 6;
+// Turning: in so many sixteenths of a turn, and in this share of those that were passed, the current must have had to
+// do without the phase. Each zero of a whole phase takes a few degrees, so that is a quarter of them at most; of a
+// current that hardly flows the looks that tell something are few, and may meet such zeros by chance.
+constexpr int least_without = 6;
 constexpr int share_numerator = 2;
 constexpr int share_denominator = 3;
 // Standing: over a window of 50 ms the voltage must be a multiple of what the least current needs, and as much more
@@ -63,7 +64,7 @@ void OpenPhase::look_turning(const Sample& sample) {
     if (flows) phase.without |= sixteenth;
     const int passed = std::popcount(phase.passed);
     const int without = std::popcount(phase.without);
-    if (passed >= least_passed && share_denominator * without >= share_numerator * passed) open_ = true;
+    if (without >= least_without && share_denominator * without >= share_numerator * passed) open_ = true;
   }
 }
 

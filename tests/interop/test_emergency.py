@@ -63,16 +63,18 @@ def test_encoder_fault_by_injection(drive, network):
 
 
 def test_every_code_of_the_drive_can_be_injected_and_is_told(drive, network):
-    """Each row of the drive's own fault table: EMCY code and 603Fh are the row's."""
+    """Each row of the drive's own fault table: EMCY code and 603Fh are the row's. A warning is no error: 603Fh is silent."""
     rows = drive.bench.get(f"axes/{drive.name}/faults")["injectable"]["drive"]
     assert len(rows) >= 25
     masked = {"0x8483", "0x8900"} if drive.name == "ismc" else set()  # from the factory, by 2200h and 2017h
+    warnings = {"0x6300"} if drive.name == "reference" else set()  # a full buffer 60C4h
     for code in sorted({row["code"] for row in rows} - masked):
         network.seen.clear()
         drive.bench.post(f"axes/{drive.name}/faults", {"inject": code})
         expected = int(code, 16).to_bytes(2, "little")
         wait_for(lambda: expected in [d[:2] for d in network.seen.data(0x080 + drive.node.id)], f"EMCY {code}")
-        wait_for(lambda: drive.read(0x603F) == int(code, 16), f"603Fh {code}")
+        shown = 0 if code in warnings else int(code, 16)
+        wait_for(lambda: drive.read(0x603F) == shown, f"603Fh {shown:04X}h")
         drive.bench.delete(f"axes/{drive.name}/faults")
         network.seen.clear()
         drive.bench.post(f"axes/{drive.name}/power", {"action": "cycle"})

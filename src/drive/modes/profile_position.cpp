@@ -291,7 +291,11 @@ void ProfilePosition::halt(Axis& axis) {
 void ProfilePosition::keep_to_limits(Axis& axis) {
   const Objects& objects = axis.objects;
   if (!running_ || !axis.software_limits_active()) return;
-  if (axis.generator.finished() && !axis.generator.standing() && axis.near_software_limit()) {  // with its end velocity
+  // With its end velocity, or on a way that leads past the limit and back, as a new set-point under way may plan it.
+  const double ramp = axis.ramp(running_set_point_.deceleration, objects.max_deceleration);
+  const bool passes = !axis.generator.standing() &&
+                      (axis.generator.finished() ? axis.near_software_limit() : axis.too_fast_for_software_limit(ramp));
+  if (passes) {
     axis.limited = true;
     axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
     return interrupt(axis, 0);

@@ -147,7 +147,17 @@ void SetPointFollower::await_late_target(const Axis& axis) {
   due_ += period_.cycles(axis);
 }
 
+// 607Dh was set under way: a target that lies outside now is followed no further, whatever is left of the way to it.
+void SetPointFollower::keep_to_limits(Axis& axis) {
+  if (!following_ || axis.within_software_limits(target_)) return;
+  if (axis.policy.out_of_limits == OutOfLimits::fault) return axis.raise(Cause::position_limit);
+  axis.limited = true;
+  axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
+  stop();
+}
+
 void SetPointFollower::step(Axis& axis) {
+  keep_to_limits(axis);
   if (!following_) return await_target(axis);
   const bool streamed = streams_;
   if (streamed && std::ceil(due_) <= -jitter) await_late_target(axis);

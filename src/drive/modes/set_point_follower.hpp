@@ -59,6 +59,7 @@ class SetPointFollower {
   bool begin(Axis& axis, std::int64_t user, double cycles);
   void lead_to(Axis& axis, std::int64_t user);
   void await_late_target(const Axis& axis);
+  void keep_to_limits(Axis& axis);
 
   Line line_{};
   LineDemand demand_{};
