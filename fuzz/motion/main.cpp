@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <poll.h>
 #include <set>
+#include <span>
 #include <sstream>
 #include <sys/mman.h>
 #include <sys/wait.h>
@@ -47,6 +48,7 @@ what must hold whatever was done. What fails is shrunk to a short sequence and p
   --without NAME    this invariant does not count; may be given more than once
   --known FILE      lines "INVARIANT PRODUCT reason": counted, and no failure
   --keep FOLDER     what was found is written there, one file each
+  --until-found     ends with the first finding
   --no-shrink       what was found is printed as it was drawn
   --coverage        prints which events met which states in which modes
   --invariants      lists what is checked
@@ -73,6 +75,7 @@ struct Options {
   std::set<std::string> without;
   std::set<std::string> known;  // "invariant product"
   std::string keep;
+  bool until_found = false;
   bool shrinks = true;
   bool coverage = false;
   bool json = false;
@@ -158,6 +161,8 @@ Options parse(int argc, char** argv) {
       read_known(value(), options.known);
     } else if (option == "--keep") {
       options.keep = value();
+    } else if (option == "--until-found") {
+      options.until_found = true;
     } else if (option == "--no-shrink") {
       options.shrinks = false;
     } else if (option == "--coverage") {
@@ -199,18 +204,22 @@ struct Shared {
   std::atomic<std::uint64_t> done{0};
   std::atomic<std::uint64_t> ticks{0};
   std::atomic<std::uint64_t> current{0};
+  std::atomic<bool> found{false};
 };
 
 // One process: its share of the numbers. Records as lines: "F number invariant product text", "C product ..." at the
 // end.
-void work(const Options& options, const std::vector<Variant>& variants, int job, int out, Shared& shared,
+void work(const Options& options, const std::vector<Variant>& variants, int job, int out, std::span<Shared> all,
           Clock::time_point end) {
+  Shared& shared = all[static_cast<std::size_t>(job)];
   std::map<std::string, Coverage> coverage;
   const Judge judge(options);
   std::FILE* file = fdopen(out, "w");
   for (std::uint64_t i = static_cast<std::uint64_t>(job); i < options.sequences;
        i += static_cast<std::uint64_t>(options.jobs)) {
     if (options.seconds > 0 && Clock::now() >= end) break;
+    if (options.until_found && std::any_of(all.begin(), all.end(), [](const Shared& one) { return one.found.load(); }))
+      break;
     const std::uint64_t number = options.first + i;
     shared.current = number;
     const Sequence sequence = generate(options.seed, number, variants);
@@ -222,6 +231,7 @@ void work(const Options& options, const std::vector<Variant>& variants, int job,
                    outcome.finding->invariant.c_str(), product_of(sequence, *outcome.finding).c_str(),
                    outcome.finding->text.c_str());
       std::fflush(file);
+      shared.found = true;
     }
   }
   for (const auto& [product, one] : coverage) {
@@ -292,7 +302,7 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
     if (process < 0) wrong_usage("no process");
     if (process == 0) {
       close(ends[0]);
-      work(options, variants, static_cast<int>(job), ends[1], shared[job], end);
+      work(options, variants, static_cast<int>(job), ends[1], std::span(shared, jobs), end);
       std::_Exit(0);
     }
     close(ends[1]);

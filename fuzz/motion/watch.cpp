@@ -404,13 +404,16 @@ void Watch::demand() {
                       : demand.velocity;
   const std::int64_t cycle = std::min(passed, cycle_ticks);
   demand_tick_ = tick_;
-  if (!pwm_ || !had_pwm_ || (around_->injected & spoils_motion) != 0) {
+  // An encoder that fails, and the place that it shows again afterwards, moves what begins with the shaft.
+  if ((around_->injected & spoils_motion) != 0) spoiled_ = tick_;
+  if (!pwm_ || !had_pwm_ || tick_ - spoiled_ < ms(150)) {
     ramp_ = 0.0;
     return;
   }
   const double seconds = static_cast<double>(cycle) * tick_s;
   // Where the shaft is, a position loop's lag before it. The speed that the drive measures is late.
   const double speed = std::abs(velocity_) + overshoot(-1.0);
+  const bool caught = around_->locked && tick_ - around_->disturbed < ms(10);  // from any speed at once
   const double near = speed * 4.0 * cycle_ticks * tick_s + lag(speed) + 0.004 * counts_per_revolution_ + 3.0;
   if (demand.loop == Loop::position && before.loop == Loop::position) {
     const double moved = std::abs(demand.position - before.position);
@@ -418,7 +421,7 @@ void Watch::demand() {
     const double most = static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 *
                             counts_per_revolution_ * 1.02 * seconds +
                         2.0;
-    if (moved > most && std::abs(demand.position - position_) > near) {
+    if (moved > most && !caught && std::abs(demand.position - position_) > near) {
       const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
       return fail(cyclic ? "cyclic-demand-jumps" : "demand-jumps",
                   fmt::format("by {:.0f} counts in {:.3f} ms (at most {:.0f}), shaft {:.0f} counts behind, mode {}",
@@ -539,8 +542,10 @@ void Watch::limit_switches() {
     const bool demanded = drive_.axis().demand.loop == Loop::position;
     const double place =
         demanded ? std::max(direction * position_, direction * static_cast<double>(drive_.axis().demand.position))
-                 : direction * position_;
-    const double reach = place + stopping(speed).counts;
+                 : direction * position_ + lag(speed);  // a stop may go on in the position loop
+    // A halt that was under way goes on, with the ramp that it began with.
+    const bool stops = stop_.kind != StopKind::none && stop_.slope > 0.0;
+    const double reach = place + stopping(speed, stops ? std::min(slope(), stop_.slope) : slope()).counts;
     if (!active || !limit.active || !motion_can_be_judged() || mode_since_ == tick_) {
       limit = {active, reach};
       continue;
@@ -837,6 +842,7 @@ void Watch::limit_bit() {
                       shows(11, {drive::StatusSource::internal_limit}) && torque_acceleration() > 0.0 &&
                       !axis.software_limits_active() && !axis.active(drive::Signal::negative_limit) &&
                       !axis.active(drive::Signal::positive_limit) && objects_.profile_acceleration != 0 &&
+                      (axis.controlword & drive::controlword::halt) == 0 &&
                       tick_ - std::max({state_since_, mode_since_, around_->commanded, asked_}) > ms(300);
   const double wanted = std::abs(axis.units.velocity_to_counts(objects_.target_velocity));
   double most = greatest_speed();
@@ -846,7 +852,9 @@ void Watch::limit_bit() {
   const bool steady =
       std::abs(std::abs(velocity_) - wanted) < 0.02 * wanted + still_rpm / 60.0 * counts_per_revolution_ &&
       std::abs(axis_.plant().torque_nm()) < 0.5 * rated_torque_nm_;
-  const bool lies = judged && (shown ? wanted < 0.9 * most && steady : wanted > 1.05 * most);
+  // A switch that has opened again holds the axis until the next command, and bit 11 says so.
+  const bool held = axis.demand.velocity == 0.0F && wanted != 0.0;
+  const bool lies = judged && (shown ? wanted < 0.9 * most && steady && !held : wanted > 1.05 * most);
   if (!lies) limit_lie_since_ = tick_;
   if (tick_ - limit_lie_since_ > ms(50)) {
     fail("limit-is-untrue",

@@ -144,7 +144,8 @@ class Watch {
     double position = 0.0;
     double velocity = 0.0;
   } demand_before_;
-  double ramp_ = 0.0;  // the steepest that was set since the demand stood
+  std::int64_t spoiled_ = -1'000'000;  // tick of the last injection that spoils what the encoder says
+  double ramp_ = 0.0;                  // the steepest that was set since the demand stood
   std::int64_t demand_tick_ = -1;
 
   enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity };
