@@ -297,6 +297,7 @@ class Drive final : public dictionary::Listener {
   bool warnings_ = false;
   std::uint32_t dc_link_cycles_ = 0;  // since the DC link was connected
   bool awaits_dc_link_ = false;       // transition 3 was commanded, and the DC link has not its voltage yet
+  std::uint16_t word_before_wait_ = 0;
   float dc_link_v_ = 0.0F;
   float dc_link_rise_v_ = 0.0F;  // in the last cycle
   float winding_temperature_c_ = 0.0F;

@@ -306,6 +306,7 @@ def test_parameters_outlive_the_power(drive):
     assert drive.read(0x6081) == 0
 
 
+@pytest.mark.once  # a second client, which an adapter does not take
 def test_revolutions_are_those_of_the_encoder(drive, pronets):
     """L764: the command line reads what the motor at hand has."""
     before = drive.true_position

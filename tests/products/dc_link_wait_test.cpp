@@ -185,6 +185,30 @@ TYPED_TEST(DcLinkWait, APowerCutForgetsTheCommand) {
   EXPECT_FALSE(on);
 }
 
+// A set-point that is given while the drive waits is carried out when it is enabled, as long as its mode is still
+// wanted.
+TYPED_TEST(DcLinkWait, ASetPointIsNotLost) {
+  for (const bool other_mode : {false, true}) {
+    SCOPED_TRACE(other_mode);
+    TypeParam axis;
+    this->make_ready(axis);
+    const drive::Units& units = axis.device.drive().axis().units;
+    const double turn = units.counts_per_revolution;
+    axis.set(0x6081, 0, std::lround(units.velocity_to_user(2.0 * turn)));
+    axis.set(0x6083, 0, std::lround(40.0 * turn / units.acceleration));
+    axis.set(0x6084, 0, std::lround(40.0 * turn / units.acceleration));
+    axis.set(0x6060, 0, 1);
+    axis.set(0x607A, 0, units.to_user(static_cast<drive::Counts>(turn)));
+    for (const std::uint16_t word : std::to_array<std::uint16_t>({0x07, 0x0F, 0x2F, 0x3F})) this->command(axis, word);
+    axis.run_ms(2);
+    if (other_mode) axis.set(0x6060, 0, 6);
+    const auto before = static_cast<double>(axis.plant.position_counts());
+    axis.run_ms(2500);
+    EXPECT_EQ(this->state(axis), PowerState::operation_enabled);
+    EXPECT_NEAR((static_cast<double>(axis.plant.position_counts()) - before) / turn, other_mode ? 0.0 : 1.0, 0.02);
+  }
+}
+
 // The precharge resistor is bridged by then: full torque at once is no fault.
 TYPED_TEST(DcLinkWait, TheAxisHasItsTorqueWhenItIsEnabled) {
   TypeParam axis;

@@ -34,6 +34,7 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   }
   const std::uint16_t commanded_before = axis_.controlword;
   axis_.controlword = now;
+  if (!awaits_dc_link_) word_before_wait_ = commanded_before;
   handle_command(command_of(now));
   if (state_ == PowerState::operation_enabled) {
     with_mode(*this, [&](auto& mode) { mode.controlword(axis_, commanded_before, now); });
@@ -109,10 +110,14 @@ bool Drive::dc_link_charged() const {
 }
 
 // Transition 3 when the DC link has its voltage; the controlword that is there then says whether transition 4 follows.
+// A bit of the mode that was set meanwhile, as of a set-point, is an edge now.
 void Drive::step_dc_link() {
   if (!awaits_dc_link_ || !dc_link_charged()) return;
   enter_state(PowerState::switched_on);
   handle_command(command_of(axis_.controlword));
+  if (state_ == PowerState::operation_enabled) {
+    with_mode(*this, [&](auto& mode) { mode.controlword(axis_, word_before_wait_, axis_.controlword); });
+  }
 }
 
 // Of 605Ah and 605Dh.
