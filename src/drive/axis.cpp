@@ -61,14 +61,15 @@ bool Axis::too_fast_for_software_limit(double deceleration) const {
   const double steepest = std::max(quick_stop_ramp(), deceleration);
   if (velocity == 0.0 || steepest <= 0.0 || !software_limits_active() || position_range() != 0) return false;
   const double way = std::max(0.0, velocity * velocity / (2.0 * steepest) - std::abs(velocity) * cycle_s);
-  return !within_software_limits(generator.nearest_position() + static_cast<Counts>(std::copysign(way, velocity)));
+  const Counts end = generator.nearest_position() + static_cast<Counts>(std::copysign(way, velocity));
+  return static_cast<double>(nearest_within_software_limits(end) - end) * velocity < 0.0;
 }
 
-bool Axis::within_software_limits(Counts target) const {
-  if (!software_limits_active()) return true;
+Counts Axis::nearest_within_software_limits(Counts target) const {
+  if (!software_limits_active() || position_range() != 0) return target;
   const auto [least, greatest] =
       std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
-  return target >= least && target <= greatest;
+  return std::clamp(target, least, greatest);
 }
 
 std::int64_t Axis::position_range() const {

@@ -338,8 +338,9 @@ struct Axis {
   bool at_software_limit(std::int64_t user) const {
     return software_limits_active() && (user <= objects.min_position_limit || user >= objects.max_position_limit);
   }
-  // Whether a target of counts lies within the software limits, or these are off.
-  bool within_software_limits(Counts target) const;
+  // Whether a target of counts lies within the software limits, or these are off. Not where positions wrap (607Bh).
+  bool within_software_limits(Counts target) const { return nearest_within_software_limits(target) == target; }
+  Counts nearest_within_software_limits(Counts target) const;
   // A limit switch is active, or the demand is at a software limit or beyond it (the shaft hunts around it by a count).
   bool at_position_limit() const;
   // ... and the demand does not lead away from it.

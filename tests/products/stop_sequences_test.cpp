@@ -444,6 +444,33 @@ TEST(SoftwareLimitSetInMotion, EndsAPositioning) {
   EXPECT_TRUE(axis.bit(11));
 }
 // Set behind the axis, it stops where it can and does not come back by itself.
+// From outside of them an axis comes back in, whatever its speed.
+TEST(SoftwareLimitSetInMotion, LetsAnAxisComeIn) {
+  Reference axis(1);
+  one_move(axis, 131072 * 5);
+  axis.run_ms(700);
+  const double there = axis.turns();
+  axis.set(0x607D, 1, static_cast<std::int64_t>(131072 * (there + 1.0)));
+  axis.set(0x607D, 2, 131072 * 20);
+  axis.run_ms(4000);
+  EXPECT_NEAR(axis.turns(), 5.0, 0.001);
+  EXPECT_TRUE(axis.bit(10));
+}
+// A far cyclic target that the axis is on its way to, and that lies outside now, is given up.
+TEST(SoftwareLimitSetInMotion, HoldsACyclicTargetThatLiesOutsideNow) {
+  Reference axis(8);
+  axis.set(0x6083, 0, 131072 * 10);
+  axis.set(0x6084, 0, 131072 * 10);
+  axis.set(0x607A, 0, 131072 * 10);
+  axis.run_ms(500);
+  const double there = axis.turns();
+  EXPECT_GT(there, 0.5);
+  axis.set(0x607D, 1, -131072);
+  axis.set(0x607D, 2, static_cast<std::int64_t>(131072 * (there + 4.0)));
+  axis.run_ms(4000);
+  EXPECT_LT(axis.turns(), there + 4.0);
+  EXPECT_TRUE(axis.bit(11));
+}
 TEST(SoftwareLimitSetInMotion, BehindTheAxisStopsIt) {
   Reference axis(1);
   one_move(axis, 131072 * 5);

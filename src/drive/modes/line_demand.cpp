@@ -65,7 +65,13 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
       from = static_cast<double>(generator.position() - line.now()) + generator.fraction() + velocity_ * axis.cycle_s;
       catching_up_ = true;
     }
+    const Counts before = generator.position();
     generator.place(line.now(), from, velocity_);
+    // Who catches up with a line that ends at a software limit does not swing beyond it.
+    if (!axis.within_software_limits(generator.position()) && axis.within_software_limits(before)) {
+      generator.place(axis.nearest_within_software_limits(generator.position()), 0.0, velocity_ = 0.0);
+      catching_up_ = true;
+    }
   }
   axis.follow_generator(Loop::position);
 }
