@@ -496,11 +496,15 @@ void Watch::stops() {
   // A limit switch releases what it holds, and homing goes on where it was.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
   if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since || !motion_can_be_judged()) {
-    const Stopping stopping = this->stopping(velocity_);
-    stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, slope()};
+    // A stop that goes on in another mode keeps the ramp that it began with.
+    const bool goes_on = kind == stop_.kind && stop_.slope > 0.0 && slope() > 0.0;
+    const double gentlest = goes_on ? std::min(slope(), stop_.slope) : slope();
+    const Stopping stopping = this->stopping(velocity_, gentlest);
+    stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentlest};
     return;
   }
   if (kind == StopKind::none) return;
+  if (torque_acceleration() <= 0.0) stop_.since = tick_;  // the torque that a stop needs was taken from it
   if (const double ramp = slope(); ramp != stop_.slope) {
     // Written while it runs: the stop may have been planned with the one of before, the loops' lag with either.
     const double gentler = ramp > 0.0 && stop_.slope > 0.0 ? std::min(ramp, stop_.slope) : std::max(ramp, stop_.slope);
@@ -513,7 +517,8 @@ void Watch::stops() {
   static constexpr std::array names{"none", "halt", "leaving operation", "quick stop", "fault reaction", "60FFh = 0"};
   const char* name = names[static_cast<std::size_t>(kind)];
   const double way = std::abs(position_ - stop_.from);
-  if (way > stop_.counts) {
+  constexpr double rounding = 1.005;  // of ways of many revolutions
+  if (way > rounding * stop_.counts) {
     return fail("stop-runs-away",
                 fmt::format("{}: {:.2f} revolutions after {:.1f} ms, at {:.0f} rpm; {:.2f} are enough for it", name,
                             way / counts_per_revolution_, static_cast<double>(settled) / ticks_per_ms, rpm(velocity_),
@@ -595,7 +600,9 @@ void Watch::software_limits() {
     // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
     const double tolerance = demanded ? slack + 0.002 * speed : way + slack;
     border.bound = std::max(at + tolerance, std::min(border.bound, reach));
-    if (place > border.bound) {
+    // A demand that comes to a shaft which is already there leads it nowhere.
+    const bool leads = !demanded || place > direction * (offset + position_);
+    if (place > border.bound && leads) {
       return fail("software-limit-passed",
                   fmt::format("{:.2f} revolutions beyond 607Dh, at {:.0f} rpm, mode {}",
                               (place - at) / counts_per_revolution_, rpm(velocity_), static_cast<int>(mode_)));
@@ -800,8 +807,10 @@ void Watch::bits() {
       lies = windowed && std::abs(velocity_ - expected) > tolerance;
     } else if (mode_ == Mode::profile_position || (mode_ == Mode::profile_velocity && halt)) {
       // With 6067h off bit 10 is the demand's, which a motor without torque does not follow.
+      const bool window_off = mode_ == Mode::profile_position && objects_.position_window == 0xFFFFFFFF;
+      const bool gives_its_best = (objects_.statusword & drive::statusword::internal_limit_active) != 0;
       lies = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && objects_.end_velocity == 0 &&
-             torque_acceleration() > 0.0;
+             torque_acceleration() > 0.0 && !(window_off && gives_its_best);
     }
   }
   if (!lies) lie_since_ = tick_;
