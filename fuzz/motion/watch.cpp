@@ -499,8 +499,11 @@ void Watch::stops() {
     // A stop that goes on in another mode keeps the ramp that it began with.
     const bool goes_on = kind == stop_.kind && stop_.slope > 0.0 && slope() > 0.0;
     const double gentlest = goes_on ? std::min(slope(), stop_.slope) : slope();
-    const Stopping stopping = this->stopping(velocity_, gentlest);
-    stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentlest};
+    // A shaft that lags behind the stop's ramp meanwhile may become as fast again.
+    const double speed =
+        goes_on && kind != StopKind::none ? std::max(std::abs(velocity_), stop_.speed) : std::abs(velocity_);
+    const Stopping stopping = this->stopping(speed, gentlest);
+    stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentlest, speed};
     return;
   }
   if (kind == StopKind::none) return;
@@ -510,7 +513,7 @@ void Watch::stops() {
     const double gentler = ramp > 0.0 && stop_.slope > 0.0 ? std::min(ramp, stop_.slope) : std::max(ramp, stop_.slope);
     if (gentler != stop_.slope) {
       const Stopping stopping = this->stopping(velocity_, gentler);
-      stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentler};
+      stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentler, stop_.speed};
       return;
     }
   }

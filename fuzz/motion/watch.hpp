@@ -156,6 +156,7 @@ class Watch {
     double counts = 0.0;
     double seconds = 0.0;
     double slope = 0.0;
+    double speed = 0.0;  // of the shaft when it began, counts/s
   } stop_;
 
   struct Limit {
