@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <utility>
 
 #include "canopen/node.hpp"
 #include "ethercat/slave/slave.hpp"
@@ -263,7 +264,7 @@ void Watch::look() {
     first_ = false;
   }
   if (mode_ != mode_before_) mode_since_ = tick_;
-  if (pwm_ != had_pwm_) pwm_since_ = tick_;
+  if (pwm_ != had_pwm_) pwm_before_ = std::exchange(pwm_since_, tick_);
   coasting();
   if (around_->powered) {
     // A frame may wait for the bus: the command comes when the objects have it.
@@ -339,14 +340,14 @@ void Watch::power() {
       default: judged = false;
     }
     // As long as a brake opens, it still holds the axis, and nothing has begun that could be ended by a ramp.
-    if (tick_ - pwm_since_ <= ms(drive_.configuration().brake_release_ms)) judged = false;
+    if (tick_ - pwm_before_ <= ms(drive_.configuration().brake_release_ms)) judged = false;
     // By hand, a second time: disable voltage waits for no ramp.
     if (drive::command_of(objects_.controlword) == drive::Command::disable_voltage) judged = false;
     const bool ramp = code == 1 || code == 2 || code == 3 || code == 5 || code == 6 || code == 7;
-    const bool in_time = tick_ - stop_.since < ms(1000.0 * stop_.seconds + 500.0);
+    // Or before a stop could be seen to begin.
+    const bool in_time = stop_.kind == StopKind::none || tick_ - stop_.since < ms(1000.0 * stop_.seconds + 500.0);
     // Writes of the option code while the stop runs leave open which of them counts.
-    if (judged && ramp && in_time && std::abs(velocity_) > 3.0 * still_rpm / 60.0 * counts_per_revolution_ &&
-        stop_.kind != StopKind::none) {
+    if (judged && ramp && in_time && std::abs(velocity_) > 3.0 * still_rpm / 60.0 * counts_per_revolution_) {
       fail("let-go-in-motion",
            fmt::format("power goes at {:.0f} rpm, {:.1f} ms after the stop began in {}", rpm(velocity_),
                        static_cast<double>(tick_ - stop_.since) / ticks_per_ms, drive::name(before_)));

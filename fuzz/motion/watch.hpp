@@ -134,7 +134,8 @@ class Watch {
   std::int64_t disturbed_ = 0;
   std::int64_t state_since_ = 0;
   std::int64_t mode_since_ = 0;
-  std::int64_t pwm_since_ = 0;
+  std::int64_t pwm_since_ = 0;   // tick of the last change of the stage
+  std::int64_t pwm_before_ = 0;  // ... and of the one before
 
   double slowest_ = 0.0;  // since the stage is off
   std::int64_t unpowered_ticks_ = 0;

@@ -199,7 +199,8 @@ TYPED_TEST(DcLinkWait, ASetPointIsNotLost) {
     axis.set(0x6084, 0, std::lround(40.0 * turn / units.acceleration));
     axis.set(0x6060, 0, 1);
     axis.set(0x607A, 0, units.to_user(static_cast<drive::Counts>(turn)));
-    for (const std::uint16_t word : std::to_array<std::uint16_t>({0x07, 0x0F, 0x2F, 0x3F})) this->command(axis, word);
+    for (const std::uint16_t word : std::to_array<std::uint16_t>({0x16, 0x17, 0x0F, 0x2F, 0x3F}))
+      this->command(axis, word);
     axis.run_ms(2);
     if (other_mode) axis.set(0x6060, 0, 6);
     const auto before = static_cast<double>(axis.plant.position_counts());

@@ -34,7 +34,7 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   }
   const std::uint16_t commanded_before = axis_.controlword;
   axis_.controlword = now;
-  if (!awaits_dc_link_) word_before_wait_ = commanded_before;
+  word_before_wait_ = awaits_dc_link_ ? word_before_wait_ & now : commanded_before;
   handle_command(command_of(now));
   if (state_ == PowerState::operation_enabled) {
     with_mode(*this, [&](auto& mode) { mode.controlword(axis_, commanded_before, now); });
