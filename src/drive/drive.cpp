@@ -300,7 +300,7 @@ void Drive::change_mode() {
   identification_.abort();
   const bool running = state_ == PowerState::operation_enabled && !pending_.active;
   set_mode(wanted);
-  word_before_wait_ = axis_.controlword;  // what was asked of another mode is no longer
+  word_before_wait_ = axis_.controlword;  // an edge of bit 4 was meant for the mode before
   if (!running) return;
   // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: take the
   // actual.

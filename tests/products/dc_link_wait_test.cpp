@@ -9,8 +9,8 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// No drive says that it is switched on, or works, before its DC link has its voltage: one that connects the link with
-// transition 3 waits for it there, the others for what is left of it after power-on.
+// No drive shows Switched on or Operation enabled before its DC link has its voltage. A drive that connects the link by
+// transition 3 waits for the whole precharge. The other drives precharge from power-on, and wait for the rest of it.
 namespace servodrome {
 namespace {
 

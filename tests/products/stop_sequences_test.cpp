@@ -443,8 +443,7 @@ TEST(SoftwareLimitSetInMotion, EndsAPositioning) {
   EXPECT_NEAR(axis.turns(), 3.0, 0.001);
   EXPECT_TRUE(axis.bit(11));
 }
-// Set behind the axis, it stops where it can and does not come back by itself.
-// From outside of them an axis comes back in, whatever its speed.
+// An axis outside of the limits that moves towards them goes on to its target.
 TEST(SoftwareLimitSetInMotion, LetsAnAxisComeIn) {
   Reference axis(1);
   one_move(axis, 131072 * 5);
@@ -456,7 +455,7 @@ TEST(SoftwareLimitSetInMotion, LetsAnAxisComeIn) {
   EXPECT_NEAR(axis.turns(), 5.0, 0.001);
   EXPECT_TRUE(axis.bit(10));
 }
-// A far cyclic target that the axis is on its way to, and that lies outside now, is given up.
+// The axis catches up with a far cyclic target. New limits exclude that target: the axis comes to rest.
 TEST(SoftwareLimitSetInMotion, HoldsACyclicTargetThatLiesOutsideNow) {
   Reference axis(8);
   axis.set(0x6083, 0, 131072 * 10);
@@ -471,6 +470,7 @@ TEST(SoftwareLimitSetInMotion, HoldsACyclicTargetThatLiesOutsideNow) {
   EXPECT_LT(axis.turns(), there + 4.0);
   EXPECT_TRUE(axis.bit(11));
 }
+// New limits lie behind the axis: it stops where it can and does not come back by itself.
 TEST(SoftwareLimitSetInMotion, BehindTheAxisStopsIt) {
   Reference axis(1);
   one_move(axis, 131072 * 5);

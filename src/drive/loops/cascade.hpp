@@ -206,8 +206,8 @@ class Cascade {
   float integral_limit_ = 0.0F;  // fraction of rated torque
   float handover_decay_ = 0.0F;  // per velocity period
   float inertia_torque_ = 0.0F;  // fraction of rated torque per counts/s^2, times its share
-  float limiter_kp_ = 0.0F;      // of the speed limiter, as velocity_kp_
-  float limiter_ki_ = 0.0F;      // likewise, as velocity_ki_
+  float limiter_kp_ = 0.0F;      // of the speed limiter: fraction of rated torque per counts/s
+  float limiter_ki_ = 0.0F;      // of the speed limiter: fraction of rated torque per counts/s and velocity period
   float limiter_decay_ = 0.0F;   // of the speed limiter's integral, per velocity period
   float position_kp_ = 0.0F;
   float velocity_feed_forward_ = 1.0F;

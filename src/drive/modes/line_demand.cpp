@@ -67,7 +67,7 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     }
     const Counts before = generator.position();
     generator.place(line.now(), from, velocity_);
-    // Who catches up with a line that ends at a software limit does not swing beyond it.
+    // A line may end at a software limit while the axis catches up with it: the demand stops at the limit.
     if (!axis.within_software_limits(generator.position()) && axis.within_software_limits(before)) {
       generator.place(axis.nearest_within_software_limits(generator.position()), 0.0, velocity_ = 0.0);
       catching_up_ = true;
