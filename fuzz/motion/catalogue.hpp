@@ -19,6 +19,7 @@ struct Variant {
   drive::Units units{};  // counts per unit of the drive, from the factory
   double max_speed_rpm = 0.0;
   std::uint32_t modes = 0;  // drive::mode_bit()
+  bool records = false;     // interpolated position follows 60C1h, not 607Ah
   std::vector<std::uint16_t> homing_methods;
 
   bool has(drive::Mode mode) const { return (modes & drive::mode_bit(mode)) != 0; }

@@ -159,6 +159,7 @@ class Generator {
         write(0x60C6, to_u32(variant().acceleration(4000.0)));
       }
     }
+    if (random_.chance(60)) interpolation_period();
     now_ += 4 * ticks_per_ms;
     if (random_.chance(90)) change_mode();
     if (random_.chance(15)) write(0x607A, distance());
@@ -167,6 +168,18 @@ class Generator {
       add({.kind = Kind::enable});
       now_ += random_.chance(70) ? random_.within(120, 260) * ticks_per_ms : random_.within(4, 60) * ticks_per_ms;
     }
+  }
+
+  // 60C2h as it is right for the master's cycle; one of 3.333 ms is rounded.
+  void interpolation_period() {
+    std::int64_t value = sequence_.cycle_us;
+    std::int64_t exponent = -6;
+    while (value > 255 || value % 10 == 0) {
+      value = (value + 5) / 10;
+      ++exponent;
+    }
+    write(0x60C2, value, 1);
+    write(0x60C2, exponent, 2);
   }
 
   void change_mode() {
@@ -272,6 +285,11 @@ class Generator {
     if (random_.chance(30)) control(0x0F);
   }
 
+  // Interpolated position has an object of its own for it in some products.
+  bool by_record() const { return drawn_[axis_].mode == Mode::interpolated_position && variant().records; }
+  std::uint16_t target_index() const { return by_record() ? 0x60C1 : 0x607A; }
+  std::uint8_t target_sub() const { return by_record() ? 1 : 0; }
+
   void stream() {
     const double cycle_s = static_cast<double>(sequence_.cycle_us) * 1e-6;
     std::uint16_t index = 0x607A;
@@ -286,10 +304,16 @@ class Generator {
       if (random_.chance(50)) return write(0x6071, torque());
     } else {
       if (mode() == Mode::interpolated_position && random_.chance(60)) control(0x1F);
+      const std::uint8_t sub = target_sub();
+      index = target_index();
       if (random_.chance(70)) {
-        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = random_.chance(75) ? 0 : distance()});
+        add({.kind = Kind::write_here,
+             .via = Via::pdo,
+             .index = index,
+             .sub = sub,
+             .value = random_.chance(75) ? 0 : distance()});
       }
-      if (random_.chance(20)) return write(0x607A, distance());
+      if (random_.chance(20)) return write(index, distance(), sub);
       const double revolutions_per_s = (random_.unit() - 0.5) * (random_.chance(80) ? 20.0 : 200.0);
       step = to_i32(variant().position(revolutions_per_s * cycle_s));
     }
@@ -322,7 +346,7 @@ class Generator {
   }
 
   void limit() {
-    switch (random_.below(16)) {
+    switch (random_.below(17)) {
       case 0: return write(0x6081, random_.chance(25) ? 0 : speed());
       case 1:
       case 2: return write(0x6083, ramp());
@@ -351,6 +375,7 @@ class Generator {
         return write(random_.of(codes), random_.within(0, 8));
       }
       case 14: return write(0x6086, random_.within(0, 3));
+      case 15: return random_.chance(50) ? write(0x60C2, random_.within(1, 250), 1) : interpolation_period();
       default: return write(0x6087, random_.chance(30) ? 0 : random_.within(100, 100000));
     }
   }
@@ -506,10 +531,17 @@ class Generator {
         return wait(50, 300);
       }
       case 3: {  // software limits around a running motion
-        if (!set_mode(random_.chance(60) ? Mode::profile_position : Mode::profile_velocity)) return;
+        static constexpr std::array modes{
+            Mode::profile_position,      Mode::profile_position,     Mode::profile_velocity, Mode::cyclic_sync_position,
+            Mode::interpolated_position, Mode::cyclic_sync_velocity, Mode::profile_torque,   Mode::cyclic_sync_torque};
+        if (!set_mode(random_.of(modes))) return;
         add({.kind = Kind::enable});
         wait(10, 120);
-        if (mode() == Mode::profile_position) {
+        if (mode() == Mode::profile_torque || mode() == Mode::cyclic_sync_torque) {
+          write(0x6071, random_.within(20, 200) * (random_.chance(50) ? 1 : -1));
+        } else if (mode() == Mode::cyclic_sync_position || mode() == Mode::interpolated_position) {
+          stream();
+        } else if (mode() == Mode::profile_position) {
           add({.kind = Kind::write_here,
                .via = via(),
                .index = 0x607A,
@@ -537,11 +569,15 @@ class Generator {
       }
       case 4: {  // a jump in a cyclic mode, and a stop at once
         if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
-        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+        add({.kind = Kind::write_here, .via = Via::pdo, .index = target_index(), .sub = target_sub(), .value = 0});
         add({.kind = Kind::enable});
         wait(20, 140);
         if (mode() == Mode::interpolated_position) control(0x1F);
-        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = distance()});
+        add({.kind = Kind::write_here,
+             .via = Via::pdo,
+             .index = target_index(),
+             .sub = target_sub(),
+             .value = distance()});
         now_ += random_.within(8, 64);
         static constexpr std::array<std::uint16_t, 5> words{0x02, 0x06, 0x07, 0x10F, 0x0F};
         control(random_.of(words));
@@ -549,15 +585,15 @@ class Generator {
       }
       case 5: {  // a halt in the middle of a stream
         if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
-        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+        add({.kind = Kind::write_here, .via = Via::pdo, .index = target_index(), .sub = target_sub(), .value = 0});
         add({.kind = Kind::enable});
         wait(20, 140);
         if (mode() == Mode::interpolated_position) control(0x1F);
-        add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+        add({.kind = Kind::write_here, .via = Via::pdo, .index = target_index(), .sub = target_sub(), .value = 0});
         const double cycle_s = static_cast<double>(sequence_.cycle_us) * 1e-6;
         const std::int64_t step = to_i32(variant().position((random_.unit() - 0.5) * 20.0 * cycle_s));
         add({.kind = Kind::stream,
-             .index = 0x607A,
+             .index = target_index(),
              .value = step,
              .count = random_.within(50, 500),
              .gap = random_.chance(30) ? 7 : 0});

@@ -169,7 +169,11 @@ class Machine final : public FrameListener {
     }
     values.set(stream.index, value);
     if (stream.gap > 0 && stream.sent % stream.gap == 0) return;  // lost
-    if (on_can()) write(i, stream.index, 0, value, Via::pdo);
+    if (stream.index == 0x60C1) {
+      write(i, stream.index, 1, value, Via::direct);
+    } else if (on_can()) {
+      write(i, stream.index, 0, value, Via::pdo);
+    }
     axes_[i].around.commanded = tick_;
   }
 

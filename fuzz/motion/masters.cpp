@@ -56,6 +56,7 @@ bool ProcessValues::set(std::uint16_t index, std::int64_t value) {
     case 0x607A: position = static_cast<std::int32_t>(value); return true;
     case 0x60FF: velocity = static_cast<std::int32_t>(value); return true;
     case 0x6071: torque = static_cast<std::int16_t>(value); return true;
+    case 0x60C1: record = static_cast<std::int32_t>(value); return true;
     default: return false;
   }
 }
@@ -67,6 +68,7 @@ std::int64_t ProcessValues::get(std::uint16_t index) const {
     case 0x607A: return position;
     case 0x60FF: return velocity;
     case 0x6071: return torque;
+    case 0x60C1: return record;
     default: return 0;
   }
 }

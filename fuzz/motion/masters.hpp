@@ -20,6 +20,7 @@ struct ProcessValues {
   std::int32_t position = 0;
   std::int32_t velocity = 0;
   std::int16_t torque = 0;
+  std::int32_t record = 0;  // 60C1h sub 1, which is mapped in none of them
 
   // False: the object is none of them.
   bool set(std::uint16_t index, std::int64_t value);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <limits>
 #include <utility>
 
 #include "canopen/node.hpp"
@@ -93,6 +94,8 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"cyclic-demand-jumps", "likewise where a master's targets are followed"},
     {"demand-too-steep", "in profile modes the demand gains speed no faster than the ramps that are set"},
     {"demand-too-fast", "in profile modes the demand gains no speed above 607Fh and 6080h"},
+    {"limit-not-obeyed", "a demand above 6080h, or above 607Fh in profile velocity, comes down by a ramp"},
+    {"first-target-jumps", "the target that a cyclic mode begins with, if it is far away, is no step of the speed"},
     {"stop-runs-away", "a stop rests within v^2/2a of the speed at its beginning and the loop's lag"},
     {"stop-never-ends", "a stop comes to its end"},
     {"limit-switch-passed", "an active limit switch is not driven into"},
@@ -105,6 +108,7 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"let-go-in-motion", "power is not taken from a turning motor at the end of a stop with a ramp"},
     {"torque-beyond-limit", "torque stays within 6072h, 60E0h and 60E1h"},
     {"reached-is-untrue", "statusword bit 10 is set only at the target"},
+    {"reached-is-missing", "... and is set there, and at the end of a halt"},
     {"limit-is-untrue",
      "bit 11 of profile velocity shows that 607Fh or 6080h holds the axis back, and nothing else does"},
     {"following-error-is-untrue", "bit 13 of the position modes shows that the shaft is out of 6065h, and only that"},
@@ -189,6 +193,12 @@ double Watch::slope() const {
   take(objects_.profile_acceleration);
   if (mode_ == Mode::homing) take(objects_.homing_acceleration);
   return least;
+}
+
+// A limit is kept by the quick stop's ramp, unless the one of the motion is steeper.
+double Watch::limit_slope() const {
+  const double quick = drive_.axis().quick_stop_ramp();
+  return quick > 0.0 ? quick : slope();
 }
 
 // The torque that flows when a stop begins acts for some time yet. What a loop holds for a ramp is in its integral;
@@ -280,7 +290,9 @@ void Watch::look() {
     }
     power();
     states();
+    count_targets();
     demand();
+    speed_limits();
     stops();
     limit_switches();
     software_limits();
@@ -394,7 +406,10 @@ void Watch::demand() {
   const bool new_cycle = demand.position != demand_before_.position || demand.velocity != demand_before_.velocity ||
                          demand.loop != demand_before_.loop;
   const Demand before = demand_before_;
-  if (!new_cycle) return;
+  if (!new_cycle) {
+    if (tick_ - demand_tick_ > demand_cycle() && now.loop == Loop::position) demand_speed_ = 0.0;
+    return;
+  }
   demand_before_ = demand;
   // A command that comes between two cycles may change the velocity of a demand that moves with the next one only.
   const bool between = demand_tick_ >= 0 && tick_ - demand_tick_ < demand_cycle();
@@ -429,6 +444,8 @@ void Watch::demand() {
                               moved, 1000.0 * seconds, most, demand.position - position_, static_cast<int>(mode_)));
     }
   }
+  if (demand.loop == Loop::position && before.loop == Loop::position)
+    first_target(before.velocity, demand.velocity, seconds);
   // Profile modes: no speed is gained faster than by the steepest ramp.
   const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
                         tick_ - state_since_ > 2 * cycle_ticks && motion_can_be_judged() &&
@@ -470,6 +487,68 @@ void Watch::demand() {
   }
 }
 
+// Where the demand of a cyclic mode begins, with the mode, with its power, after a halt, the target that is there may
+// be far away.
+void Watch::count_targets() {
+  const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
+  const std::uint64_t target =
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.target_position)) << 32 ^
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.position_offset)) * 5 ^
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.interpolation_data_record)) * 3;
+  if (!cyclic || state_ != PowerState::operation_enabled || !pwm_ || stop_.kind != StopKind::none ||
+      mode_since_ == tick_) {
+    targets_ = 0;
+  } else if (target != cyclic_target_) {
+    ++targets_;
+  }
+  cyclic_target_ = target;
+}
+
+void Watch::first_target(double from, double to, double seconds) {
+  const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
+  const std::uint16_t word = drive_.axis().controlword;
+  const bool runs = state_ == PowerState::operation_enabled && (word & controlword::halt) == 0 &&
+                    drive::command_of(word) == drive::Command::enable_operation && stop_.kind == StopKind::none;
+  if (!cyclic || !runs || targets_ > 0 || !motion_can_be_judged()) return;
+  constexpr double jump_share = 0.13;
+  const double greatest =
+      static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 * counts_per_revolution_;
+  const bool taken_over = std::abs(to - velocity_) < 0.05 * std::abs(velocity_) + 0.02 * greatest;
+  const drive::MotionLimits limits = drive_.axis().catch_up_limits();
+  const double most =
+      std::max(jump_share * greatest, 1.1 * std::max(limits.acceleration, limits.deceleration) * seconds);
+  if (std::abs(to) - std::abs(from) > most && !taken_over && objects_.velocity_offset == 0) {
+    fail("first-target-jumps", fmt::format("from {:.0f} to {:.0f} rpm in {:.3f} ms, mode {}", rpm(from), rpm(to),
+                                           1000.0 * seconds, static_cast<int>(mode_)));
+  }
+}
+
+void Watch::speed_limits() {
+  const drive::LoopDemand& now = drive_.axis().demand;
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && motion_can_be_judged() &&
+                      (now.loop == Loop::position || now.loop == Loop::velocity) && mode_ != Mode::homing &&
+                      mode_ != Mode::velocity && !drive_.identification().running();
+  double most = greatest_speed();
+  if (mode_ == Mode::profile_velocity && objects_.max_profile_velocity != 0)
+    most = std::min(most, objects_.max_profile_velocity * drive_.axis().units.velocity);
+  const double speed = std::abs(now.loop == Loop::position ? demand_speed_ : static_cast<double>(now.velocity));
+  const double over = speed - most;
+  const double ramp = slope();
+  if (!judged || over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most || ramp < excess_.slope) {
+    const double seconds = ramp > 0.0 ? std::max(over, 0.0) / ramp : 0.0;
+    excess_ = {tick_, most, ramp, (objects_.motion_profile_type != 0 ? 2.5 : 1.1) * seconds + lag_s};
+    return;
+  }
+  const double passed = static_cast<double>(tick_ - excess_.since) * tick_s;
+  const drive::Configuration& own = drive_.configuration();
+  if (passed > excess_.seconds + 0.001 * own.smoothing_ms + 0.003 * static_cast<double>(own.position_lag_ms)) {
+    fail("limit-not-obeyed",
+         fmt::format(
+             "{:.0f} rpm are demanded since {:.3f} s, {:.0f} are allowed, {:.3f} s are enough to come down, mode {}",
+             rpm(speed), passed, rpm(most), excess_.seconds, static_cast<int>(mode_)));
+  }
+}
+
 void Watch::stops() {
   StopKind kind = StopKind::none;
   const drive::Command command = drive::command_of(objects_.controlword);
@@ -508,7 +587,10 @@ void Watch::stops() {
     return;
   }
   if (kind == StopKind::none) return;
-  if (torque_acceleration() <= 0.0) stop_.since = tick_;  // the torque that a stop needs was taken from it
+  if (torque_acceleration() <= 0.0) {  // the torque that a stop needs was taken from it
+    stop_.since = tick_;
+    stop_.from = position_;
+  }
   if (const double ramp = slope(); ramp != stop_.slope) {
     // Written while it runs: the stop may have been planned with the one of before, the loops' lag with either.
     const double gentler = ramp > 0.0 && stop_.slope > 0.0 ? std::min(ramp, stop_.slope) : std::max(ramp, stop_.slope);
@@ -546,16 +628,16 @@ void Watch::limit_switches() {
     const bool signal = drive_.axis().active(i == 0 ? drive::Signal::negative_limit : drive::Signal::positive_limit);
     const bool active = closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none;
     Limit& limit = limits_[i];
-    const double speed = std::max(0.0, direction * velocity_);
     // In the position loop the shaft comes to where the demand stands, though it may have swung back from there.
     const bool demanded = drive_.axis().demand.loop == Loop::position;
+    const double speed = std::max(
+        {0.0, direction * velocity_, demanded ? direction * static_cast<double>(drive_.axis().demand.velocity) : 0.0});
     const double place =
         demanded ? std::max(direction * position_, direction * static_cast<double>(drive_.axis().demand.position))
                  : direction * position_ + lag(speed);  // a stop may go on in the position loop
-    // A halt that was under way goes on, with the ramp that it began with.
-    const bool stops = stop_.kind != StopKind::none && stop_.slope > 0.0;
-    const double reach = place + stopping(speed, stops ? std::min(slope(), stop_.slope) : slope()).counts;
-    if (!active || !limit.active || !motion_can_be_judged() || mode_since_ == tick_) {
+    const double reach = place + stopping(speed, limit_slope()).counts;
+    // Without torque nothing brakes.
+    if (!active || !limit.active || !motion_can_be_judged() || mode_since_ == tick_ || torque_acceleration() <= 0.0) {
       limit = {active, reach};
       continue;
     }
@@ -571,12 +653,13 @@ void Watch::limit_switches() {
 void Watch::software_limits() {
   const drive::Axis& axis = drive_.axis();
   // A demand that the motor has no torque to follow is taken along by the shaft.
-  const bool applies = pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() &&
-                       torque_acceleration() > 0.0 && objects_.min_position_limit < objects_.max_position_limit &&
-                       !axis.units.position_inverted &&
-                       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity ||
-                        mode_ == Mode::interpolated_position || mode_ == Mode::cyclic_sync_position);
-  // A halt or a limit switch stops by a ramp of its own, which may be gentler than that of the motion.
+  const bool applies =
+      pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() && torque_acceleration() > 0.0 &&
+      objects_.min_position_limit < objects_.max_position_limit && !axis.units.position_inverted &&
+      (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
+       mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
+  const double slope = limit_slope();
+  // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
   const bool stopped = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
                        axis.active(drive::Signal::positive_limit);
   const bool begins = stopped && !stopped_before_;
@@ -585,7 +668,6 @@ void Watch::software_limits() {
   // In the position loop the demand is judged, which has no lag; else the shaft.
   const bool demanded = axis.demand.loop == Loop::position;
   const double place_now = offset + (demanded ? static_cast<double>(axis.demand.position) : position_);
-  const double speed_now = demanded ? demand_speed_ : velocity_;
   const double slack = demanded ? 0.02 * counts_per_revolution_ : place_revolutions * counts_per_revolution_;
   for (std::size_t i = 0; i < 2; ++i) {
     const double direction = i == 0 ? -1.0 : 1.0;
@@ -593,12 +675,16 @@ void Watch::software_limits() {
     Border& border = borders_[i];
     const double at = direction * static_cast<double>(axis.units.to_counts(limit));
     const double place = direction * place_now;
-    const double speed = std::max(0.0, direction * speed_now);
-    const double way = demanded ? ramp_way(speed) : stopping(speed).counts;
+    // A demand that is taken over by a stop moves back, and goes on with its velocity.
+    const double speed = std::max(
+        0.0, demanded ? std::max(direction * demand_speed_, direction * static_cast<double>(axis.demand.velocity))
+                      : direction * velocity_);
+    const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
     const double reach = place + way + slack;
-    if (!applies || !border.active || border.at != limit || border.demanded != demanded || begins ||
-        !motion_can_be_judged() || tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
-      border = {applies, demanded, limit, std::max(at + slack, reach)};
+    if (!applies || !border.active || border.at != limit || border.demanded != demanded || slope < border.slope ||
+        begins || !motion_can_be_judged() || tick_ - mode_since_ < 2 * cycle_ticks ||
+        tick_ - state_since_ < 2 * cycle_ticks) {
+      border = {applies, demanded, limit, slope, std::max(at + slack, reach)};
       continue;
     }
     // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
@@ -621,6 +707,7 @@ void Watch::set_points() {
   const bool working = state_ == PowerState::operation_enabled && mode_ == Mode::profile_position && pwm_ &&
                        (word & (controlword::halt | controlword::fault_reset)) == 0 && motion_can_be_judged();
   word_before_ = word;
+  const bool ready_before = std::exchange(ready_, (objects_.statusword & drive::statusword::mode_bit_12) == 0);
   if (!working) {
     set_point_.active = set_point_.leaves = false;
     set_point_.alone = tick_;
@@ -630,18 +717,22 @@ void Watch::set_points() {
   const auto offset = static_cast<double>(drive_.position_offset());
   const bool changed = objects_.target_position != target_before_;
   target_before_ = objects_.target_position;
-  const bool limited = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit) ||
-                       axis.software_limits_active();
+  const bool at_switch = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
+  const bool bounded = axis.software_limits_active() && drive_.policy().out_of_limits != drive::OutOfLimits::fault;
+  const bool limited = at_switch || (axis.software_limits_active() && !bounded);
   if (edge) {
     const bool relative = (word & controlword::mode_bit_6) != 0;
     const bool usual = (word & controlword::mode_bit_9) == 0 && objects_.positioning_option_code == 0 &&
                        objects_.polarity == 0 && objects_.end_velocity == 0 && objects_.profile_velocity != 0 &&
                        objects_.profile_acceleration != 0 && objects_.profile_deceleration != 0 &&
                        objects_.min_position_range_limit == objects_.max_position_range_limit;
-    const bool standing = tick_ - set_point_.alone > ms(30) && !drive_.in_motion() &&
+    const bool standing = ready_before && tick_ - set_point_.alone > ms(30) && !drive_.in_motion() &&
                           std::abs(velocity_) < still_rpm / 60.0 * counts_per_revolution_;
-    const double target = static_cast<double>(axis.units.to_counts(objects_.target_position));
-    set_point_.active = usual && standing && !relative && !limited && !changed;
+    double target = static_cast<double>(axis.units.to_counts(objects_.target_position));
+    if (bounded && !relative)
+      target = static_cast<double>(axis.units.to_counts(
+          std::clamp(objects_.target_position, objects_.min_position_limit, objects_.max_position_limit)));
+    set_point_.active = usual && standing && !relative && !limited && !changed && torque_acceleration() > 0.0;
     set_point_.taken = false;
     // Away from the one switch that holds it.
     const bool below = axis.active(drive::Signal::negative_limit);
@@ -708,13 +799,18 @@ void Watch::set_points() {
       fail(set_point_.reached > ms(80) ? "target-missed" : "never-arrives",
            fmt::format("{:.2f} revolutions beside the target {:.3f} s after the set-point, at {:.0f} rpm",
                        beside / counts_per_revolution_, seconds, rpm(velocity_)));
+    } else if (!reached &&
+               beside + 1.0 < static_cast<double>(axis.units.to_counts(std::min<std::int64_t>(
+                                  objects_.position_window, std::numeric_limits<std::int32_t>::max()))) &&
+               objects_.position_window_time_ms < 50 && std::abs(velocity_) < 2.0 / 60.0 * counts_per_revolution_) {
+      fail("reached-is-missing",
+           fmt::format("no bit 10 {:.3f} s after the set-point, {:.0f} counts beside the target", seconds, beside));
     }
   }
 }
 
 // What a demand at `speed` needs to rest by the ramps alone.
-double Watch::ramp_way(double speed) const {
-  const double ramp = slope();
+double Watch::ramp_way(double speed, double ramp) const {
   if (ramp <= 0.0) return speed * 0.1;
   double seconds = speed / ramp;
   if (objects_.motion_profile_type != 0) {
@@ -821,6 +917,25 @@ void Watch::bits() {
   if (tick_ - lie_since_ > ms(60.0 + objects_.velocity_window_time_ms)) {
     return fail("reached-is-untrue", fmt::format("bit 10 at {:.0f} rpm, {:.0f} are wanted, mode {}", rpm(velocity_),
                                                  rpm(expected), static_cast<int>(mode_)));
+  }
+  // A stop that is under way has reached nothing.
+  const bool bit_10 = shows(10, {drive::StatusSource::target_reached});
+  const bool stopping = stop_.kind != StopKind::none && stop_.kind != StopKind::velocity && pwm_ &&
+                        motion_can_be_judged() && bit_10 && torque_acceleration() > 0.0 &&
+                        std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
+  if (!stopping || (word & drive::statusword::target_reached) == 0) stop_lie_since_ = tick_;
+  if (tick_ - stop_lie_since_ > ms(20)) {
+    return fail("reached-is-untrue",
+                fmt::format("bit 10 at {:.0f} rpm in a stop, mode {}", rpm(velocity_), static_cast<int>(mode_)));
+  }
+  const bool halted = judged && halt && bit_10 && !drive_.in_motion() &&
+                      (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity) &&
+                      std::abs(velocity_) < 2.0 / 60.0 * counts_per_revolution_ &&
+                      drive::command_of(commanded) == drive::Command::enable_operation;
+  if (!halted || (word & drive::statusword::target_reached) != 0) unsaid_since_ = tick_;
+  if (tick_ - unsaid_since_ > ms(300)) {
+    return fail("reached-is-missing",
+                fmt::format("the halted axis rests for 300 ms without bit 10, mode {}", static_cast<int>(mode_)));
   }
   const bool cia_bit_12 =
       std::any_of(policy.status_bits.begin(), policy.status_bits.end(), [this](const drive::StatusBit& row) {
@@ -995,6 +1110,7 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
     if (told_code_ != 0) told_at_ = now;
     return;
   }
+  if (function == 0x700 && frame.length == 1 && frame.data[0] == 0) nmt_since_ = now;  // a boot-up: 1003h is empty
   const bool pdo = function == 0x180 || function == 0x280 || function == 0x380 || function == 0x480;
   if (!pdo || !around_->powered) return;
   const bool operational = nmt_ == canopen::NmtState::operational;

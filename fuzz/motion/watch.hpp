@@ -75,6 +75,7 @@ class Watch {
   std::int64_t demand_cycle() const;     // ticks
   double torque_acceleration() const;    // counts/s^2 that the motor can give for certain; 0: none
   double slope() const;                  // the gentlest ramp that a stop may take, counts/s^2; 0: none is set
+  double limit_slope() const;            // ... before a limit
   double greatest_speed() const;         // counts/s
   double rpm(double counts_per_s) const { return counts_per_s / counts_per_revolution_ * 60.0; }
 
@@ -83,12 +84,15 @@ class Watch {
   void coasting();
   void states();
   void demand();
+  void count_targets();
+  void first_target(double from, double to, double seconds);  // counts/s
+  void speed_limits();
   void stops();
   void limit_switches();
   void software_limits();
   void set_points();
   void unasked();
-  double ramp_way(double speed) const;
+  double ramp_way(double speed, double ramp) const;
   std::uint8_t communication_register();
   void torque();
   void bits();
@@ -169,13 +173,22 @@ class Watch {
     bool active = false;
     bool demanded = false;
     std::int64_t at = 0;
+    double slope = 0.0;
     double bound = 0.0;
   };
   std::array<Border, 2> borders_{};
+  bool stopped_before_ = false;
 
   std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
-  bool stopped_before_ = false;
-  double demand_speed_ = 0.0;  // counts/s, out of the demanded positions
+  double demand_speed_ = 0.0;                // counts/s, out of the demanded positions
+  struct Excess {                            // of the demand over its greatest speed
+    std::int64_t since = 0;
+    double most = 0.0;
+    double slope = 0.0;
+    double seconds = 0.0;
+  } excess_;
+  std::int64_t targets_ = 0;  // of a cyclic mode, since its demand begins anew
+  std::uint64_t cyclic_target_ = 0;
   struct SetPoint {
     bool active = false;
     bool taken = false;
@@ -189,6 +202,7 @@ class Watch {
     double seconds = 0.0;
   } set_point_;
   std::uint16_t word_before_ = 0;
+  bool ready_ = false;  // for a set-point: bit 12 is clear
   std::int32_t target_before_ = 0;
   std::int64_t asked_ = 0;  // when a command or a set-point changed in the drive
   std::uint64_t asked_before_ = 0;
@@ -199,6 +213,8 @@ class Watch {
   std::int64_t torque_limits_since_ = 0;
   std::int64_t torque_limits_ = 0;
   std::int64_t lie_since_ = 0;
+  std::int64_t unsaid_since_ = 0;
+  std::int64_t stop_lie_since_ = 0;
   std::int64_t zero_lie_since_ = 0;
   std::int64_t limit_lie_since_ = 0;
   std::int64_t following_lie_since_ = 0;

@@ -37,22 +37,21 @@ bool Axis::at_limit(bool positive) const {
   return positive != units.position_inverted ? user >= objects.max_position_limit : user <= objects.min_position_limit;
 }
 
-Axis::Room Axis::room() const {
+Axis::Room Axis::room_from(Counts place) const {
   constexpr double endless = std::numeric_limits<double>::infinity();
   if (policy.out_of_limits == OutOfLimits::fault || !software_limits_active() || position_range() != 0) {
     return {endless, endless};
   }
   const auto [low, high] =
       std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
-  return {static_cast<double>(position() - low), static_cast<double>(high - position())};
+  return {static_cast<double>(place - low), static_cast<double>(high - place)};
 }
 
-bool Axis::near_software_limit() const {
+bool Axis::near_software_limit(double deceleration) const {
   const double velocity = generator.velocity();
   if (velocity == 0.0) return false;
-  const double quick = quick_stop_ramp();
-  const double way = quick > 0.0 ? velocity * velocity / (2.0 * quick) : 0.0;
-  const Room room = this->room();
+  const double way = deceleration > 0.0 ? velocity * velocity / (2.0 * deceleration) : 0.0;
+  const Room room = room_from(demand.loop == Loop::position ? generator.nearest_position() : position());
   return (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * cycle_s;
 }
 

@@ -345,6 +345,11 @@ struct Axis {
   bool at_position_limit() const;
   // ... and the demand does not lead away from it.
   bool held_by_position_limit() const;
+  // The demand moves towards an active limit switch.
+  bool runs_into_limit_switch() const {
+    const double velocity = generator.velocity();
+    return (active(Signal::negative_limit) && velocity < 0.0) || (active(Signal::positive_limit) && velocity > 0.0);
+  }
   // The ways in counts to the software limits, where a mode without a target position has to keep to them: negative
   // beyond a limit. Infinite while they are off, or a fault where they are crossed.
   bool at_limit(bool positive) const;
@@ -352,9 +357,25 @@ struct Axis {
     double below;
     double above;
   };
-  Room room() const;
-  // The demand still just comes to rest before the software limit ahead, with the quick stop's ramp.
-  bool near_software_limit() const;
+  Room room_from(Counts place) const;
+  Room room() const { return room_from(position()); }  // of the shaft
+  // With this deceleration (counts/s^2; 0: at once) the demand still just comes to rest before the software limit
+  // ahead.
+  bool near_software_limit(double deceleration) const;
+  // A mode's deceleration (counts/s^2), or the quick stop's where the demand just comes to rest before the software
+  // limit ahead with that.
+  double deceleration_before_limit(double deceleration) const {
+    const double steepest = std::max(deceleration, quick_stop_ramp());
+    return near_software_limit(steepest) ? steepest : deceleration;
+  }
+  // Of a demand that comes to rest without a target (come_to_rest): within the software limits, if it can.
+  void rest_within_limits() {
+    const double ramp = profile_deceleration();
+    const double steeper = deceleration_before_limit(ramp);
+    if (steeper <= ramp) return;
+    limited = true;
+    come_to_rest(RampShape::linear, steeper);
+  }
   // The demand, which is to stop at the software limit ahead with this deceleration (counts/s^2), cannot, not even with
   // the quick stop's.
   bool too_fast_for_software_limit(double deceleration) const;

@@ -335,6 +335,7 @@ void Drive::run_mode() {
     }
   }
   if (stopping_) {
+    keep_stop_within_limits();
     step_stop();
     with_mode(*this, [&](auto& mode) {
       if constexpr (requires { mode.observe(axis_); }) mode.observe(axis_);

@@ -176,6 +176,8 @@ class Drive final : public dictionary::Listener {
   void enter_state(PowerState to);
   void begin_stop(Stop stop);
   void begin_ramp();
+  double deceleration_of(Stop stop) const;
+  void keep_stop_within_limits();
   void take_over_shaft();
   void keep_near_shaft();
   void watch_standstill();

@@ -34,12 +34,9 @@ void Drive::limit_switches(Counts before) {
   if (axis_.demand.loop == Loop::torque) return;
   const double velocity = axis_.generator.velocity();
   const double quick = quick_stop_deceleration();
-  bool blocked = (axis_.active(Signal::negative_limit) && velocity < 0.0) ||
-                 (axis_.active(Signal::positive_limit) && velocity > 0.0);
+  bool blocked = axis_.runs_into_limit_switch();
   if (axis_.demand.loop == Loop::velocity && velocity != 0.0) {
-    const Axis::Room room = axis_.room();
-    const double way = quick > 0.0 ? velocity * velocity / (2.0 * quick) : 0.0;
-    const bool near = (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * axis_.cycle_s;
+    const bool near = axis_.near_software_limit(quick);
     axis_.stopped_at = !near ? 0 : velocity < 0.0 ? -1 : 1;
     blocked |= near;
   }

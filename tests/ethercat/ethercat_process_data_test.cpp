@@ -401,6 +401,10 @@ class Synchronous : public SlaveRig {
   }
   void to_synchronous_operation() {
     to_pre_operational();
+    operate_with_sync0();
+  }
+  // From Pre-Operational.
+  void operate_with_sync0() {
     set_process_data(7, 7);
     start_sync(1'000'000);
     ASSERT_EQ(request(4), good(4));
@@ -577,13 +581,7 @@ TEST_F(Synchronous, ACycleWithoutOutputsBringsNone) {
   EXPECT_EQ(download(0x1600, 3, 0x20070010, 4), AbortCode::none);  // an object whose owner is told
   EXPECT_EQ(download(0x1600, 4, 0x00000010, 4), AbortCode::none);
   EXPECT_EQ(download(0x1600, 0, 4, 1), AbortCode::none);
-  set_process_data(7, 7);
-  start_sync(1'000'000);
-  ASSERT_EQ(request(4), good(4));
-  cycle();
-  request(8);
-  run(1500us);
-  ASSERT_EQ(status(), good(8));
+  operate_with_sync0();
   for (int i = 0; i < 3; ++i) cycle(7), run(1ms);
   const unsigned cycles = events.cycles;
   const std::size_t told = events.told.size();
@@ -602,13 +600,7 @@ TEST_F(Synchronous, TheSlaveMayStayWithSyncErrors) {
   EXPECT_EQ(upload(0x10F1, 1), bytes_of(1U));
   EXPECT_EQ(download(0x10F1, 1, 2, 4), AbortCode::value_invalid);
   EXPECT_EQ(download(0x10F1, 1, 0, 4), AbortCode::none);
-  set_process_data(7, 7);
-  start_sync(1'000'000);
-  ASSERT_EQ(request(4), good(4));
-  cycle();
-  request(8);
-  run(1500us);
-  ASSERT_EQ(status(), good(8));
+  operate_with_sync0();
   cycle();
   run(1ms);
   EXPECT_EQ(upload(0x1C32, 0x20), Bytes{0});

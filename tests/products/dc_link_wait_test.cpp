@@ -188,8 +188,16 @@ TYPED_TEST(DcLinkWait, APowerCutForgetsTheCommand) {
 // A set-point that is given while the drive waits is carried out when it is enabled, as long as its mode is still
 // wanted.
 TYPED_TEST(DcLinkWait, ASetPointIsNotLost) {
-  for (const bool other_mode : {false, true}) {
-    SCOPED_TRACE(other_mode);
+  struct Row {
+    std::vector<std::uint16_t> words;
+    std::int64_t mode;  // at the end of the wait
+  };
+  for (const Row& row : {Row{{0x16, 0x17, 0x0F, 0x2F, 0x3F}, 1}, Row{{0x16, 0x17, 0x0F, 0x2F, 0x3F}, 6},
+                         // given up by a word with bit 7, which commands nothing, and begun again
+                         Row{{0x07, 0x0F, 0x1F, 0x80, 0x07, 0x0F, 0x1F}, 1}, Row{{0x1F, 0x80, 0x07, 0x0F, 0x1F}, 1},
+                         Row{{0x07, 0x1F, 0x9F, 0x07, 0x1F}, 1}}) {
+    SCOPED_TRACE(testing::PrintToString(row.words));
+    SCOPED_TRACE(row.mode);
     TypeParam axis;
     this->make_ready(axis);
     const drive::Units& units = axis.device.drive().axis().units;
@@ -199,14 +207,13 @@ TYPED_TEST(DcLinkWait, ASetPointIsNotLost) {
     axis.set(0x6084, 0, std::lround(40.0 * turn / units.acceleration));
     axis.set(0x6060, 0, 1);
     axis.set(0x607A, 0, units.to_user(static_cast<drive::Counts>(turn)));
-    for (const std::uint16_t word : std::to_array<std::uint16_t>({0x16, 0x17, 0x0F, 0x2F, 0x3F}))
-      this->command(axis, word);
+    for (const std::uint16_t word : row.words) this->command(axis, word);
     axis.run_ms(2);
-    if (other_mode) axis.set(0x6060, 0, 6);
+    axis.set(0x6060, 0, row.mode);
     const auto before = static_cast<double>(axis.plant.position_counts());
     axis.run_ms(2500);
     EXPECT_EQ(this->state(axis), PowerState::operation_enabled);
-    EXPECT_NEAR((static_cast<double>(axis.plant.position_counts()) - before) / turn, other_mode ? 0.0 : 1.0, 0.02);
+    EXPECT_NEAR((static_cast<double>(axis.plant.position_counts()) - before) / turn, row.mode == 1 ? 1.0 : 0.0, 0.02);
   }
 }
 

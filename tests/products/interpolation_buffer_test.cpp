@@ -110,6 +110,37 @@ TEST(InterpolationBuffer, LostInProcessDataIsTold) {
   EXPECT_EQ(emergencies(0x0000), 1);
 }
 
+// 607Dh is set while the axis is on its way to a record: it is followed no further, and the next one, which the limits
+// clip, is no jump.
+TEST(InterpolationBuffer, SoftwareLimitsSetUnderWayEndTheRecord) {
+  Interpolating axis(8);
+  constexpr std::int64_t turn = 131072;
+  axis.set(0x6083, 0, 20 * turn);
+  axis.set(0x6084, 0, 20 * turn);
+  axis.set(0x6085, 0, 100 * turn);
+  axis.set(0x60C2, 1, 200);
+  axis.control(0x1F);
+  axis.run_ms(10);
+  axis.record(2 * turn);
+  axis.run_ms(30);
+  const auto turns = [&] { return static_cast<double>(axis.plant.position_counts()) / turn; };
+  EXPECT_GT(turns(), 0.1);
+  axis.set(0x607D, 1, -1000);
+  axis.set(0x607D, 2, turn / 2);
+  double furthest = 0.0;
+  double fastest_back = 0.0;
+  for (int i = 0; i < 3000; ++i) {
+    axis.run_ms(0.5);
+    if (i == 40) axis.record(2 * turn);
+    furthest = std::max(furthest, turns());
+    fastest_back = std::min(fastest_back, axis.plant.velocity_rpm());
+  }
+  EXPECT_LT(furthest, 1.0) << "0.5 at most from 600 rpm by the quick stop";
+  EXPECT_GT(fastest_back, -600.0);
+  EXPECT_NEAR(turns(), 0.5, 0.001) << "the second record ends at the limit";
+  EXPECT_NE(axis.status() & 0x800, 0);
+}
+
 // --- 60C2h
 
 template <typename RigType>

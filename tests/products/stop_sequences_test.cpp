@@ -419,6 +419,33 @@ TEST(AfterALimit, IsmkMovesByARelativeSetPointFromWhereItStands) {
   EXPECT_NEAR(static_cast<double>(rig.plant.position_counts() - stood), -65536.0, 30.0);
 }
 
+template <typename RigType>
+void relative_after_a_change_of_mode(RigType&& rig, double turn) {
+  const drive::Units& units = rig.device.drive().axis().units;
+  const auto ramp = static_cast<std::int64_t>(20.0 * turn / units.acceleration);
+  for (const std::uint16_t object : std::to_array<std::uint16_t>({0x6083, 0x6084})) rig.set(object, 0, ramp);
+  rig.set(0x6081, 0, static_cast<std::int64_t>(units.velocity_to_user(5.0 * turn)));
+  rig.set(0x6060, 0, 3);
+  ASSERT_TRUE(rig.enable());
+  rig.set(0x60FF, 0, static_cast<std::int64_t>(units.velocity_to_user(-10.0 * turn)));
+  rig.run_ms(700);
+  ASSERT_LT(rig.plant.velocity_rpm(), -500.0);
+  rig.set(0x6060, 0, 1);
+  rig.run_ms(1500);
+  ASSERT_NEAR(rig.plant.velocity_rpm(), 0.0, 3.0);
+  const std::int64_t stood = rig.plant.position_counts();
+  one_move(rig, -units.to_user(static_cast<drive::Counts>(turn)));
+  rig.run_ms(1500);
+  EXPECT_NEAR(static_cast<double>(rig.plant.position_counts() - stood), -turn, 0.01 * turn);
+}
+
+// A relative set-point in a mode that was entered in motion counts from where the axis came to rest.
+TEST(AfterAChangeOfMode, ARelativeSetPointCountsFromTheRest) {
+  relative_after_a_change_of_mode(Rig<Generic402>{}, 131072.0);
+  relative_after_a_change_of_mode(Rig<Pronet>{}, 131072.0);
+  relative_after_a_change_of_mode(IsmkRig{}, 65536.0);
+}
+
 struct Reference : Rig<Generic402> {
   explicit Reference(std::int64_t mode) {
     set(0x6060, 0, mode);
@@ -427,6 +454,10 @@ struct Reference : Rig<Generic402> {
     set(0x6084, 0, 131072 * 10);
     set(0x2030, 1, static_cast<std::int64_t>(Signal::positive_limit));
     EXPECT_TRUE(enable());
+  }
+  void limit_turns(double least, double greatest) {
+    set(0x607D, 1, std::lround(131072.0 * least));
+    set(0x607D, 2, std::lround(131072.0 * greatest));
   }
   double turns() { return static_cast<double>(plant.position_counts()) / 131072.0; }
   double turns_per_s() { return plant.velocity_rpm() / 60.0; }
@@ -437,8 +468,7 @@ TEST(SoftwareLimitSetInMotion, EndsAPositioning) {
   Reference axis(1);
   one_move(axis, 131072 * 5);
   axis.run_ms(700);
-  axis.set(0x607D, 1, -131072);
-  axis.set(0x607D, 2, 131072 * 3);
+  axis.limit_turns(-1.0, 3.0);
   axis.run_ms(4000);
   EXPECT_NEAR(axis.turns(), 3.0, 0.001);
   EXPECT_TRUE(axis.bit(11));
@@ -449,8 +479,7 @@ TEST(SoftwareLimitSetInMotion, LetsAnAxisComeIn) {
   one_move(axis, 131072 * 5);
   axis.run_ms(700);
   const double there = axis.turns();
-  axis.set(0x607D, 1, static_cast<std::int64_t>(131072 * (there + 1.0)));
-  axis.set(0x607D, 2, 131072 * 20);
+  axis.limit_turns(there + 1.0, 20.0);
   axis.run_ms(4000);
   EXPECT_NEAR(axis.turns(), 5.0, 0.001);
   EXPECT_TRUE(axis.bit(10));
@@ -464,8 +493,7 @@ TEST(SoftwareLimitSetInMotion, HoldsACyclicTargetThatLiesOutsideNow) {
   axis.run_ms(500);
   const double there = axis.turns();
   EXPECT_GT(there, 0.5);
-  axis.set(0x607D, 1, -131072);
-  axis.set(0x607D, 2, static_cast<std::int64_t>(131072 * (there + 4.0)));
+  axis.limit_turns(-1.0, there + 4.0);
   axis.run_ms(4000);
   EXPECT_LT(axis.turns(), there + 4.0);
   EXPECT_TRUE(axis.bit(11));
@@ -476,13 +504,70 @@ TEST(SoftwareLimitSetInMotion, BehindTheAxisStopsIt) {
   one_move(axis, 131072 * 5);
   axis.run_ms(1500);
   const double there = axis.turns();
-  axis.set(0x607D, 1, -131072);
-  axis.set(0x607D, 2, 131072);
+  axis.limit_turns(-1.0, 1.0);
   axis.run_ms(3000);
   EXPECT_GT(axis.turns(), there);
   EXPECT_LT(axis.turns(), there + 2.0 * 2.0 / 2.0 / 10.0 + 0.05);
   EXPECT_TRUE(axis.bit(11));
   EXPECT_FALSE(axis.bit(10));
+}
+
+// The ramp of a halt may be too gentle for the way to a limit: the quick stop's takes over.
+TEST(HaltBeforeALimit, BrakesByTheQuickStopsRamp) {
+  for (const std::int64_t mode : {1, 3, 8}) {
+    for (const bool by_switch : {false, true}) {
+      SCOPED_TRACE(mode);
+      SCOPED_TRACE(by_switch);
+      Reference axis(mode);
+      axis.set(0x6085, 0, 131072 * 40);
+      axis.set(0x60FF, 0, 131072 * 4);
+      axis.set(0x6081, 0, 131072 * 4);
+      if (mode == 1) one_move(axis, 131072 * 30);
+      if (mode == 8) axis.set(0x607A, 0, 131072 * 30);
+      axis.run_ms(1000);
+      ASSERT_GT(axis.turns_per_s(), 3.0);
+      const double there = axis.turns();
+      axis.set(0x6084, 0, 131072);  // 8 turns and more
+      if (!by_switch) axis.limit_turns(-1.0, there + 3.0);
+      axis.run_ms(2);
+      axis.control(0x10F);
+      axis.run_ms(300);
+      EXPECT_GT(axis.turns_per_s(), 2.0) << "the halt has a ramp of its own";
+      const double here = axis.turns();
+      const double speed = axis.turns_per_s();
+      if (by_switch) axis.plant.force_input(0, true);
+      axis.run_ms(3000);
+      EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.01);
+      if (by_switch) {
+        EXPECT_LT(axis.turns(), here + speed * speed / 80.0 + 0.1);
+      } else {
+        EXPECT_NEAR(axis.turns(), there + 3.0, 0.06);
+      }
+      EXPECT_TRUE(axis.bit(11));
+    }
+  }
+}
+
+// So may the ramp by which a mode comes to rest that is entered in motion.
+TEST(RestBeforeALimit, BrakesByTheQuickStopsRamp) {
+  for (const std::int64_t mode : {1, 7, 8}) {
+    SCOPED_TRACE(mode);
+    Reference axis(3);
+    axis.set(0x6085, 0, 131072 * 40);
+    axis.set(0x60FF, 0, 131072 * 4);
+    axis.run_ms(1000);
+    ASSERT_GT(axis.turns_per_s(), 3.0);
+    const double there = axis.turns();
+    axis.set(0x6084, 0, 131072);
+    axis.limit_turns(-1.0, there + 3.0);
+    axis.set(0x6060, 0, mode);
+    axis.run_ms(100);
+    EXPECT_GT(axis.turns_per_s(), 3.0) << "far from the limit it brakes by 6084h";
+    axis.run_ms(3000);
+    EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.01);
+    EXPECT_NEAR(axis.turns(), there + 3.0, 0.06);
+    EXPECT_TRUE(axis.bit(11));
+  }
 }
 
 TEST(ZeroRamps, LetProfileVelocityBrake) {

@@ -179,6 +179,7 @@ void InterpolatedPosition::await_record(Axis& axis) {
 void InterpolatedPosition::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
   record_age_ += 1.0;
+  if (following_ && given_up_at_limits(axis, target_)) stop();
   const bool late = waited_ || (bridging_ && line_.remaining() >= 0.5 * period_.cycles(axis));
   if (enabled_ && count_ > 0 && (!following_ || late || line_.ends_in_next_cycle())) {
     take_record(axis);

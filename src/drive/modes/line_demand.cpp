@@ -53,6 +53,7 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     // Planned anew in each cycle, in coordinates that move with the line, so that a line whose speed changes is caught
     // all the same.
     MotionLimits limits = axis.catch_up_limits();
+    limits.deceleration = axis.deceleration_before_limit(limits.deceleration);
     limits.velocity = std::max(greatest - std::abs(line_velocity), least_share * greatest);
     Trajectory way;
     way.plan_position({distance, velocity_ - line_velocity, 0.0}, 0.0, 0.0, limits, RampShape::linear);

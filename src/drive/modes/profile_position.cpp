@@ -25,8 +25,8 @@ void ProfilePosition::enter(Axis& axis) {
   running_ = false;
   passing_ = false;
   acknowledge_ = false;
-  interrupted_ = false;
-  target_reached_ = true;
+  interrupted_ = !axis.generator.standing();  // the axis rests elsewhere than here
+  target_reached_ = !interrupted_;
   window_.reset();
   target_ = axis.generator.nearest_position();
   target_user_ = axis.units.to_user(target_);
@@ -290,11 +290,13 @@ void ProfilePosition::halt(Axis& axis) {
 // 607Dh was changed under way: the motion ends at the limit, or, where that is too near or behind, as soon as it can.
 void ProfilePosition::keep_to_limits(Axis& axis) {
   const Objects& objects = axis.objects;
-  if (!running_ || !axis.software_limits_active()) return;
+  if (!axis.software_limits_active()) return;
+  if (!running_) return axis.rest_within_limits();
   // With its end velocity, or on a way that leads past the limit and back, as a new set-point under way may plan it.
   const double ramp = axis.ramp(running_set_point_.deceleration, objects.max_deceleration);
-  const bool passes = !axis.generator.standing() &&
-                      (axis.generator.finished() ? axis.near_software_limit() : axis.too_fast_for_software_limit(ramp));
+  const bool passes =
+      !axis.generator.standing() && (axis.generator.finished() ? axis.near_software_limit(axis.quick_stop_ramp())
+                                                               : axis.too_fast_for_software_limit(ramp));
   if (passes) {
     axis.limited = true;
     axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());

@@ -62,6 +62,7 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
 
 // Before the first target of a mode just entered the axis comes to rest from whatever it was doing.
 void await_target(Axis& axis) {
+  axis.rest_within_limits();
   axis.generator.step(axis.cycle_s);
   axis.follow_generator(Loop::position);
 }
@@ -80,6 +81,17 @@ void end_bridge(Axis& axis, Line& line, LineDemand& demand, Counts target, doubl
     demand.begin(axis, line, target, cycles);
   }
   line.go(target, cycles);
+}
+
+bool given_up_at_limits(Axis& axis, Counts target) {
+  if (axis.within_software_limits(target)) return false;
+  if (axis.policy.out_of_limits == OutOfLimits::fault) {
+    axis.raise(Cause::position_limit);
+    return false;
+  }
+  axis.limited = true;
+  axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
+  return true;
 }
 
 bool runs_beyond_limits(const Axis& axis, Line line) {
@@ -147,17 +159,8 @@ void SetPointFollower::await_late_target(const Axis& axis) {
   due_ += period_.cycles(axis);
 }
 
-// 607Dh was set under way: a target that lies outside now is followed no further, whatever is left of the way to it.
-void SetPointFollower::keep_to_limits(Axis& axis) {
-  if (!following_ || axis.within_software_limits(target_)) return;
-  if (axis.policy.out_of_limits == OutOfLimits::fault) return axis.raise(Cause::position_limit);
-  axis.limited = true;
-  axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
-  stop();
-}
-
 void SetPointFollower::step(Axis& axis) {
-  keep_to_limits(axis);
+  if (following_ && given_up_at_limits(axis, target_)) stop();
   if (!following_) return await_target(axis);
   const bool streamed = streams_;
   if (streamed && std::ceil(due_) <= -jitter) await_late_target(axis);

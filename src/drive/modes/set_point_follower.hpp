@@ -59,7 +59,6 @@ class SetPointFollower {
   bool begin(Axis& axis, std::int64_t user, double cycles);
   void lead_to(Axis& axis, std::int64_t user);
   void await_late_target(const Axis& axis);
-  void keep_to_limits(Axis& axis);
 
   Line line_{};
   LineDemand demand_{};
@@ -86,6 +85,11 @@ double bridging_rate(const Axis& axis, double before, double rate);
 void end_bridge(Axis& axis, Line& line, LineDemand& demand, Counts target, double cycles);
 // Whether a line that stands for a missing set-point leaves the software limits in the next cycle.
 bool runs_beyond_limits(const Axis& axis, Line line);
+
+// Whether 607Dh was set under way so that a target that was taken before lies outside now: the axis brakes, whatever is
+// left of the way to it, and the target is followed no further. Of a product that has a fault for it, the fault is
+// raised.
+bool given_up_at_limits(Axis& axis, Counts target);
 
 // What the modes of interpolation share: targets in counts, and coming to rest before the first target.
 Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last);

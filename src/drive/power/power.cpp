@@ -34,7 +34,7 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   }
   const std::uint16_t commanded_before = axis_.controlword;
   axis_.controlword = now;
-  word_before_wait_ = awaits_dc_link_ ? word_before_wait_ & now : commanded_before;
+  word_before_wait_ = (awaits_dc_link_ ? word_before_wait_ : commanded_before) & now;
   handle_command(command_of(now));
   if (state_ == PowerState::operation_enabled) {
     with_mode(*this, [&](auto& mode) { mode.controlword(axis_, commanded_before, now); });
@@ -251,19 +251,25 @@ void Drive::begin_stop(Stop stop) {
   axis_.follow_generator(stop_loop_);  // already in this cycle
 }
 
+// Of the ramp of a stop, counts/s^2; 0: it has none.
+double Drive::deceleration_of(Stop stop) const {
+  double deceleration = 0.0;
+  if (stop == Stop::slow_down_ramp) {
+    deceleration = with_mode(*this, [&](const auto& mode) { return mode.deceleration(axis_); });
+  } else if (stop == Stop::quick_stop_ramp) {
+    deceleration = quick_stop_deceleration();
+  }
+  const std::uint32_t greatest = axis_.objects.max_deceleration;
+  return greatest != 0 ? std::min(deceleration, greatest * axis_.units.acceleration) : deceleration;
+}
+
 // The ramp to rest of `stop_`, or what stands for it, from where the generator is.
 void Drive::begin_ramp() {
   const Objects& objects = axis_.objects;
-  double deceleration = 0.0;
+  const double deceleration = deceleration_of(stop_);
   RampShape shape = RampShape::linear;
   if (stop_ == Stop::slow_down_ramp) {
-    deceleration = with_mode(*this, [&](auto& mode) { return mode.deceleration(axis_); });
     shape = axis_.demand.loop == Loop::velocity ? axis_.velocity_stop_shape() : axis_.shape();
-  } else if (stop_ == Stop::quick_stop_ramp) {
-    deceleration = quick_stop_deceleration();
-  }
-  if (objects.max_deceleration != 0) {
-    deceleration = std::min(deceleration, objects.max_deceleration * axis_.units.acceleration);
   }
   const double jerk = objects.profile_jerk[0] * axis_.units.jerk;
   if (jerk <= 0.0 && shape == RampShape::jerk_limited) shape = RampShape::linear;
@@ -281,6 +287,20 @@ void Drive::begin_ramp() {
 
 double Drive::quick_stop_deceleration() const {
   return mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_) : axis_.quick_stop_ramp();
+}
+
+// The slow-down ramp of a halt or of the end of operation may be too gentle for the way to a limit: the quick stop's
+// takes over where it is steeper. What 605Ah and 605Eh choose for a quick stop and a fault stays.
+void Drive::keep_stop_within_limits() {
+  const bool operating = state_ == PowerState::operation_enabled && mode_ != Mode::homing;
+  if (!operating || stop_ != Stop::slow_down_ramp || releasing_torque_) return;
+  const double quick = deceleration_of(Stop::quick_stop_ramp);
+  const bool at_switch = policy_.limit_switches == LimitSwitches::stop && axis_.runs_into_limit_switch();
+  if (!at_switch && !axis_.near_software_limit(quick)) return;
+  if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
+  if (quick <= deceleration_of(stop_)) return;
+  stop_ = Stop::quick_stop_ramp;
+  begin_ramp();
 }
 
 bool Drive::stop_finished() const {
