@@ -223,7 +223,7 @@ std::int64_t Watch::demand_cycle() const {
 
 Watch::Stopping Watch::stopping(double velocity, double slope) const {
   const double speed = std::abs(velocity) + still_rpm / 60.0 * counts_per_revolution_ + overshoot(slope);
-  double braking = torque_acceleration();
+  double braking = acceleration_;
   if (slope > 0.0) braking = std::min(braking, slope);
   if (braking <= 0.0) return {1e18, 1e18};
   double seconds = speed / braking;
@@ -273,6 +273,8 @@ void Watch::look() {
     rest_ = position_;
     first_ = false;
   }
+  judgeable_ = motion_can_be_judged();
+  acceleration_ = torque_acceleration();
   if (mode_ != mode_before_) mode_since_ = tick_;
   if (pwm_ != had_pwm_) pwm_before_ = std::exchange(pwm_since_, tick_);
   coasting();
@@ -325,8 +327,7 @@ void Watch::power() {
                                                  axis_.plant().torque_nm(), rpm(velocity_)));
   }
   // The end of a stop.
-  if (had_pwm_ && !pwm_ && !shorted_ && was_powered_ && motion_can_be_judged() &&
-      axis_.feedback().hardware_faults == 0) {
+  if (had_pwm_ && !pwm_ && !shorted_ && was_powered_ && judgeable_ && axis_.feedback().hardware_faults == 0) {
     const drive::FaultRow* fault = drive_.shown_fault();
     std::int16_t code = 0;
     bool judged = true;
@@ -448,7 +449,7 @@ void Watch::demand() {
     first_target(before.velocity, demand.velocity, seconds);
   // Profile modes: no speed is gained faster than by the steepest ramp.
   const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
-                        tick_ - state_since_ > 2 * cycle_ticks && motion_can_be_judged() &&
+                        tick_ - state_since_ > 2 * cycle_ticks && judgeable_ &&
                         (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
   const bool loops = demand.loop == before.loop && (demand.loop == Loop::position || demand.loop == Loop::velocity);
   if (!profiled || !loops) {
@@ -509,7 +510,7 @@ void Watch::first_target(double from, double to, double seconds) {
   const std::uint16_t word = drive_.axis().controlword;
   const bool runs = state_ == PowerState::operation_enabled && (word & controlword::halt) == 0 &&
                     drive::command_of(word) == drive::Command::enable_operation && stop_.kind == StopKind::none;
-  if (!cyclic || !runs || targets_ > 0 || !motion_can_be_judged()) return;
+  if (!cyclic || !runs || targets_ > 0 || !judgeable_) return;
   constexpr double jump_share = 0.13;
   const double greatest =
       static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 * counts_per_revolution_;
@@ -525,7 +526,7 @@ void Watch::first_target(double from, double to, double seconds) {
 
 void Watch::speed_limits() {
   const drive::LoopDemand& now = drive_.axis().demand;
-  const bool judged = state_ == PowerState::operation_enabled && pwm_ && motion_can_be_judged() &&
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
                       (now.loop == Loop::position || now.loop == Loop::velocity) && mode_ != Mode::homing &&
                       mode_ != Mode::velocity && !drive_.identification().running();
   double most = greatest_speed();
@@ -533,8 +534,12 @@ void Watch::speed_limits() {
     most = std::min(most, objects_.max_profile_velocity * drive_.axis().units.velocity);
   const double speed = std::abs(now.loop == Loop::position ? demand_speed_ : static_cast<double>(now.velocity));
   const double over = speed - most;
+  if (!judged) {
+    excess_ = {};
+    return;
+  }
   const double ramp = slope();
-  if (!judged || over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most || ramp < excess_.slope) {
+  if (over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most || ramp < excess_.slope) {
     const double seconds = ramp > 0.0 ? std::max(over, 0.0) / ramp : 0.0;
     excess_ = {tick_, most, ramp, (objects_.motion_profile_type != 0 ? 2.5 : 1.1) * seconds + lag_s};
     return;
@@ -575,19 +580,22 @@ void Watch::stops() {
     kind = StopKind::none;
   // A limit switch releases what it holds, and homing goes on where it was.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
-  if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since || !motion_can_be_judged()) {
+  if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since || !judgeable_) {
+    if (kind == StopKind::none) {
+      stop_ = {};
+      return;
+    }
     // A stop that goes on in another mode keeps the ramp that it began with.
     const bool goes_on = kind == stop_.kind && stop_.slope > 0.0 && slope() > 0.0;
     const double gentlest = goes_on ? std::min(slope(), stop_.slope) : slope();
     // A shaft that lags behind the stop's ramp meanwhile may become as fast again.
-    const double speed =
-        goes_on && kind != StopKind::none ? std::max(std::abs(velocity_), stop_.speed) : std::abs(velocity_);
+    const double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::abs(velocity_);
     const Stopping stopping = this->stopping(speed, gentlest);
     stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentlest, speed};
     return;
   }
   if (kind == StopKind::none) return;
-  if (torque_acceleration() <= 0.0) {  // the torque that a stop needs was taken from it
+  if (acceleration_ <= 0.0) {  // the torque that a stop needs was taken from it
     stop_.since = tick_;
     stop_.from = position_;
   }
@@ -628,6 +636,10 @@ void Watch::limit_switches() {
     const bool signal = drive_.axis().active(i == 0 ? drive::Signal::negative_limit : drive::Signal::positive_limit);
     const bool active = closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none;
     Limit& limit = limits_[i];
+    if (!active) {
+      limit = {};
+      continue;
+    }
     // In the position loop the shaft comes to where the demand stands, though it may have swung back from there.
     const bool demanded = drive_.axis().demand.loop == Loop::position;
     const double speed = std::max(
@@ -637,8 +649,8 @@ void Watch::limit_switches() {
                  : direction * position_ + lag(speed);  // a stop may go on in the position loop
     const double reach = place + stopping(speed, limit_slope()).counts;
     // Without torque nothing brakes.
-    if (!active || !limit.active || !motion_can_be_judged() || mode_since_ == tick_ || torque_acceleration() <= 0.0) {
-      limit = {active, reach};
+    if (!limit.active || !judgeable_ || mode_since_ == tick_ || acceleration_ <= 0.0) {
+      limit = {true, reach};
       continue;
     }
     limit.furthest = std::min(limit.furthest, reach);
@@ -654,16 +666,20 @@ void Watch::software_limits() {
   const drive::Axis& axis = drive_.axis();
   // A demand that the motor has no torque to follow is taken along by the shaft.
   const bool applies =
-      pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() && torque_acceleration() > 0.0 &&
+      pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() && acceleration_ > 0.0 &&
       objects_.min_position_limit < objects_.max_position_limit && !axis.units.position_inverted &&
       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
        mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
-  const double slope = limit_slope();
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
   const bool stopped = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
                        axis.active(drive::Signal::positive_limit);
   const bool begins = stopped && !stopped_before_;
   stopped_before_ = stopped;
+  if (!applies) {
+    borders_ = {};
+    return;
+  }
+  const double slope = limit_slope();
   const auto offset = static_cast<double>(drive_.position_offset());
   // In the position loop the demand is judged, which has no lag; else the shaft.
   const bool demanded = axis.demand.loop == Loop::position;
@@ -681,10 +697,9 @@ void Watch::software_limits() {
                       : direction * velocity_);
     const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
     const double reach = place + way + slack;
-    if (!applies || !border.active || border.at != limit || border.demanded != demanded || slope < border.slope ||
-        begins || !motion_can_be_judged() || tick_ - mode_since_ < 2 * cycle_ticks ||
-        tick_ - state_since_ < 2 * cycle_ticks) {
-      border = {applies, demanded, limit, slope, std::max(at + slack, reach)};
+    if (!border.active || border.at != limit || border.demanded != demanded || slope < border.slope || begins ||
+        !judgeable_ || tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
+      border = {true, demanded, limit, slope, std::max(at + slack, reach)};
       continue;
     }
     // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
@@ -705,7 +720,7 @@ void Watch::set_points() {
   const std::uint16_t word = objects_.controlword;
   const bool edge = (word & controlword::mode_bit_4) != 0 && (word_before_ & controlword::mode_bit_4) == 0;
   const bool working = state_ == PowerState::operation_enabled && mode_ == Mode::profile_position && pwm_ &&
-                       (word & (controlword::halt | controlword::fault_reset)) == 0 && motion_can_be_judged();
+                       (word & (controlword::halt | controlword::fault_reset)) == 0 && judgeable_;
   word_before_ = word;
   const bool ready_before = std::exchange(ready_, (objects_.statusword & drive::statusword::mode_bit_12) == 0);
   if (!working) {
@@ -732,14 +747,14 @@ void Watch::set_points() {
     if (bounded && !relative)
       target = static_cast<double>(axis.units.to_counts(
           std::clamp(objects_.target_position, objects_.min_position_limit, objects_.max_position_limit)));
-    set_point_.active = usual && standing && !relative && !limited && !changed && torque_acceleration() > 0.0;
+    set_point_.active = usual && standing && !relative && !limited && !changed && acceleration_ > 0.0;
     set_point_.taken = false;
     // Away from the one switch that holds it.
     const bool below = axis.active(drive::Signal::negative_limit);
     const bool above = axis.active(drive::Signal::positive_limit);
     const double least = 0.3 * counts_per_revolution_;
     set_point_.leaves = usual && standing && relative && !changed && below != above && !axis.software_limits_active() &&
-                        (drive_.policy().limit_switches == drive::LimitSwitches::stop) && torque_acceleration() > 0.0 &&
+                        (drive_.policy().limit_switches == drive::LimitSwitches::stop) && acceleration_ > 0.0 &&
                         (below ? target > least : target < -least);
     set_point_.from = position_;
     set_point_.direction = below ? 1.0 : -1.0;
@@ -763,7 +778,7 @@ void Watch::set_points() {
     if (again || moved > 0.1 * counts_per_revolution_ || (!set_point_.taken && tick_ - set_point_.since > ms(10)) ||
         axis.active(set_point_.direction > 0.0 ? drive::Signal::positive_limit : drive::Signal::negative_limit)) {
       set_point_.leaves = false;
-    } else if (const double acceleration = std::min(slope(), torque_acceleration());
+    } else if (const double acceleration = std::min(slope(), acceleration_);
                static_cast<double>(tick_ - set_point_.since) * tick_s >
                0.2 + std::sqrt(0.5 * counts_per_revolution_ / std::max(acceleration, 1.0)) +
                    0.3 * counts_per_revolution_ / (objects_.profile_velocity * axis.units.velocity) +
@@ -829,7 +844,7 @@ void Watch::unasked() {
   const bool open = mode_ == Mode::homing || mode_ == Mode::none || mode_ == Mode::interpolated_position ||
                     mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque ||
                     mode_ == Mode::cyclic_sync_velocity || drive_.identification().running();
-  if (!motion_can_be_judged() || !pwm_ || open || state_ != PowerState::operation_enabled ||
+  if (!judgeable_ || !pwm_ || open || state_ != PowerState::operation_enabled ||
       tick_ - std::max(pwm_since_, mode_since_) < ms(50)) {
     rest_ = position_;
     rest_since_ = tick_;
@@ -884,7 +899,7 @@ void Watch::torque() {
 void Watch::bits() {
   const drive::Policy& policy = drive_.policy();
   const std::uint16_t word = objects_.statusword;
-  const bool judged = state_ == PowerState::operation_enabled && pwm_ && motion_can_be_judged() &&
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
                       tick_ - std::max(state_since_, mode_since_) > ms(20);
   const std::uint16_t commanded = drive_.axis().controlword;  // a word with bit 7 commands nothing
   const bool halt = (commanded & controlword::halt) != 0;
@@ -910,7 +925,7 @@ void Watch::bits() {
       const bool window_off = mode_ == Mode::profile_position && objects_.position_window == 0xFFFFFFFF;
       const bool gives_its_best = (objects_.statusword & drive::statusword::internal_limit_active) != 0;
       lies = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && objects_.end_velocity == 0 &&
-             torque_acceleration() > 0.0 && !(window_off && gives_its_best);
+             acceleration_ > 0.0 && !(window_off && gives_its_best);
     }
   }
   if (!lies) lie_since_ = tick_;
@@ -919,25 +934,26 @@ void Watch::bits() {
                                                  rpm(expected), static_cast<int>(mode_)));
   }
   // A stop that is under way has reached nothing.
-  const bool bit_10 = shows(10, {drive::StatusSource::target_reached});
-  const bool stopping = stop_.kind != StopKind::none && stop_.kind != StopKind::velocity && pwm_ &&
-                        motion_can_be_judged() && bit_10 && torque_acceleration() > 0.0 &&
-                        std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
+  const bool stopping = stop_.kind != StopKind::none && stop_.kind != StopKind::velocity && pwm_ && judgeable_ &&
+                        acceleration_ > 0.0 && std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ &&
+                        shows(10, {drive::StatusSource::target_reached});
   if (!stopping || (word & drive::statusword::target_reached) == 0) stop_lie_since_ = tick_;
   if (tick_ - stop_lie_since_ > ms(20)) {
     return fail("reached-is-untrue",
                 fmt::format("bit 10 at {:.0f} rpm in a stop, mode {}", rpm(velocity_), static_cast<int>(mode_)));
   }
-  const bool halted = judged && halt && bit_10 && !drive_.in_motion() &&
+  const bool halted = judged && halt && !drive_.in_motion() &&
                       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity) &&
                       std::abs(velocity_) < 2.0 / 60.0 * counts_per_revolution_ &&
-                      drive::command_of(commanded) == drive::Command::enable_operation;
+                      drive::command_of(commanded) == drive::Command::enable_operation &&
+                      shows(10, {drive::StatusSource::target_reached});
   if (!halted || (word & drive::statusword::target_reached) != 0) unsaid_since_ = tick_;
   if (tick_ - unsaid_since_ > ms(300)) {
     return fail("reached-is-missing",
                 fmt::format("the halted axis rests for 300 ms without bit 10, mode {}", static_cast<int>(mode_)));
   }
   const bool cia_bit_12 =
+      mode_ == Mode::profile_velocity &&
       std::any_of(policy.status_bits.begin(), policy.status_bits.end(), [this](const drive::StatusBit& row) {
         return row.bit == 12 && row.source == drive::StatusSource::mode_bit_12 &&
                (row.modes & drive::mode_bit(Mode::profile_velocity)) != 0;
@@ -965,9 +981,9 @@ bool Watch::shows(unsigned bit, std::initializer_list<drive::StatusSource> sourc
 void Watch::limit_bit() {
   const drive::Axis& axis = drive_.axis();
   const bool judged = state_ == PowerState::operation_enabled && mode_ == Mode::profile_velocity && pwm_ &&
-                      motion_can_be_judged() && stop_.kind == StopKind::none && !drive_.identification().running() &&
+                      judgeable_ && stop_.kind == StopKind::none && !drive_.identification().running() &&
                       (axis.controlword & controlword::halt) == 0 &&  // a word with bit 7 keeps the halt before it
-                      shows(11, {drive::StatusSource::internal_limit}) && torque_acceleration() > 0.0 &&
+                      shows(11, {drive::StatusSource::internal_limit}) && acceleration_ > 0.0 &&
                       !axis.software_limits_active() && !axis.active(drive::Signal::negative_limit) &&
                       !axis.active(drive::Signal::positive_limit) && objects_.profile_acceleration != 0 &&
                       (axis.controlword & drive::controlword::halt) == 0 &&
@@ -1016,14 +1032,13 @@ void Watch::error_registers() {
   dictionary::Dictionary& objects = axis_.device().bus_dictionary();
   const bool failed = one_of(state_, {PowerState::fault, PowerState::fault_reaction_active});
   const bool warned = (objects_.statusword & drive::statusword::warning) != 0;
-  const std::uint8_t shown = communication_register();
   canopen::Node* node = axis_.device().can_node();
   const bool apart = node != nullptr && (node->communication_error() || tick_ - nmt_since_ < ms(20));
-  const bool alone =
-      shown != 0 && !failed && !warned && !apart && objects_.error_code == 0 && !drive_.any_fault() && node != nullptr;
-  if (!alone) register_since_ = tick_;
+  const bool alone = !failed && !warned && !apart && objects_.error_code == 0 && !drive_.any_fault() && node != nullptr;
+  if (!alone || (tick_ % ms(1) == 0 && communication_register() == 0)) register_since_ = tick_;
   if (tick_ - register_since_ > ms(20)) {
-    return fail("register-without-error", fmt::format("1001h is {:02X}h in {}", shown, drive::name(state_)));
+    return fail("register-without-error",
+                fmt::format("1001h is {:02X}h in {}", communication_register(), drive::name(state_)));
   }
   if (const ethercat::Slave* slave = axis_.device().ethercat_slave()) {
     if (slave->error() != (slave->status_code() != ethercat::AlStatusCode::none)) {

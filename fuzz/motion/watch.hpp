@@ -121,8 +121,10 @@ class Watch {
 
   // As of this tick.
   std::int64_t tick_ = 0;
-  double position_ = 0.0;  // counts
-  double velocity_ = 0.0;  // counts/s
+  bool judgeable_ = false;     // motion_can_be_judged()
+  double acceleration_ = 0.0;  // torque_acceleration()
+  double position_ = 0.0;      // counts
+  double velocity_ = 0.0;      // counts/s
   bool pwm_ = false;
   bool shorted_ = false;
   drive::PowerState state_{};
