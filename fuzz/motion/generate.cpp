@@ -484,7 +484,8 @@ class Generator {
 
   // Several steps that belong together, with time for what follows from them.
   void theme() {
-    switch (random_.below(8)) {
+    static constexpr std::array<int, 9> themes{0, 1, 2, 3, 3, 4, 5, 6, 7};
+    switch (random_.of(themes)) {
       case 0: {  // a ramp of zero, a motion, and the ramp restored
         static constexpr std::array<std::uint16_t, 5> ramps{0x6081, 0x6083, 0x6084, 0x6085, 0x609A};
         const std::uint16_t index = random_.of(ramps);
@@ -539,6 +540,17 @@ class Generator {
         wait(10, 120);
         if (mode() == Mode::profile_torque || mode() == Mode::cyclic_sync_torque) {
           write(0x6071, random_.within(20, 200) * (random_.chance(50) ? 1 : -1));
+        } else if (mode() == Mode::interpolated_position && by_record() && random_.chance(70)) {
+          write(0x60C2, random_.within(100, 250), 1);  // a record that is long under way
+          write(0x60C2, -3, 2);
+          wait(2, 10);
+          control(0x1F);
+          const double way = (random_.chance(50) ? 1.0 : -1.0) * (1.0 + 5.0 * random_.unit());
+          add({.kind = Kind::write_here,
+               .via = Via::sdo,
+               .index = 0x60C1,
+               .sub = 1,
+               .value = to_i32(variant().position(way))});
         } else if (mode() == Mode::cyclic_sync_position || mode() == Mode::interpolated_position) {
           stream();
         } else if (mode() == Mode::profile_position) {
@@ -565,6 +577,12 @@ class Generator {
              .index = 0x607D,
              .sub = 2,
              .value = to_i32(variant().position(room))});
+        if (random_.chance(40)) {  // and a gentle stop before them
+          write(0x6084, std::max<std::int64_t>(1, to_u32(variant().acceleration(10.0 + 90.0 * random_.unit()))));
+          wait(1, 60);
+          static constexpr std::array<std::uint16_t, 3> words{0x10F, 0x07, 0x06};
+          control(random_.of(words));
+        }
         return wait(200, 600);
       }
       case 4: {  // a jump in a cyclic mode, and a stop at once

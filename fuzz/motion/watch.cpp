@@ -98,6 +98,7 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"first-target-jumps", "the target that a cyclic mode begins with, if it is far away, is no step of the speed"},
     {"stop-runs-away", "a stop rests within v^2/2a of the speed at its beginning and the loop's lag"},
     {"stop-never-ends", "a stop comes to its end"},
+    {"stop-goes-back", "a shaft that was too fast for the ramp of a stop is not pulled back afterwards"},
     {"limit-switch-passed", "an active limit switch is not driven into"},
     {"software-limit-passed", "607Dh is not passed"},
     {"target-missed", "a set-point that was taken ends at its target"},
@@ -571,6 +572,8 @@ void Watch::stops() {
       kind = StopKind::halt;
     } else if (mode_ == Mode::profile_velocity && objects_.target_velocity == 0) {
       kind = StopKind::velocity;
+    } else if (mode_ == Mode::homing && (drive_.axis().controlword & controlword::mode_bit_4) == 0) {
+      kind = StopKind::homing;
     }
   }
   if (!pwm_ || mode_ == Mode::velocity || (around_->injected & spoils_motion) != 0 || around_->locked)
@@ -591,7 +594,10 @@ void Watch::stops() {
     // A shaft that lags behind the stop's ramp meanwhile may become as fast again.
     const double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::abs(velocity_);
     const Stopping stopping = this->stopping(speed, gentlest);
-    stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentlest, speed};
+    const bool turns = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
+    const double direction = turns ? std::copysign(1.0, velocity_) : 0.0;
+    stop_ = {kind,     tick_, position_, stopping.counts,      stopping.seconds,
+             gentlest, speed, direction, direction * position_};
     return;
   }
   if (kind == StopKind::none) return;
@@ -604,11 +610,15 @@ void Watch::stops() {
     const double gentler = ramp > 0.0 && stop_.slope > 0.0 ? std::min(ramp, stop_.slope) : std::max(ramp, stop_.slope);
     if (gentler != stop_.slope) {
       const Stopping stopping = this->stopping(velocity_, gentler);
-      stop_ = {kind, tick_, position_, stopping.counts, stopping.seconds, gentler, stop_.speed};
+      stop_ = {kind,    tick_,       position_,       stopping.counts, stopping.seconds,
+               gentler, stop_.speed, stop_.direction, stop_.furthest};
       return;
     }
   }
-  static constexpr std::array names{"none", "halt", "leaving operation", "quick stop", "fault reaction", "60FFh = 0"};
+  const double place = stop_.direction * position_;
+  stop_.furthest = std::max(stop_.furthest, place);
+  static constexpr std::array names{"none",           "halt",      "leaving operation", "quick stop",
+                                    "fault reaction", "60FFh = 0", "homing given up"};
   const char* name = names[static_cast<std::size_t>(kind)];
   const double way = std::abs(position_ - stop_.from);
   constexpr double rounding = 1.005;  // of ways of many revolutions
@@ -617,6 +627,12 @@ void Watch::stops() {
                 fmt::format("{}: {:.2f} revolutions after {:.1f} ms, at {:.0f} rpm; {:.2f} are enough for it", name,
                             way / counts_per_revolution_, static_cast<double>(settled) / ticks_per_ms, rpm(velocity_),
                             stop_.counts / counts_per_revolution_));
+  }
+  constexpr double swing_revolutions = 0.4;  // of a soft loop
+  if (kind < StopKind::velocity && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
+      stop_.furthest - place > swing_revolutions * counts_per_revolution_ + 0.1 * way) {
+    return fail("stop-goes-back", fmt::format("{}: {:.2f} revolutions back, at {:.0f} rpm", name,
+                                              (stop_.furthest - place) / counts_per_revolution_, rpm(velocity_)));
   }
   const double late = static_cast<double>(tick_ - stop_.since) * tick_s - stop_.seconds;
   if (late > 0.3 && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
@@ -647,9 +663,13 @@ void Watch::limit_switches() {
     const double place =
         demanded ? std::max(direction * position_, direction * static_cast<double>(drive_.axis().demand.position))
                  : direction * position_ + lag(speed);  // a stop may go on in the position loop
-    const double reach = place + stopping(speed, limit_slope()).counts;
+    // 605Ah and 605Eh choose the ramp of a quick stop and of a fault.
+    const bool chosen = stop_.kind == StopKind::quick || stop_.kind == StopKind::fault;
+    const double ramp = chosen && stop_.slope > 0.0 ? std::min(slope(), stop_.slope) : limit_slope();
+    const double reach = place + stopping(speed, ramp).counts;
     // Without torque nothing brakes.
-    if (!limit.active || !judgeable_ || mode_since_ == tick_ || acceleration_ <= 0.0) {
+    if (!limit.active || (chosen && stop_.since == tick_) || !judgeable_ || mode_since_ == tick_ ||
+        acceleration_ <= 0.0) {
       limit = {true, reach};
       continue;
     }
@@ -928,13 +948,21 @@ void Watch::bits() {
              acceleration_ > 0.0 && !(window_off && gives_its_best);
     }
   }
+  // In profile position the demand rests at the target then.
+  const std::uint32_t window = objects_.position_window;
+  if (judged && !halt && !lies && mode_ == Mode::profile_position && !drive_.in_motion() && window < 0x7FFFFFFF &&
+      (word & drive::statusword::target_reached) != 0 && drive_.axis().demand.loop == Loop::position) {
+    const auto most = std::abs(static_cast<double>(drive_.axis().units.to_counts(static_cast<std::int32_t>(window))));
+    const double beside = std::abs(static_cast<double>(drive_.axis().demand.position) - position_);
+    lies = beside > 1.1 * most + std::abs(velocity_) * 2.0 * cycle_ticks * tick_s + 3.0;
+  }
   if (!lies) lie_since_ = tick_;
   if (tick_ - lie_since_ > ms(60.0 + objects_.velocity_window_time_ms)) {
     return fail("reached-is-untrue", fmt::format("bit 10 at {:.0f} rpm, {:.0f} are wanted, mode {}", rpm(velocity_),
                                                  rpm(expected), static_cast<int>(mode_)));
   }
   // A stop that is under way has reached nothing.
-  const bool stopping = stop_.kind != StopKind::none && stop_.kind != StopKind::velocity && pwm_ && judgeable_ &&
+  const bool stopping = stop_.kind != StopKind::none && stop_.kind < StopKind::velocity && pwm_ && judgeable_ &&
                         acceleration_ > 0.0 && std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ &&
                         shows(10, {drive::StatusSource::target_reached});
   if (!stopping || (word & drive::statusword::target_reached) == 0) stop_lie_since_ = tick_;
@@ -1036,7 +1064,7 @@ void Watch::error_registers() {
   const bool apart = node != nullptr && (node->communication_error() || tick_ - nmt_since_ < ms(20));
   const bool alone = !failed && !warned && !apart && objects_.error_code == 0 && !drive_.any_fault() && node != nullptr;
   if (!alone || (tick_ % ms(1) == 0 && communication_register() == 0)) register_since_ = tick_;
-  if (tick_ - register_since_ > ms(20)) {
+  if (tick_ - register_since_ > ms(20) && communication_register() != 0) {
     return fail("register-without-error",
                 fmt::format("1001h is {:02X}h in {}", communication_register(), drive::name(state_)));
   }

@@ -155,7 +155,7 @@ class Watch {
   double ramp_ = 0.0;                  // the steepest that was set since the demand stood
   std::int64_t demand_tick_ = -1;
 
-  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity };
+  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing };
   struct Stop {
     StopKind kind = StopKind::none;
     std::int64_t since = 0;
@@ -163,7 +163,9 @@ class Watch {
     double counts = 0.0;
     double seconds = 0.0;
     double slope = 0.0;
-    double speed = 0.0;  // of the shaft when it began, counts/s
+    double speed = 0.0;      // of the shaft when it began, counts/s
+    double direction = 0.0;  // ... in which it turned; 0: hardly
+    double furthest = 0.0;   // times the direction, counts
   } stop_;
 
   struct Limit {

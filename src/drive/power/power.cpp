@@ -223,12 +223,13 @@ void Drive::take_over_shaft() {
   smoothed_loop_ = Loop::off;
 }
 
-// An axis that cannot brake as its ramp asks for goes past the demand. It is not pulled back afterwards.
+// An axis that cannot brake as its ramp asks for goes past the demand. It is not pulled back afterwards. On a way back
+// the demand does not go along: there it holds the axis.
 void Drive::keep_near_shaft() {
   if (moved_demand_) return;  // what the loops saw is not where the demand is now
   const auto error = static_cast<double>(cascade_.state().following_error_counts);
   const double most = axis_.lag(axis_.velocity());
-  if (std::abs(error) <= most) return;
+  if (std::abs(error) <= most || error * stop_direction_ >= 0.0) return;
   axis_.generator.shift(static_cast<Counts>(std::copysign(most, error) - error));
   smoothed_loop_ = Loop::off;
 }
@@ -282,6 +283,7 @@ void Drive::begin_ramp() {
     axis_.generator.start_from(axis_.position(), 0.0);
     return;
   }
+  stop_direction_ = axis_.generator.velocity();
   axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
 }
 
