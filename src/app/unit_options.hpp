@@ -15,7 +15,7 @@ struct UnitOptions {
   std::optional<double> units_per_revolution{};
   std::optional<double> feed_mm{};
 
-  // Throws Failure if the options do not fit each other; asks nobody.
+  // Throws Failure if the options do not fit each other; asks no drive.
   host::UnitChoice choice() const;
 };
 

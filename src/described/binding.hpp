@@ -13,7 +13,7 @@ class Binding {
   Binding(const Blueprint& blueprint, dictionary::Dictionary& dictionary, drive::Drive& drive)
       : blueprint_(blueprint), dictionary_(dictionary), drive_(drive) {}
 
-  // Factory values that are in no table: strings, the objects nobody described, the nameplate of the motor.
+  // Factory values that are in no table: strings, objects without a description, the nameplate of the motor.
   void prepare(drive::Objects& objects, const products::Settings& settings, dictionary::Area areas);
   // The objects have their saved values: those of another size go to the drive's fields.
   void loaded(dictionary::Area areas);

@@ -22,7 +22,7 @@ using dictionary::Type;
 
 namespace {
 
-constexpr std::uint32_t string_bytes = 256;   // room of a string or block of bytes whose length nobody says
+constexpr std::uint32_t string_bytes = 256;   // room of a string or block of bytes whose length is not given
 constexpr std::uint32_t domain_bytes = 4096;  // ... of a DOMAIN
 
 bool is_manufacturers(std::uint16_t index) { return index >= 0x2000 && index < 0x6000; }

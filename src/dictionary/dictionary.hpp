@@ -27,14 +27,14 @@ class Listener {
  public:
   // Before a write is committed, after all checks of the table. `value` is the raw value, little endian.
   virtual AbortCode check(const Entry&, std::span<const std::byte> /*value*/) { return AbortCode::none; }
-  // After a value was committed, whoever wrote it (SDO, PDO, bench).
+  // After a value was committed, by any writer (SDO, PDO, bench).
   virtual void written(const Entry&) {}
   // Before a value is read: brings a computed value up to date.
   virtual void refresh(const Entry&) {}
   // The content of a readable DOMAIN without storage.
   virtual std::span<const std::byte> domain(const Entry&) { return {}; }
 
-  // For those who access an entry again and again (process data): its part of the three above, to be called in their
+  // For callers that access an entry again and again (process data): its part of the three above, to be called in their
   // place for as long as the device is there.
   virtual Handlers handlers(const Entry&) {
     return {

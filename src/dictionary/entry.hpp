@@ -33,7 +33,7 @@ enum class ObjectCode : std::uint8_t { domain = 0x02, var = 0x07, array = 0x08, 
 enum class Access : std::uint8_t { constant, ro, wo, rw };
 enum class Pdo : std::uint8_t { none = 0, rpdo = 1, tpdo = 2, both = 3 };
 
-// Who wants to know about reads and writes of the object (see Listener).
+// The part that is told of reads and writes of the object (see Listener).
 enum class Owner : std::uint8_t { none, communication, drive, product };
 inline constexpr std::size_t owner_count = 4;
 

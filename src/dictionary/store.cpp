@@ -79,7 +79,7 @@ Banks inspect(Medium& medium) {
   return {capacity, first.readable && second.readable, second_is_newer ? second.image : first.image};
 }
 
-// As it was made: nobody has ever begun to save. A medium that does not answer is not.
+// As it was made: no save has ever begun. A medium that does not answer is not.
 bool is_erased(Medium& medium) {
   Chunk chunk;
   std::byte first{};

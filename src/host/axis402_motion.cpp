@@ -94,7 +94,7 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
     return (word & done) == done;
   });
   write_controlword(enabled);
-  // A drive may say so within a window of time and speed; whoever reads the position next is to read where it stays.
+  // A drive may say so within a window of time and speed; the next position that is read is to be where it stays.
   if (!rests_within(options_.state_timeout)) {
     fail(doing + " is attained, but the shaft does not come to rest", "check homing speeds, gains and load");
   }
@@ -179,7 +179,7 @@ bool Axis402::stands() {
 
 bool Axis402::is_near(std::int32_t goal) {
   if (!near_) {
-    constexpr std::int64_t least = 2000;  // where nobody says what a revolution is
+    constexpr std::int64_t least = 2000;  // where a revolution is not known
     constexpr std::uint32_t no_window = 1U << 30;
     const std::uint32_t window = objects_.read_if_present<std::uint32_t>(0x6067).value_or(0);
     const auto revolution = units();

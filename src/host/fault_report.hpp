@@ -14,7 +14,7 @@ struct ReportedFault {
   std::uint16_t code = 0;   // 0: the drive gives none
   std::uint16_t alarm = 0;  // the product's own number, if the object it came from has that; see describe::FaultText
   ObjectAddress source;
-  // What it may be: several where the code alone does not tell alarms apart. Empty: nobody knows.
+  // What it may be: several where the code alone does not tell alarms apart. Empty: unknown.
   std::vector<const describe::FaultText*> meanings{};
 
   friend bool operator==(const ReportedFault&, const ReportedFault&) = default;

@@ -82,7 +82,7 @@ Axis::~Axis() {
   if (serial_ != nullptr) serial_->detach(serial_port_);
 }
 
-// Stops for those who look on, so that an axis nobody looks at pays nothing per tick.
+// Stops only where samples are due, so that an axis without samples pays nothing per tick.
 void Axis::run_to(std::int64_t tick) {
   while (samples_due_ <= tick) {
     run_ticks(samples_due_);
@@ -188,7 +188,7 @@ void Axis::poll_node(Time now) {
 
 void Axis::send_waiting(Time now) {
   canopen::Frame frame;
-  if (bus_ == nullptr) {  // nobody hears them
+  if (bus_ == nullptr) {  // no node receives them
     while (device_->take(frame)) {
     }
   } else {

@@ -22,7 +22,7 @@ class AxisAddressReader {
  private:
   // The fieldbus: its own of the product's kind, found by name, or the only one there is.
   void read_fieldbus_address(TableReader& reader, AxisSettings& axis) {
-    if (axis.product == nullptr) {  // nobody knows which bus it needs, and which of these keys
+    if (axis.product == nullptr) {  // it is unknown which bus it needs, and which of these keys
       for (const char* key : {"bus", "alias", "oscillator_ppm", "cable_ns", "sync_error_limit"}) reader.node(key);
       read_node(reader, axis);
       return;

@@ -67,7 +67,7 @@ void Line::run_to_instant(Time instant) {
 }
 
 void Line::run_until(Time target) {
-  changed();  // by who calls, for all that is known
+  changed();  // the caller may have changed something
   while (now_ < target || next_bus_event() <= target) run_to_instant(next_instant(target));
 }
 

@@ -43,7 +43,7 @@ struct NamedEthercatBus {
   explicit NamedEthercatBus(const EthercatBusSettings& its_settings) : settings(its_settings) {}
 };
 
-// Somebody who goes along with the time of a line: is called when it has come to the time he asked for.
+// Follows the time of a line: is called when the line has come to the follower's deadline.
 class Follower {
  public:
   // The next time at which it wants to be called; links::never: not at all.
@@ -57,7 +57,7 @@ class Follower {
 };
 
 // Axes and buses, and the order in which things happen to them. It has no clock: time passes when run_until is called,
-// in virtual time by whoever tests, in real time by a LineServer. A pure function of its settings and the calls made
+// in virtual time by a caller, in real time by a LineServer. A pure function of its settings and the calls made
 // to it; how the time is cut into calls changes nothing. Nothing is allocated while it runs.
 class Line final : public links::VirtualClock {
  public:
@@ -69,10 +69,10 @@ class Line final : public links::VirtualClock {
   // before it is given the frame. A target in the past does nothing.
   void run_until(Time target) override;
 
-  // The same for who lets a frame of an EtherCAT segment pass at `target`: the line is left behind as long as nobody
-  // could tell, since many ticks at once cost less than one after the other, each with the drives' memory to be
-  // fetched. `now` then stays behind as well. What EthercatBus::settle returns belongs to expect(), and whoever does
-  // anything else to the line says so by changed(), or calls run_until before.
+  // The same, lazily, before a frame of an EtherCAT segment passes at `target`: the line stays behind while that cannot
+  // be noticed, since many ticks at once cost less than one after the other, each with the drives' memory to be
+  // fetched. `now` then stays behind as well. What EthercatBus::settle returns belongs to expect(), and a caller that
+  // does anything else to the line calls changed(), or run_until before.
   void keep_up(Time target) {
     if (target < appears_at_) return;
     run_until(target);
@@ -137,7 +137,7 @@ class Line final : public links::VirtualClock {
   std::vector<Follower*> followers_;
   std::int64_t tick_ = 0;  // up to which all axes have run
   Time now_{};
-  Time appears_at_ = Time::min();  // up to then nobody can tell that time passes; min: unknown
+  Time appears_at_ = Time::min();  // up to then it cannot be noticed that time passes; min: unknown
   Lag lag_;
   double speed_ = 0;
 };

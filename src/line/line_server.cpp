@@ -20,12 +20,12 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Time longest_sleep = 1ms;  // what the axes send by themselves is at most this late
-constexpr Time longest_nap = 10ms;   // likewise, while nobody is there to hear it
+constexpr Time longest_nap = 10ms;   // likewise, without a CAN client or a master
 constexpr Time most_late = 5ms;      // that a wait of the line may end late and still be in time
 constexpr auto log_flush_time = 100ms;
 // While frames are waited for on an Ethernet interface: how late the API can be, and what else Asio waits for ...
 constexpr Time longest_between_turns = 1ms;
-constexpr Time attentive_between_turns = 250us;  // ... while somebody is there for whom that matters
+constexpr Time attentive_between_turns = 250us;  // ... while a client or a master is there
 constexpr auto attention_period = 20ms;
 constexpr auto breath = 1ms;           // between two looks whether the stream has been read
 constexpr unsigned most_looks = 200;   // breaths that a client can hold up an advance by writing on and on
@@ -249,7 +249,7 @@ void LineServer::stay_awake(const std::vector<links::EthercatLink*>& links, Vigi
 }
 
 // The line is kept up with real time meanwhile, so that a frame finds no more than a tick left to be caught up with.
-// `alone`: nothing else is to be had from interfaces.
+// `alone`: there are no links beside `busy`.
 void LineServer::serve_busy(const std::vector<links::EthercatLink*>& busy, bool alone) {
   constexpr auto looks_between = 20us;
   constexpr unsigned frames_between = 32;
@@ -300,7 +300,7 @@ bool LineServer::has_can_clients() const { return any_link(line_.buses(), is_con
 
 bool LineServer::has_clients() const { return has_can_clients() || any_link(line_.serial_buses(), is_connected); }
 
-// Nobody connects to a segment: it is enough that frames have come. The less there is to be caught up with when the
+// A segment has no connections: it is enough that frames have come. The less there is to be caught up with when the
 // next one comes, the sooner it is answered.
 bool LineServer::has_master() const { return any_link(line_.ethercat_buses(), was_used); }
 
@@ -318,7 +318,7 @@ void LineServer::schedule() {
   });
 }
 
-// Whoever uses a bus waits that much longer, though the line makes its time good. What it will not make good is counted
+// Clients of a bus wait that much longer, though the line makes its time good. What it will not make good is counted
 // when it is given up.
 void LineServer::note_lateness(RealPace::Moment due, RealPace::Moment present) {
   if (const Time late = present - due; late > most_late && late <= RealPace::most_behind + nap_) line_.add_lag(late);

@@ -27,7 +27,7 @@ namespace servodrome::line {
 // in the thread that calls run().
 //
 // In real time the line follows CLOCK_MONOTONIC: it is woken for what comes next on a bus, at least once a millisecond
-// while anybody listens to a CAN bus or has used a segment, else every ten. Whoever asks finds it at the present all
+// while a CAN bus has clients or a segment has been used, else every ten. A request finds it at the present all
 // the same. What it cannot catch up with is given up (RealPace, Line::lag).
 class LineServer final : private links::LineHost {
  public:
@@ -47,7 +47,7 @@ class LineServer final : private links::LineHost {
   // Serves more of the API than the line's own; the group's context outlives the server.
   void add_routes(const bench::RouteGroup& group) { more_routes_.push_back(group); }
 
-  // Tells everybody who listens to the stream: {"event": event}.
+  // Tells all clients of the stream: {"event": event}.
   void publish(const bench::Json& event) {
     if (scope_) scope_->scope().publish(event);
   }
@@ -143,10 +143,10 @@ class LineServer final : private links::LineHost {
   std::vector<bench::RouteGroup> more_routes_;
   std::unique_ptr<bench::HttpServer> http_;
   RealPace real_pace_;
-  std::optional<RealPace::Moment> looks_at_;  // while somebody looks for frames who has just looked at the clock
+  std::optional<RealPace::Moment> looks_at_;  // the clock, read just before the poll of links that is under way
   Time frame_at_{};                           // of the last frame that was answered as it was read
   RealPace::Moment turn_due_ = RealPace::Moment::max();  // while frames are waited for beside Asio: of serve_others()
-  Time nap_{};                                           // how long it sleeps where nobody is there
+  Time nap_{};                                           // how long it sleeps without CAN client or master
   std::chrono::steady_clock::time_point next_flush_{};
   bool real_ = false;  // real time has begun
   bool stopped_ = false;

@@ -8,7 +8,7 @@
 
 #include "dictionary/entry.hpp"
 
-// What can be seen of an axis tick by tick, without a part of the drive knowing that somebody looks.
+// Values of an axis tick by tick, without a part of the drive knowing that they are read.
 namespace servodrome::line {
 
 class Axis;
@@ -41,7 +41,7 @@ Channel signal_channel(Axis& axis, std::string_view name);
 Channel object_channel(Axis& axis, const dictionary::Entry& object);
 
 // Values at all ticks that are multiples of a stride: a row of columns for each, one row behind the other, because what
-// is written together is best kept together. It keeps the latest few, which whoever wants them fetches in time.
+// is written together is best kept together. It keeps the latest few, which the reader fetches in time.
 class SampleRows {
  public:
   static constexpr std::size_t kept = 512;

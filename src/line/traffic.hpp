@@ -8,7 +8,7 @@
 
 #include "line/line.hpp"
 
-// What passed on a bus, kept for whoever wants to look.
+// What passed on a bus, kept to be read later.
 namespace servodrome::line {
 
 enum class TrafficKind : std::uint8_t {
@@ -35,7 +35,7 @@ class TrafficRing {
  public:
   explicit TrafficRing(std::size_t bytes) : memory_(bytes / alignment * alignment) {}
 
-  // `frame.number` is given here. Two parts of its bytes, so that nobody needs to join them.
+  // `frame.number` is given here. Two parts of its bytes, so that no caller needs to join them.
   void add(const TrafficFrame& frame, std::span<const std::uint8_t> head, std::span<const std::uint8_t> rest);
 
   std::uint64_t newest() const { return newest_; }  // number; 0: there is none

@@ -28,7 +28,7 @@ class Vigil {
       score_ = 0;
     }
   }
-  // The same by one who is awake: how long that took says nothing about when they came.
+  // The same while awake: how long that took says nothing about when they came.
   void answered(Moment present) { answered_ = present; }
   bool worthwhile() const { return score_ >= proof; }
   // Nothing came for as long as `longest`.

@@ -24,15 +24,15 @@ class DescriptorWatch {
   void add(int descriptor, Ready ready);
   void remove(int descriptor);
   bool empty() const { return entries_.empty(); }
-  // Paused, it hears of no descriptor, and a frame that arrives does not pay for telling: for those who look
-  // themselves. What is ready then is told after resume(), which throws LinkError.
+  // Paused, it hears of no descriptor, and a frame that arrives does not pay for telling: for callers that
+  // poll themselves. What is ready then is told after resume(), which throws LinkError.
   void pause();
   void resume();
 
   // From now on wait() returns true once in each `period`, until 0 ends that.
   void tick_every(Time period);
 
-  // Waits for at most `longest` (never: without end), then calls who is ready. True: a period is over.
+  // Waits for at most `longest` (never: without end), then calls `ready` of the ready ones. True: a period is over.
   bool wait(Time longest = never);
 
  private:

@@ -78,7 +78,7 @@ bool FileMedium::read(std::uint32_t address, std::span<std::byte> bytes) {
   while (!bytes.empty()) {
     const ssize_t count = ::pread(file_, bytes.data(), bytes.size(), static_cast<off_t>(address));
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) return false;  // 0: somebody shortened the file
+    if (count <= 0) return false;  // 0: the file was shortened
     address += static_cast<std::uint32_t>(count);
     bytes = bytes.subspan(static_cast<std::size_t>(count));
   }

@@ -16,9 +16,9 @@ class LineHost {
   virtual Time now() = 0;
   // The same, and a frame finds its bus as it is then. For a bus whose frames are answered as they are read.
   virtual Time frame_time() { return now(); }
-  // After such a frame: who comes at `time` or later may find something else than now.
+  // After such a frame: one that comes at `time` or later may find something else than now.
   virtual void expect(Time /*time*/) {}
-  // What who runs the line should know: a link was lost, or is back.
+  // Tells the operator of the line that a link was lost, or is back.
   virtual void report(const std::string& /*message*/) {}
   // Something was queued on the bus: its next_event() may be earlier than it was.
   virtual void wake() = 0;

@@ -66,7 +66,7 @@ Pty::Pty(const std::string& link_path) : link_path_(link_path) {
     fail(errno, what, "this system gives no pseudo terminal; is /dev/pts mounted?");
   }
   device_ = device.data();
-  reset();  // which opens it once: before that a pty does not report that nobody has it open
+  reset();  // which opens it once: before that a pty does not report that no process has it open
 
   struct stat status {};
   if (::lstat(link_path.c_str(), &status) == 0) {

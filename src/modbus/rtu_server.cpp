@@ -9,7 +9,7 @@ void RtuServer::reset(const RtuTiming& timing) {
 }
 
 // Reception as in figure 14 of the standard: timers run from the end of each character. One that arrives after the
-// silence belongs to the next frame even if nobody has polled in between. So does one that follows a whole frame after
+// silence belongs to the next frame even without a poll in between. So does one that follows a whole frame after
 // 1.5 characters: a master that answers another station's answer too soon for this one is understood all the same.
 void RtuServer::start_character(Time at) {
   poll(at);

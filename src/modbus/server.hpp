@@ -24,7 +24,7 @@ class Server {
   // are written.
   std::size_t answer(std::span<const std::uint8_t> request, Response response);
 
-  // Executes a request nobody answers: functions 06 and 10h, if the profile has broadcasts.
+  // Executes a request without an answer: functions 06 and 10h, if the profile has broadcasts.
   void broadcast(std::span<const std::uint8_t> request);
 
   const Profile& profile() const { return profile_; }

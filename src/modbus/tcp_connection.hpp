@@ -38,7 +38,7 @@ inline constexpr std::uint8_t unspecified_unit = 255;
 // The devices behind one TCP address.
 class Units {
  public:
-  // The server for a unit identifier, or nullptr: nobody has it. A device that is alone behind its address answers to
+  // The server for a unit identifier, or nullptr: it is unused. A device that is alone behind its address answers to
   // no_unit and unspecified_unit as well.
   virtual Server* find(std::uint8_t unit) = 0;
 

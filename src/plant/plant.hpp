@@ -163,7 +163,7 @@ class Plant {
   std::int32_t brake_countdown_ = 0;  // ticks until the command takes effect; 0: settled
   std::uint8_t unusual_ = 0;
   bool bridges_run_ = false;  // in the last tick, of two phases
-  bool rests_ = false;        // held by friction and without current: nothing moves until somebody acts
+  bool rests_ = false;        // held by friction and without current: nothing moves until the drive or the bench acts
   std::uint32_t encoder_faults_ = 0;
   std::uint32_t hardware_faults_ = 0;
   std::int32_t counts_per_revolution_;

@@ -8,8 +8,8 @@
 
 namespace servodrome::products {
 
-// The communication objects that a node with these objects works with; they size its memory. Whoever has PDOs beyond
-// its struct specialises it.
+// The communication objects that a node with these objects works with; they size its memory. A product with PDOs
+// beyond its struct specialises it.
 template <typename ProductObjects>
 struct NodeSizes {
   using Communication = decltype(ProductObjects::communication);

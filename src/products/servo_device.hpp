@@ -16,7 +16,7 @@ struct Composition {
   std::size_t object_bytes = 0;  // of the objects; 0: those of the product's struct
 };
 
-// Where the objects of a device live: within the device. Whoever has objects beyond a struct specialises it.
+// Where the objects of a device live: within the device. A product with objects beyond a struct specialises it.
 template <typename ProductObjects>
 class ObjectMemory {
  public:
@@ -106,7 +106,7 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
     return dictionary::Store(*settings_.store).save(dictionary_, areas);
   }
 
-  // The same for values that nobody stores himself: a memory that does not take them is a fault.
+  // The same for values that the device stores by itself: a memory that does not take them is a fault.
   void keep(dictionary::Area areas, drive::Cause failed = drive::Cause::memory) {
     if (settings_.store != nullptr && save(areas) != dictionary::AbortCode::none) drive_.raise(failed);
   }

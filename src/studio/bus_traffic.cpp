@@ -10,7 +10,7 @@ namespace {
 
 constexpr auto end_of_answer = std::chrono::milliseconds(50);  // without another piece of it
 
-// Around an EtherCAT frame's content: to everybody, of EtherType 88A4h (ETG.1000.4 clause 5.3.2). Whose it was, the
+// Around an EtherCAT frame's content: a broadcast, of EtherType 88A4h (ETG.1000.4 clause 5.3.2). Whose it was, the
 // client does not tell; the first slave sets bit 1 of the source address.
 constexpr std::size_t source_address = 6;
 constexpr std::array<std::uint8_t, 14> ethernet_header{0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x00,

@@ -11,7 +11,7 @@
 
 namespace servodrome::studio {
 
-// What passes on a bus that another thread uses, while somebody wants it: kept until he fetches it.
+// What passes on a bus that another thread uses, while it is wanted: kept until it is fetched.
 class BusTraffic {
  public:
   using Clock = std::chrono::steady_clock;

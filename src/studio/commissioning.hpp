@@ -22,7 +22,7 @@ struct Subject {
   std::span<const dictionary::Entry> table{};  // what its bus sees; of an axis without a fieldbus, all
   bool has_process_data = true;
   // Does something where the drive takes changes of its process data, and undoes it if the bus does not operate with
-  // it; maybe in another thread, and maybe when whoever asked has left, so both keep what they need. Empty: it takes
+  // it; maybe in another thread, and maybe when the caller has left, so both keep what they need. Empty: it takes
   // them by `objects`.
   using Action = std::function<void(host::ObjectClient& objects)>;
   std::function<void(const Action& action, const Action& undo)> configure{};

@@ -156,7 +156,7 @@ void DriveBus::lose(const std::exception& error) {
   waiting_work_.clear();
 }
 
-// Until the end. First what somebody waits for; what is recorded and the drives' states take turns.
+// Until the end. First what callers wait for; what is recorded and the drives' states take turns.
 bool DriveBus::serve(OpenBus& open) {
   axes_.clear();
   for (std::size_t i = 0; i < plan_.drives.size(); ++i) {
@@ -215,7 +215,7 @@ std::shared_ptr<Work> DriveBus::next_work(bool beside) {
   return work;
 }
 
-// An error is that of whoever wants it. What the bus itself suffers from shows with the next access.
+// An error goes to the caller of the work. What the bus itself suffers from shows with the next access.
 void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Work>& work) {
   const auto is_to_end = [&] {
     if (!work->beside) serve_beside(open, *work);
@@ -262,7 +262,7 @@ void DriveBus::note_access(bool answered, Clock::duration took) {
   state_.access_s += weight * (std::chrono::duration<double>(took).count() - state_.access_s);
 }
 
-// An error of the object is the caller's; that of the bus is everybody's, his as well.
+// An error of the object is the caller's; that of the bus is every caller's.
 void DriveBus::carry_out(OpenBus& open, Access& access) {
   const auto began = Clock::now();
   host::ObjectClient& objects = *open.drives()[access.drive];

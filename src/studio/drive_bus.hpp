@@ -81,7 +81,7 @@ struct Access {
   std::vector<std::byte> bytes{};  // to be written, or read
   std::exception_ptr error{};
   std::atomic<bool> done{false};      // bytes and error are there
-  std::atomic<bool> given_up{false};  // nobody waits for it any more: it is left out
+  std::atomic<bool> given_up{false};  // no caller waits for it any more: it is left out
 };
 
 // Something longer that is done with a drive by the thread of its bus.

@@ -20,7 +20,7 @@ struct JobError {
   std::string hint;
 };
 
-// An axis whose process data are exchanged at a fixed rate, for whoever works with it then.
+// An axis whose process data are exchanged at a fixed rate, for the work that needs that.
 struct CyclicAccess {
   host::CyclicBus& bus;
   std::size_t drive;            // of the bus
@@ -41,7 +41,7 @@ class Drives {
   virtual std::vector<std::string> names() const = 0;
   // Throws ApiError 409 when nothing can be asked of the axis now. `axis` here and below is one of names().
   virtual void require_ready(const std::string& axis) const = 0;
-  // The drive's objects for one who waits by `wait`. Does not outlive this.
+  // The drive's objects for a caller that waits by `wait`. Does not outlive this.
   virtual std::unique_ptr<host::ObjectClient> open(const std::string& axis, Wait wait) = 0;
   // How a host drives this axis.
   virtual host::AxisOptions options(const std::string& axis) const = 0;

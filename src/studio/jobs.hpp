@@ -48,7 +48,7 @@ struct Job {
 // As GET /api/v1/jobs/{id} shows it; the list leaves out what was found.
 line::bench::Json view_of(const Job& job, bool with_found = true);
 
-// What axes are doing on behalf of somebody at the API: at most one job each, carried out by the host library in the
+// What axes are doing on behalf of clients of the API: at most one job each, carried out by the host library in the
 // drives' time. Everything happens in one thread, which calls `reached`; requests between two such calls find every job
 // waiting.
 class Jobs {
@@ -68,7 +68,7 @@ class Jobs {
   Jobs(const Jobs&) = delete;
   Jobs& operator=(const Jobs&) = delete;
 
-  // Who hears of each job that begins, is to end and is over: events of the stream (docs/bench-api.md).
+  // Called for each job that begins, is to end and is over: events of the stream (docs/bench-api.md).
   void on_event(Publish publish) { publish_ = std::move(publish); }
 
   // The calls of docs/bench-api.md, "Jobs"; the group refers to this.
@@ -79,7 +79,7 @@ class Jobs {
   const Job& begin(const std::string& axis, const std::string& body);
   // The axis is halted, then the job is `cancelled`; one that is over stays as it is.
   void cancel(Job& job);
-  // Whoever holds the button still does. Throws ApiError 409 if the job does not live on it.
+  // The user still holds the button. Throws ApiError 409 if the job does not live on it.
   void sign_of_life(Job& job);
   // Quick stop of every axis, at once. Jobs end where they stand. Answers per axis what is wrong; nothing: it stands,
   // or is being stopped.

@@ -25,7 +25,7 @@ class Scale {
 
 // How an order is carried out: what is asked, told and found meanwhile.
 struct Conduct {
-  std::function<bool()> released{};  // it is to end: no sign of life came in time, or somebody said so
+  std::function<bool()> released{};  // it is to end: no sign of life came in time, or it is cancelled
   std::function<void(const char* doing, double share)> progress{};
   std::string product{};  // as `servodrome products` lists it; "": unknown
   // Drives::in_cycles of the axis.

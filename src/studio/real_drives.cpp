@@ -147,7 +147,7 @@ bool RealDrives::has_cycles(const std::string& axis) const { return buses_[axis_
 
 void RealDrives::carry_out(const Axis& axis, const std::shared_ptr<studio::Work>& work,
                            const std::function<void()>& wait) {
-  // Whoever leaves does not want it any more.
+  // A caller that leaves, also by an exception, cancels the work.
   struct Wanted {
     studio::Work& work;
     ~Wanted() { work.cancelled = true; }

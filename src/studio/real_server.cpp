@@ -148,7 +148,7 @@ void RealServer::look() {
   }
 }
 
-// The last thing that somebody did with the axis from here was to move it.
+// The last job of the axis was to move it.
 bool RealServer::moved(const std::string& axis) const {
   static constexpr std::array motions{"home", "move",  "velocity", "torque",     "jog",
                                       "step", "sweep", "tune",     "tune_itself"};
@@ -192,7 +192,7 @@ void RealServer::shut_down() {
       host_axis.quick_stop();
       host_axis.disable();
     } catch (const std::exception&) {
-      // It does not answer, or has stopped otherwise: there is nobody left to tell.
+      // It does not answer, or has stopped otherwise: there is no client left to tell.
     }
   }
 }

@@ -21,7 +21,7 @@ namespace servodrome::studio {
 line::bench::RouteGroup real_routes(RealDrives& drives);
 
 // Serves the bench API, as far as it does not need a plant, and the page, for drives on buses. Requests and jobs that
-// wait for a drive are tasks: one thread serves everybody, each bus has one of its own.
+// wait for a drive are tasks: one thread serves all clients, each bus has one of its own.
 class RealServer {
  public:
   struct Settings {

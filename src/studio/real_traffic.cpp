@@ -75,7 +75,7 @@ class RealTraffic final : public TrafficSource {
     }
   }
 
-  // Where in the frames the drives' process data are was said before anybody listened.
+  // Where in the frames the drives' process data are was set up before the recording began.
   void introduce_process_data(TrafficDecoders& decoders) {
     for (const RealDrives::ProcessDataRegisters& one : drives_.process_data_of(bus_)) {
       decoders.ethercat.preset(one.position, one.station, one.offset, one.bytes);

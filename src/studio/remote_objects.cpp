@@ -5,7 +5,7 @@ namespace {
 
 constexpr auto look_period = std::chrono::microseconds(500);
 
-// Whoever leaves does not want it any more.
+// A caller that leaves, also by an exception, gives the access up.
 class Wanted {
  public:
   explicit Wanted(Access& access) : access_(access) {}

@@ -4,7 +4,7 @@
 
 namespace servodrome::studio {
 
-// The objects of a drive for somebody in another thread than its bus, who waits by letting others do something.
+// The objects of a drive, for another thread than its bus's. To wait, it lets other tasks run.
 class RemoteObjects final : public host::ObjectClient {
  public:
   using Now = std::function<host::Time()>;

@@ -54,7 +54,7 @@ std::string axis_name(Call& call) {
 
 Json begin_job(Call& call) { return view_of(jobs_of(call).begin(axis_name(call), call.body)); }
 
-// What a job found may be long: whoever wants it asks for the one.
+// What a job found may be long: it is shown with the single job only.
 Json list_jobs(Call& call) {
   Json jobs = Json::array();
   for (const Job& job : jobs_of(call).all()) jobs.push_back(view_of(job, false));

@@ -22,7 +22,7 @@ class Task {
   Task& operator=(const Task&) = delete;
 
   // --- The owner's side
-  // Lets the body run until it pauses or is over. Throws std::system_error if there is no thread to be had.
+  // Lets the body run until it pauses or is over. Throws std::system_error if no thread can be started.
   void resume();
   // Lets pause() throw, until the body is over.
   void end();

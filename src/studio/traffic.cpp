@@ -56,7 +56,7 @@ std::string lower(std::string_view text) {
   return small;
 }
 
-// Which rows somebody wants.
+// Which rows a request wants.
 struct RowFilter {
   host::SniffFilter words{};
   std::string text{};  // small letters

@@ -24,7 +24,7 @@ class Traffic {
   line::bench::RouteGroup routes();
   // That of the bus that a call names, made when it is first asked for.
   const std::shared_ptr<TrafficView>& view_of(line::bench::Call& call);
-  // What has come up to now is there for whoever looks next.
+  // What has come up to now can then be read.
   void flush();
   line::Time epoch() const { return epoch_(); }
 

@@ -31,7 +31,7 @@ void TrafficView::record(bool on) {
 void TrafficView::clear() {
   const bool was_on = recording();
   tap_.reset();
-  // Numbers go on, so that nobody takes a new frame for one that he has seen.
+  // Numbers go on, so that no client takes a new frame for one that it has seen.
   cursor_ = ring_.clear();
   forgotten_rows_ += rows_.size();
   rows_.clear();

@@ -15,7 +15,7 @@ struct TrafficRow {
   host::Decoded decoded{};
 };
 
-// What passed on one bus: recorded, and in words as far as somebody has asked for them. Words are made in small pieces
+// What passed on one bus: recorded, and in words as far as clients have asked for them. Words are made in small pieces
 // (decode_some), because that happens in the thread that drives the line.
 class TrafficView {
  public:
@@ -44,7 +44,7 @@ class TrafficView {
   std::uint64_t forgotten_rows() const { return forgotten_rows_; }
   // Number of the first frame whose rows are still there.
   std::uint64_t first_kept() const { return first_kept_; }
-  // Frames that were overwritten before anybody asked for their words.
+  // Frames that were overwritten before a client asked for their words.
   std::uint64_t missed() const { return missed_; }
   const TrafficSource& source() const { return *source_; }
 

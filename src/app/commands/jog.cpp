@@ -1,4 +1,4 @@
-// `jog` and `torque`: what goes on as long as somebody wants it.
+// `jog` and `torque`: what goes on as long as the user wants it.
 #include <fmt/format.h>
 #include <sys/select.h>
 #include <termios.h>

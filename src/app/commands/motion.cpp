@@ -62,7 +62,7 @@ void move(const MoveOptions& options) {
   });
 }
 
-// Whatever mode it is in, and whoever enabled it. It needs no process data: an EtherCAT slave that is not in OP has its
+// In any mode, whatever master enabled it. It needs no process data: an EtherCAT slave that is not in OP has its
 // motor off, or is switched off all the same.
 void disable(const BusOptions& options) {
   DriveLink link(options, true);

@@ -63,7 +63,7 @@ Recognised by_objects(const line::Product* product) {
   return {std::string(product->name), Recognised::by_objects, product};
 }
 
-// A drive whose identity nobody knows is asked for objects that only one product has.
+// A drive whose identity is unknown is asked for objects that only one product has.
 Recognised recognise(host::Bus& bus, const host::FoundNode& node, const Descriptions& descriptions) {
   const auto identity = node.identity.value_or(host::LssAddress{});
   Recognised recognised = recognise(product_of(node), identity.vendor_id, identity.product_code, descriptions);

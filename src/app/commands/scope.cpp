@@ -115,7 +115,7 @@ scope::Channel channel_of(const std::string& text, const host::ObjectCatalogue& 
   }
 }
 
-// What a drive does, where nobody says what is wanted: those of them that it has on this bus.
+// The default channels, where none are given: those of them that the drive has on this bus.
 std::vector<scope::Channel> usual_channels(DriveLink& link, const host::ObjectCatalogue& catalogue) {
   std::vector<scope::Channel> channels;
   const auto add_if_present = [&](const char* name) {

@@ -54,7 +54,7 @@ void print(const Options& options, std::vector<host::EthercatSlave*>& slaves,
   std::fflush(stdout);
 }
 
-// OP lasts as long as somebody sends process data.
+// OP lasts as long as the master sends process data.
 void operate(const Options& options, host::EthercatMaster& master, const std::vector<host::FoundSlave>& line,
              std::vector<host::EthercatSlave*>& slaves) {
   const InterruptGuard guard;

@@ -56,7 +56,7 @@ void InputCommands::control(const InputFunctions& inputs, const Settings& settin
   }
 }
 
-// The table stands in for the target and the profile velocity, whoever starts the motion.
+// The table stands in for the target and the profile velocity, whether an input or the bus starts the motion.
 void InputCommands::position_table(const InputFunctions& inputs, const Settings& settings, Drive& drive,
                                    Objects& objects) {
   const bool indexed = inputs.has_index(InputAction::position_index_0, index_bits);

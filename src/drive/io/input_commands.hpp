@@ -13,7 +13,7 @@ namespace servodrome::drive {
 class Drive;
 
 // What inputs command, as a bus master would: controlwords, modes, targets out of tables. It writes the same objects,
-// so that the bus sees what the inputs did, and whoever wrote last rules.
+// so that the bus sees what the inputs did, and the last write counts.
 class InputCommands {
  public:
   // The product's and the user's values; all of them may change while running.

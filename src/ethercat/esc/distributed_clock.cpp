@@ -159,7 +159,7 @@ bool DistributedClock::start_sync(const SyncSettings& settings, Time now) {
   const bool plausible = ahead < near;
   if (!plausible) {
     if (!settings.check_start_time) {
-      // Activated all the same, and no pulse comes: whoever waits for one finds that out.
+      // Activated all the same, and no pulse comes: software that waits for one has to notice.
       sync_[0] = {.enabled = settings.sync0, .step = settings.sync0_cycle};
       return false;
     }

@@ -156,7 +156,7 @@ void Esc::configure_ports() {
     status |= loop_closed_[port] ? 0x100U << 2 * port : 0U;
     status |= link_[port] && !loop_closed_[port] ? 0x200U << 2 * port : 0U;
   }
-  // With all loops closed nobody could ever open one again: port 0 then takes frames, whatever DL status says.
+  // With all loops closed no master could ever open one again: port 0 then takes frames, whatever DL status says.
   if (loop_closed_[0] && loop_closed_[1]) loop_closed_[0] = !link_[0];
   if (status == load_u16(&memory_[reg::dl_status])) return;
   store_u16(&memory_[reg::dl_status], status);

@@ -65,7 +65,7 @@ struct alignas(32) SyncManager {  // so that those of the process data share a c
   std::uint16_t length = 0;
   Mode mode = Mode::buffered;
   bool guards = false;  // enabled by the master, and its area exists
-  bool active = false;  // by the application as well; else nobody gets at the area
+  bool active = false;  // by the application as well; else the area cannot be accessed
   bool master_writes = false;
   bool interrupts_master = false;
   bool interrupts_application = false;

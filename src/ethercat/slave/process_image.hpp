@@ -40,7 +40,7 @@ class ProcessImage {
   // Outputs into the objects. A value that its object's type, range or owner refuses leaves that object as it was.
   // Owners are told when all values are there, so that a controlword acts with the target that came with it.
   void write_objects(std::span<const std::uint8_t> image);
-  // Objects into the inputs. Bits nobody maps are 0.
+  // Objects into the inputs. Bits that are not mapped are 0.
   void read_objects(std::span<std::uint8_t> image);
 
   // Before an SDO writes a mapping entry. 0 is an empty entry; index 0 a gap of so many bits.

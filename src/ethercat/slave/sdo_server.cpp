@@ -34,7 +34,7 @@ constexpr std::size_t least_segment = 7;  // bytes of data, padded
 
 void SdoServer::abort(AbortCode code, Message& reply) {
   state_ = State::idle;
-  begin_coe(reply, CoeService::sdo_request);  // an abort is a request, whoever sends it
+  begin_coe(reply, CoeService::sdo_request);  // an abort is a request, from either side
   reply.u8(abort_transfer);
   reply.u16(index_);
   reply.u8(sub_);

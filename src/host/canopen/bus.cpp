@@ -99,7 +99,7 @@ void Bus::dispatch(const Frame& frame) {
 void Bus::run_timers() {
   for (Timer& timer : timers_) {
     if (timer.due > now()) continue;
-    // Periods nobody ran the bus in are left out.
+    // Periods in which the bus was not run are left out.
     timer.due += ((now() - timer.due) / timer.period + 1) * timer.period;
     timer.action();
   }

@@ -16,8 +16,8 @@ constexpr std::int16_t malfunction = 1;
 constexpr std::uint32_t ours =
     std::uint32_t{master_node_id} << 16 | static_cast<std::uint32_t>(MasterWatch::longest_silence.count());
 
-// The drive has a first consumer heartbeat time, and whom it watches is nobody, or us: that is what a program left
-// behind whose cable was pulled.
+// The drive has a first consumer heartbeat time, and it watches no node, or us: that is what a program left behind
+// whose cable was pulled.
 bool is_free(ObjectClient& drive) {
   const auto entries = drive.read_if_present<std::uint8_t>(consumer_heartbeat_time, 0).value_or(0);
   for (unsigned sub = 1; sub <= entries; ++sub) {
@@ -101,7 +101,7 @@ void MasterWatch::end() noexcept {
       if (watching.option_changed) watching.drive->write<std::int16_t>(abort_connection_option, 0, no_action);
     } catch (const HostError&) {
       if (!tell_) continue;
-      // Why it does not answer is told by whoever wanted something of it.
+      // Why it does not answer is told by the code that uses the drive.
       const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", ours);
       const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
       tell_(fmt::format("{}: it keeps {}{}{} of this program until its next reset", watching.drive->where(), watch,

@@ -37,7 +37,7 @@ class MasterWatch {
   MasterWatch(const MasterWatch&) = delete;
   MasterWatch& operator=(const MasterWatch&) = delete;
 
-  // One of the drives has come back, maybe from a reset, after which it watches nobody. Throws as the constructor.
+  // One of the drives has come back, maybe from a reset, after which it watches no node. Throws as the constructor.
   void renew(ObjectClient& drive);
 
   // So many of the drives watch.

@@ -18,7 +18,7 @@ struct PdoParameters {
   std::uint32_t cob_id = 0;  // bit 31: not in use
   std::uint8_t transmission_type = 255;
   std::vector<std::uint32_t> mapping{};  // index, sub-index, length in bits (CiA 301 7.5.2.36)
-  // What is in the sub-indices behind the mapping's count: without effect, but somebody may compare it.
+  // What is in the sub-indices behind the mapping's count: without effect, but a comparison may see it.
   std::vector<std::uint32_t> unused{};
 
   std::uint16_t communication_index() const {

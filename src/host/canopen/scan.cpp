@@ -42,7 +42,7 @@ class Interview {
     if (finished() || bus_.now() < deadline_) return;
     transfer_.abort(AbortCode::protocol_timed_out);
     if (!answered_) {
-      question_ = questions.size();  // nobody there: no need to tell it
+      question_ = questions.size();  // no node there: the abort is not sent
       return;
     }
     send();

@@ -59,7 +59,7 @@ class SdoClient final : public ObjectClient {
   std::uint8_t node_id() const { return node_id_; }
   Bus& bus() { return bus_; }
   // Asked in the middle of transfers, after each frame: true aborts the transfer, which throws HostError. For long
-  // ones; whoever moves an axis cancels between transfers, for it is transfers that stop the axis.
+  // ones; a caller that moves an axis cancels between transfers, for it is transfers that stop the axis.
   void cancel_when(std::function<bool()> cancelled) { cancelled_ = std::move(cancelled); }
 
  private:

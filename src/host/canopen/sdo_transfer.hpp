@@ -39,7 +39,7 @@ class SdoTransfer {
   void abort(AbortCode code);
 
   bool finished() const { return phase_ == Phase::done; }
-  // `none` after success; else the code of whoever aborted.
+  // `none` after success; else the abort code, of either side.
   AbortCode result() const { return result_; }
   bool aborted_by_server() const { return aborted_by_server_; }
   ObjectAddress object() const { return object_; }

@@ -51,7 +51,7 @@ void read_only(Trial& trial, int) {
   }
 }
 
-// An object that can be written at any time and harms nobody: the profile velocity.
+// An object that can be written at any time without harm: the profile velocity.
 constexpr std::uint16_t harmless = 0x6081;
 
 template <typename T>

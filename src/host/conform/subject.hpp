@@ -105,7 +105,7 @@ class Subject {
   // A motor revolution and so on in the drive's units; nothing: neither it nor the settings say.
   std::optional<AxisUnits> units();
 
-  // Throws HostError if somebody has enabled the axis: it may be in motion, and checks would take it from them.
+  // Throws HostError if the axis is enabled: another master may be moving it, and checks would interfere.
   void refuse_if_enabled();
 
   // After a check: at rest, without power, without fault, its objects as before. Problems are returned, one per line.

@@ -38,9 +38,9 @@ struct CanCyclicOptions {
   Time period = std::chrono::milliseconds(4);  // of SYNC
   unsigned tolerated_losses = 10;              // SYNC periods in a row without all TPDOs, until check() throws
   SdoOptions sdo{};
-  // TPDOs may come until the next SYNC, instead of half the period: for who sends nothing after them.
+  // TPDOs may come until the next SYNC, instead of half the period: for a master that sends nothing after them.
   bool waits_whole_period = false;
-  bool stops_drives = true;  // that are still enabled at the end; false: who only looks leaves them as they are
+  bool stops_drives = true;  // that are still enabled at the end; false: they stay as they are
 };
 
 // Drives on a CAN bus, in step with SYNC. Each period: SYNC, to which drives act on the last RPDOs and send what they

@@ -18,7 +18,7 @@ struct CycleCounters {
 };
 
 // Several drives whose process data are exchanged at a fixed period: what is above it need not know the bus. One
-// thread; cycles run while someone waits.
+// thread; cycles run while it waits.
 class CyclicBus {
  public:
   virtual ~CyclicBus() = default;

@@ -77,7 +77,7 @@ OperationMode MotionAxis::mode_of(Task task) const {
   return options_.position_mode;
 }
 
-// A drive that does not show its mode is taken at the word of whoever set it up.
+// A drive that does not show its mode is taken to be in the mode that was set up.
 bool MotionAxis::mode_is(OperationMode mode) const {
   return !axis_.shows_mode() || axis_.mode() == static_cast<std::int8_t>(mode);
 }

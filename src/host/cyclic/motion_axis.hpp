@@ -9,7 +9,7 @@ namespace servodrome::host {
 enum class AxisFault : std::uint8_t {
   none,
   drive_fault,         // the drive says so: 603Fh
-  left_operation,      // it is no longer enabled, and nobody asked: supply, safety input, quick stop, another master
+  left_operation,      // it is no longer enabled, without request: supply, safety input, quick stop, another master
   communication_lost,  // too many cycles without its data
   following_error,     // further from its set-point than allowed
   mode_refused,        // it does not take the mode of operation

@@ -69,7 +69,7 @@ void SetPointGenerator::shift(double distance) {
 void SetPointGenerator::advance() {
   if (std::exchange(next_is_set_, false)) return;
   if (follows_) {
-    // Nobody leads any more: on at the same velocity.
+    // There is no leader any more: on at the same velocity.
     state_.position += state_.velocity * period_s_;
     state_.acceleration = 0.0;
     return;

@@ -37,7 +37,7 @@ void DistributedClocks::latch() {
   for (Clock& clock : clocks_) {
     std::array<std::uint8_t, 32> times{};
     master_.read(clock.station, reg::receive_time_port, times);
-    // Nothing came back to a port behind which there is nobody.
+    // Nothing came back to a port without a slave behind it.
     const auto dl_status = master_.read<std::uint16_t>(clock.station, reg::dl_status);
     const bool continues = (dl_status & 0x0020) != 0;  // link at port 1
     clock.behind_sum += continues ? std::int64_t{load<std::int32_t>(&times[4])} - load<std::int32_t>(times.data()) : 0;

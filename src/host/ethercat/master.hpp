@@ -30,7 +30,7 @@ class CyclicTask {
  public:
   virtual Time due() const = 0;
   virtual void run() = 0;
-  // A frame came that nobody waits for any more, or another master's.
+  // A frame came that no call waits for any more, or another master's.
   virtual void overdue(std::span<const ethercat::Datagram> datagrams) = 0;
 
  protected:

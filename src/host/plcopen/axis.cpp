@@ -64,7 +64,7 @@ ErrorId Axis::check_master(const Command& command) const {
   }
   if (command.cam == nullptr || !command.cam->valid()) return ErrorId::parameter_invalid;
   if (!command.slave_is_absolute) return ErrorId::none;
-  // A jump to the cam is nobody's wish.
+  // A jump to the cam is never wanted.
   const double begin = counts_of(cam_value(command, led_by(command, false)).slave);
   return std::abs(begin - motion_.set_point().position) <= 1.0 ? ErrorId::none : ErrorId::not_on_the_cam;
 }

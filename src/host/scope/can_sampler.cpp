@@ -1,4 +1,4 @@
-// TPDOs on SYNC, where the bus is nobody else's.
+// TPDOs on SYNC, where no other master uses the bus.
 #include <algorithm>
 #include <fmt/format.h>
 
@@ -40,7 +40,7 @@ std::vector<std::vector<PdoObject>> pack_into_pdos(const std::vector<Channel>& c
   return pdos;
 }
 
-// What shows that somebody else uses the node's process data; nothing: it is nobody's.
+// What shows that another master uses the node's process data; nothing: none does.
 std::optional<std::string> use_by_others(Bus& bus, SdoClient& sdo) {
   constexpr std::uint32_t sync_id = 0x080;
   constexpr std::uint32_t first_pdo = 0x180;

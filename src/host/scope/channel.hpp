@@ -37,7 +37,7 @@ std::size_t add_channel(std::vector<Channel>& channels, Channel channel);
 double number_of(dictionary::Type type, std::uint64_t raw, unsigned bits);
 double number_of(dictionary::Type type, std::span<const std::byte> bytes);
 
-// Without digits that nobody asked for: "131072", "0.5".
+// Without needless digits: "131072", "0.5".
 std::string text_of_number(double number);
 
 }  // namespace servodrome::host::scope

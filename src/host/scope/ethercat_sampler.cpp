@@ -1,4 +1,4 @@
-// Inputs of the EtherCAT cycle, where the slave is nobody else's.
+// Inputs of the EtherCAT cycle, where no other master uses the slave.
 #include <algorithm>
 #include <fmt/format.h>
 

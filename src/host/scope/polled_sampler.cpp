@@ -1,4 +1,4 @@
-// Objects read one request after another, in the waits of whoever uses the drive.
+// Objects read one request after another, while the user of the drive waits.
 #include <algorithm>
 
 #include "host/scope/process_data_sampler.hpp"
@@ -102,7 +102,7 @@ class PolledSampler final : public Sampler {
   std::vector<double> values_;
 };
 
-// Nothing was set up, and the objects are somebody else's.
+// Nothing was set up, and the objects belong to the caller.
 class BorrowedObjects final : public Session {
  public:
   explicit BorrowedObjects(ObjectClient& objects) : objects_(objects) {}

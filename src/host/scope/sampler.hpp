@@ -22,7 +22,7 @@ struct Sample {
   std::span<const double> values;  // one for each channel
 };
 
-// Brings the values of channels of one drive, again and again, whenever somebody waits with objects().
+// Brings the values of channels of one drive, again and again, whenever the caller waits with objects().
 class Sampler {
  public:
   // Called with each sample. It does not wait.
@@ -42,7 +42,7 @@ class Sampler {
     begin();
   }
 
-  // The drive's objects, for who waits and for who moves the axis meanwhile.
+  // The drive's objects, to wait with and to move the axis meanwhile.
   virtual ObjectClient& objects() = 0;
   // Throws HostError if the data have ceased to come.
   virtual void check() const {}
@@ -84,11 +84,11 @@ struct SamplerOptions {
   // Nothing: the bus's usual one, or as fast as the drive answers.
   std::optional<Time> period{};
   bool polls = false;  // objects are read, whatever else would be possible
-  bool moves = false;  // somebody will move the axis by objects(): on EtherCAT it goes to OP
+  bool moves = false;  // the caller will move the axis by objects(): on EtherCAT it goes to OP
   bool distributed_clocks = false;
 };
 
-// Whatever is quickest without disturbing anybody. All arguments but the channels, which are complete, outlive the
+// The quickest way that disturbs no other master. All arguments but the channels, which are complete, outlive the
 // sampler. They throw HostError if the drive does not answer, or the period is none that the bus can do.
 
 // TPDOs on SYNC if they hold the channels and no other master is heard; else SDO.

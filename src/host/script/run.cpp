@@ -39,7 +39,7 @@ bool compare(double value, Comparison comparison, double wanted, double toleranc
   return false;
 }
 
-// A number as a person writes it, without digits that nobody asked for.
+// A number as a person writes it, without needless digits.
 std::string text_of_number(double value) { return fmt::format("{:.10g}", value); }
 
 struct Member {

@@ -18,7 +18,7 @@ constexpr std::uint16_t tpdo_communication = 0x1800;
 constexpr std::uint16_t to_mapping = 0x0200;
 constexpr std::uint16_t pdos_of_connection_set = 4;
 
-// CiA 402-2 clause 6: the PDOs of a drive that nobody has configured.
+// CiA 402-2 clause 6: the PDOs of a drive that has not been configured.
 std::vector<MappedField> profile_mapping(bool transmit, unsigned number) {
   constexpr std::array<std::uint32_t, 4> rpdos{0, 0x60600008, 0x607A0020, 0x60FF0020};
   constexpr std::array<std::uint32_t, 4> tpdos{0, 0x60610008, 0x60640020, 0x606C0020};
@@ -129,7 +129,7 @@ bool CanDecoder::decode_service(const Frame& frame, Decoded& decoded) {
   switch (frame.id) {
     case 0x000:
       if (frame.length == 2 && frame.data[1] != 0) decoded.node = frame.data[1];
-      // CiA 301 7.2.8.3.2: a reset node has its saved configuration again, which nobody knows.
+      // CiA 301 7.2.8.3.2: a reset node has its saved configuration again, which is unknown.
       if (frame.length == 2 && (frame.data[0] == 0x81 || frame.data[0] == 0x82)) {
         std::erase_if(nodes_, [&](const auto& one) { return frame.data[1] == 0 || one.first == frame.data[1]; });
         rebuild_places();

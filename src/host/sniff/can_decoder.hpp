@@ -28,7 +28,7 @@ class CanDecoder {
   };
   // Whose PDO a CAN-ID is.
   struct Place {
-    std::uint8_t node_id = 0;  // 0: nobody's
+    std::uint8_t node_id = 0;  // 0: no node's
     bool transmit = false;     // a TPDO
     std::uint16_t number = 0;  // from 0 on
   };

@@ -51,7 +51,7 @@ struct Decoded {
   Time time{};
   FrameKind kind = FrameKind::garbage;
   std::optional<unsigned> node;  // node-ID, station, station address or position
-  std::string source;            // whom it is about: "node 5", "slave 1001h"; empty: nobody in particular
+  std::string source;            // which station it is about: "node 5", "slave 1001h"; empty: none
   std::string text;
   std::vector<DecodedValue> values;
   std::vector<ObjectAddress> objects;  // it names, with a value or without

@@ -23,7 +23,7 @@ class EthercatDecoder {
   EthercatDecoder();
   // What the slaves are, for names and default mappings; `position` from 1 on, 0: all others.
   void set_model(unsigned position, DeviceModel model);
-  // What the master set up before anybody listened: registers of a slave, from `offset` on (station address, sync
+  // What the master set up before frames were decoded: registers of a slave, from `offset` on (station address, sync
   // managers, FMMUs).
   void preset(unsigned position, std::uint16_t station, std::uint16_t offset, std::span<const std::uint8_t> registers);
   // Frames of the master are described as well.

@@ -229,7 +229,7 @@ Decoded SerialDecoder::decode_rtu(std::span<const std::uint8_t> frame, bool is_a
     request_.reset();
   } else {
     request_ = describe_modbus_request(unit, pdu, model, decoded);
-    if (unit == modbus::broadcast_station) {  // nobody answers
+    if (unit == modbus::broadcast_station) {  // no station answers
       request_.reset();
       decoded.source = "all stations";
     }

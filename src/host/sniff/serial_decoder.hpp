@@ -14,7 +14,7 @@ using links::SerialSender;
 
 // A serial line in words: Modbus RTU and the 10-byte protocol of the iSMK, from the bytes as they came. Sans-IO. Frames
 // are found by their length and checksum, wherever the pieces end; requests and answers are told apart by their length
-// and by what was asked before, or by who sent them where that is known. What is no frame is said to be garbage.
+// and by what was asked before, or by their sender where that is known. What is no frame is said to be garbage.
 class SerialDecoder {
  public:
   // Silence that ends a frame for sure. Longer than an operating system and an adapter hold bytes back.

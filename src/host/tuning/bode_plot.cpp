@@ -10,7 +10,7 @@ namespace {
 
 constexpr double left = 60.0;
 constexpr double right = 780.0;
-constexpr std::array colours{"#0072b2", "#d55e00", "#009e73", "#cc79a7"};  // told apart by everybody
+constexpr std::array colours{"#0072b2", "#d55e00", "#009e73", "#cc79a7"};  // told apart by colour-blind readers too
 
 // One of the two diagrams.
 struct Panel {

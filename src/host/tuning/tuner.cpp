@@ -202,7 +202,7 @@ void Tuner::disable() noexcept {
       }
     }
   } catch (const std::exception&) {
-    // It is told by whoever came before; now the power goes in any case.
+    // It is not reported from here; now the power goes in any case.
   }
   controls_ = false;
   command_of_cycle_ = {};

@@ -20,7 +20,7 @@ std::string make_token();
 // The refusal (401 or 403), or nothing if the request may pass:
 // - with the right token (Authorization: Bearer TOKEN) everything may;
 // - a Host that is neither an IP address nor localhost is refused;
-// - everybody else may read; to write takes a loopback peer without Origin or with the studio's own, which is
+// - any other client may read; to write takes a loopback peer without Origin or with the studio's own, which is
 //   http://HOST of the request itself.
 std::optional<Response> refuse(const Access& access, const Request& request);
 

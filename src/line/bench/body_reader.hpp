@@ -11,7 +11,7 @@
 
 namespace servodrome::line::bench {
 
-// The JSON object in a request's body, read key by key: wrong types and ranges, and in `finish` keys nobody asked for,
+// The JSON object in a request's body, read key by key: wrong types and ranges, and in `finish` keys not asked for,
 // are thrown as ApiError.
 class BodyReader {
  public:

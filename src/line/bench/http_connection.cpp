@@ -278,7 +278,7 @@ void HttpConnection::serve() {
                             }));
 }
 
-// Browsers let any page open a WebSocket to anywhere, so whoever opens one has to be allowed to write.
+// Browsers let any page open a WebSocket to anywhere, so only a client that may write opens one.
 void HttpConnection::upgrade(Message&& message) {
   const HttpHandlers& handlers = server_->handlers_;
   Request request = request_of(Message(message), from_loopback_);
@@ -354,7 +354,7 @@ void HttpConnection::written(const error_code& code) {
     }
   } else if (message_.keep_alive()) {
     server_->charge(std::exchange(spent_, {}));
-    message_ = {};  // up to 16 MiB that nobody needs any more
+    message_ = {};  // up to 16 MiB that are not needed any more
     read();
   } else {
     close();

@@ -24,11 +24,11 @@ struct HttpHandlers {
 
   // Calls `reply` once, in the thread of `io`, at once or later.
   std::function<void(Request&& request, Reply reply)> answer;
-  // The one address where a WebSocket may begin. Nobody may who may not write.
+  // The one address where a WebSocket may begin, for clients that may write.
   std::string upgrade_address{};
   std::function<std::optional<Response>()> refuse_upgrade{};
   std::function<void(Upgrade&&)> upgrade{};
-  // What who runs the server should know.
+  // Shows a message to the operator of the server.
   std::function<void(const std::string& message)> report{};
 };
 
@@ -62,7 +62,7 @@ class HttpServer {
 
   void accept();
   void accept_later(const boost::system::error_code& why);
-  // False: everybody is being answered.
+  // False: all clients are being answered.
   bool make_room();
   // How long a request that is there now has to wait.
   std::chrono::steady_clock::duration take_turn();

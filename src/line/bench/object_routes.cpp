@@ -58,7 +58,7 @@ Json read_object(Call& call) {
   return shown(object.entry, value.bytes);
 }
 
-// Several at once, for who looks at them again and again: null is what cannot be read now.
+// Several at once, for clients that poll them: null is what cannot be read now.
 Json read_values(Call& call) {
   Axis& axis = axis_argument(call);
   Json values = Json::object();

@@ -178,7 +178,7 @@ void CanBus::start_transmission() {
   next.start = now_;
   next.bits = head.bits;
 
-  // Whoever has the same arbitration field sends along, and breaks the frame if its own is another.
+  // A port with the same arbitration field sends as well, and breaks the frame if its own is another.
   if (!config_.ideal) {
     for (const auto& port : ports_) {
       if (port.get() == winner || !may_send(*port) || earliest_start(*port) > now_) continue;

@@ -1,4 +1,4 @@
-// Fault confinement (ISO 11898-1, clause 12): error counters, error passive, bus-off, and senders nobody hears.
+// Fault confinement (ISO 11898-1, clause 12): error counters, error passive, bus-off, and senders without acknowledge.
 
 #include <algorithm>
 
@@ -91,7 +91,7 @@ void CanBus::run_private_attempts(Time when) {
   if (any) review_private_attempts();
 }
 
-// A sender without anybody to acknowledge repeats its frame until it is error passive; from then on a missing
+// A sender that gets no acknowledge repeats its frame until it is error passive; from then on a missing
 // acknowledge no longer counts (12.1.4.2 c, exception 1), so that nothing changes any more and nothing is computed.
 void CanBus::review_private_attempts() {
   if (config_.ideal) return;

@@ -37,7 +37,7 @@ struct CanBus::Port {
   PortCounters counters;
   Time suspended_until{};           // error passive: suspend transmission
   Time recovers_at = never;         // bus-off
-  Time private_attempt_at = never;  // end of an attempt nobody acknowledges
+  Time private_attempt_at = never;  // end of an attempt without acknowledge
 
   bool attached() const { return receiver != nullptr; }
   bool can_send() const { return participation == Participation::normal && error_state != ErrorState::bus_off; }

@@ -31,7 +31,7 @@ std::unique_ptr<CanLink> open_can_link(const CanLinkName& name, CanBus& bus, boo
 
 // What outside programs may have waiting to be sent on the bus. When the queue is full a link stops reading as long as
 // the controller is error active, so that a burst is slowed down and not lost; otherwise it discards, as a controller
-// nobody hears does.
+// does that gets no acknowledge.
 inline constexpr std::size_t link_queue_depth = 256;
 
 }  // namespace servodrome::links

@@ -57,7 +57,7 @@ void SlcanLink::wait_for_client() {
 }
 
 // Edge-triggered epoll, which Asio uses, can miss that a pty has become readable: the kernel moves the bytes through a
-// work queue. So whoever waits to read looks for himself now and then. A write that waits is left alone.
+// work queue. So a pending read polls the pty now and then. A pending write is left alone.
 void SlcanLink::watch_input() {
   client_poll_.expires_after(input_poll_time);
   client_poll_.async_wait([this, alive = alive_](error_code code) {

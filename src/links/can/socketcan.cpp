@@ -41,7 +41,7 @@ FileDescriptor open_socketcan(const std::string& interface_name) {
   const int off = 0;
   ::setsockopt(socket.get(), SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &off, sizeof off);
   // From the start it holds some 270 frames, less than a line or a master that was held up for 100 ms has to read at
-  // once. The second call is for who may not exceed the system's limit.
+  // once. The second call is for a process that may not exceed the system's limit.
   for (const int option : {SO_RCVBUFFORCE, SO_RCVBUF}) {
     if (::setsockopt(socket.get(), SOL_SOCKET, option, &receive_buffer_bytes, sizeof receive_buffer_bytes) == 0) break;
   }

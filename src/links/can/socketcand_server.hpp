@@ -12,9 +12,9 @@ namespace servodrome::links {
 
 // `socketcand:HOST:PORT/BUS`: serves the bus to any number of TCP clients (at most 32) in socketcand's raw mode. All of
 // them share one port, as programs on one computer share its CAN interface; a client's frame is shown to the others
-// once it has been sent. There is no UDP beacon: who wants this bus knows where it is.
+// once it has been sent. There is no UDP beacon: clients know the address of the bus.
 //
-// The port takes part in the bus, and acknowledges, also while nobody is connected.
+// The port takes part in the bus, and acknowledges, also while no client is connected.
 //
 // Each client has a queue of its own, and they take turns frame by frame: what one sends without pause holds up the
 // frames of the others by one frame each.
@@ -62,7 +62,7 @@ class SocketcandServer final : public CanLink, private Receiver {
   std::vector<std::shared_ptr<Client>> clients_;
   std::vector<std::shared_ptr<Queue>> queues_;
   std::size_t turn_ = 0;                  // of the queue that has sent last
-  std::uint32_t last_client_number_ = 0;  // 0 is nobody's
+  std::uint32_t last_client_number_ = 0;  // 0: no client's
   LinkCounters counters_;
 };
 

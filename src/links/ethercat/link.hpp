@@ -24,11 +24,11 @@ class EthercatLink {
   virtual bool busy() const = 0;
   // Serves the frames that are there; false: there were none.
   virtual bool poll() = 0;
-  // For who polls: sees to everything else, such as an interface that is gone.
+  // For a caller that polls: sees to everything else, such as an interface that is gone.
   virtual void check() {}
 };
 
-// Opens the link a name asks for, served by `io` (udp:), `watch` (raw:) or, if busy, by who polls. Throws LinkError.
+// Opens the link a name asks for, served by `io` (udp:), `watch` (raw:) or, if busy, by polls. Throws LinkError.
 // `mem:` has nothing to open: use MemoryEthercatClient; asking for it here is an error.
 std::unique_ptr<EthercatLink> open_ethercat_link(const EthercatLinkName& name, EthercatBus& bus,
                                                  boost::asio::io_context& io, DescriptorWatch& watch, LineHost& host);

@@ -40,7 +40,7 @@ class PacketSocket {
 
   // What is wrong with the interface since the last call (ENETDOWN); 0: nothing.
   int take_error();
-  // Frames that were lost since the last call because nobody released others; a system call only if there were any.
+  // Frames that were lost since the last call because others were not released; a system call only if there were any.
   std::uint32_t take_overruns();
 
  private:

@@ -11,7 +11,7 @@
 
 namespace servodrome::links {
 
-// `udp:HOST:PORT`: frames' contents in UDP packets (ETG.1000.4 clause 5.3.2), answered to whoever sent them. Those that
+// `udp:HOST:PORT`: frames' contents in UDP packets (ETG.1000.4 clause 5.3.2), answered to their sender. Those that
 // wait are read with one system call and answered with another.
 class EthercatUdpLink final : public EthercatLink {
  public:

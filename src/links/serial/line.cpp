@@ -63,7 +63,7 @@ void SerialLine::begin_character(Port& port, Time at) {
       if (!one->is_garbled) ++counters_.collisions;
       one->is_garbled = true;
     }
-    // What receivers make of it is anybody's guess; both senders' zeros get through.
+    // What receivers make of it is undefined; both senders' zeros get through.
     port.character = other.character = port.character & other.character;
   }
 }

@@ -11,12 +11,12 @@
 
 namespace servodrome::links {
 
-// Somebody on a serial line. All calls come from SerialLine::advance(); they may transmit, but neither attach nor
+// A station on a serial line. All calls come from SerialLine::advance(); they may transmit, but neither attach nor
 // detach.
 class SerialStation {
  public:
   virtual ~SerialStation() = default;
-  // A character of somebody else, at the end of its stop bit. Not `intact`: a framing error, or two sent at once.
+  // A character from another port, at the end of its stop bit. Not `intact`: a framing error, or two sent at once.
   virtual void receive(std::uint8_t character, bool intact, Time at) = 0;
   virtual void poll(Time /*now*/) {}
   virtual Time next_deadline() const { return never; }
@@ -65,9 +65,9 @@ struct SerialLineCounters {
 
 // What is wrong with a line, by probability (0..1 each) and seed: equal seeds and equal traffic give equal disturbance.
 struct SerialDisturbance {
-  double drop = 0;     // nobody receives the character
+  double drop = 0;     // no station receives the character
   double corrupt = 0;  // one of its bits is turned over, which only a checksum can find out
-  bool cut = false;    // nobody receives anything
+  bool cut = false;    // no station receives anything
   std::uint64_t seed = 1;
 };
 
@@ -90,7 +90,7 @@ class SerialLine {
   // Puts characters behind those the port has still to send; the first goes out at `at`, or when the line's time has
   // come that far. They are sent back to back, whether or not the line is free.
   void transmit(SerialPortId port, std::span<const std::uint8_t> characters, Time at);
-  // What the port has still to send is not sent, and of the character under way nobody receives anything: its station
+  // What the port has still to send is not sent, and the character under way is not received: its station
   // lost its power.
   void discard(SerialPortId port);
   // Characters of the port that have not yet been received.

@@ -37,7 +37,7 @@ void StreamLink::open() {
 }
 
 // Edge-triggered epoll, which Asio uses, can miss that a pty has become readable: the kernel moves the bytes through a
-// work queue. So whoever waits to read looks for himself now and then. A write that waits is left alone.
+// work queue. So a pending read polls the descriptor now and then. A pending write is left alone.
 void StreamLink::watch_input() {
   watch_.expires_after(input_poll_time);
   watch_.async_wait([this, alive = alive_](error_code code) {

@@ -9,8 +9,8 @@
 
 namespace servodrome::line::bench {
 
-// Who looks at a line while it runs: a scope, and what the line tells by itself. It goes along with the line's time and
-// fetches what the taps of the axes have gathered.
+// Samples a line while it runs: a scope, and what the line tells by itself. It follows the line's time and fetches what
+// the taps of the axes have gathered.
 class LineScope final : private Follower {
  public:
   static constexpr Time period = std::chrono::milliseconds(10);  // of line time between two looks

@@ -25,7 +25,7 @@ std::shared_ptr<Recording> recording_argument(Call& call) {
                  "GET /api/v1/recordings lists them; the oldest make room for new ones"};
 }
 
-// The recording with its samples standing still, as long as somebody reads it.
+// A recording that has ended: its samples do not change while they are read.
 std::shared_ptr<const Recording> snapshot(Call& call) {
   const auto recording = recording_argument(call);
   if (recording->ended()) return recording;

@@ -65,7 +65,7 @@ void Recordings::add_moment(Recording::Plan plan, std::vector<std::shared_ptr<Sa
     recordings_.erase(std::find_if(recordings_.begin(), recordings_.end(), is_of_axis));
   }
   const std::size_t bytes = static_cast<std::size_t>(plan.samples) * taps.size() * sizeof(double);
-  if (!make_room(bytes)) return;  // all is armed: whoever filled the memory so wanted something else
+  if (!make_room(bytes)) return;  // recordings that have not ended take all the memory, and stay
   plan.id = ++last_id_;
   plan.fault_moment = true;
   recordings_.push_back(

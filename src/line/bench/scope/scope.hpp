@@ -10,7 +10,7 @@
 
 namespace servodrome::line::bench {
 
-// Who looks at axes: streams and recordings. Somebody tells it how far the source's time has come.
+// Streams and recordings of axes. The owner tells it by advance() how far the source's time has come.
 class Scope {
  public:
   // The source outlives it.
@@ -34,7 +34,7 @@ class Scope {
   bool anyone() const { return !sessions_.empty(); }
   // Some client is still busy reading what it was sent.
   bool waits_for_readers(WallTime now);
-  // To be called now and then, some 50 times a second of the clock on the wall, as long as there is anyone.
+  // To be called now and then, some 50 times a second of the clock on the wall, as long as there are sessions.
   void attend(WallTime now);
 
   // Axes and clock as the API shows them, made once for all who ask at about the same time.

@@ -12,7 +12,7 @@
 
 namespace servodrome::line::bench {
 
-// A number of an axis that somebody looks at.
+// A number of an axis that can be sampled.
 struct NamedChannel {
   std::string axis;
   Json view;  // {"axis", "signal" or "object", "name", "unit"}
