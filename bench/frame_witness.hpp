@@ -17,7 +17,7 @@
 namespace servodrome::bench {
 
 // Tells when EtherCAT frames came to an Ethernet interface, by the kernel's clock at their arrival: however late
-// somebody gets to read them, and whoever else does.
+// this program reads them, and also if others read them.
 class FrameWitness {
  public:
   using Time = std::chrono::nanoseconds;  // of CLOCK_REALTIME

@@ -1,4 +1,4 @@
-// What it costs a line that is looked at: processor time per tick of a line of eight axes without anybody, with what a
+// What it costs a line that is looked at: processor time per tick of a line of eight axes without clients, with what a
 // server looks at by itself (events, fault moments), and with ten pages of 16 channels at 16 kHz each, the same ones or
 // different ones; and how long the longest 10 ms of line time took.
 #include <algorithm>

@@ -647,7 +647,7 @@ class Generator {
     }
   }
 
-  // A value that nobody should write, to an object that moves the axis.
+  // A value that no master should write, to an object that moves the axis.
   void anything() {
     static constexpr std::array<std::uint16_t, 24> objects{
         0x6040, 0x6060, 0x607A, 0x60FF, 0x6071, 0x6081, 0x6082, 0x6083, 0x6084, 0x6085, 0x6086, 0x607F,

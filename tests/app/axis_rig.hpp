@@ -47,7 +47,7 @@ inline const RigCase every_product[] = {{"ismc"},
 class AxisRig {
  public:
   explicit AxisRig(const RigCase& its_case, unsigned axes = 1) : rig_case(its_case), line(line_of(its_case, axes)) {
-    // A node that is alone on its bus has nobody who acknowledges its frames.
+    // A node that is alone on its bus gets no acknowledge for its frames.
     if (rig_case.bus != RigCase::BusKind::ethercat) open_can();
     line.run_until(100ms);
     switch (rig_case.bus) {

@@ -1,5 +1,5 @@
-// A line that is left behind as long as nobody could tell (Line::keep_up) answers every frame as one that is caught up
-// with for each: the same session of a master, from the scan to moving drives and a fault, byte by byte.
+// A line that catches up lazily (Line::keep_up) answers every frame as one that catches up
+// for each: the same session of a master, from the scan to moving drives and a fault, byte by byte.
 #include <gtest/gtest.h>
 
 #include "host/axis402.hpp"

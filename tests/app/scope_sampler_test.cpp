@@ -156,7 +156,7 @@ TEST_P(ScopeSampler, BringsWhatTheDriveHadAtThoseTimes) {
     const Time begin = rig.line.now();
     Recorder recorder(*sampler, {.duration = 300ms});
     while (!recorder.done() && rig.line.now() < begin + 2s) {
-      axis.status();  // somebody uses the drive meanwhile
+      axis.status();  // the drive is used meanwhile
       sampler->objects().wait(5ms);
     }
     ASSERT_TRUE(recorder.done());
@@ -205,7 +205,7 @@ TEST_P(ScopeSampler, OnlyLooksWhereNobodyMoves) {
   EXPECT_GT(recording.rows(), 1U);
   sampler.reset();
   EXPECT_EQ(pdo_set_up(), before) << "put back by the destructor, too";
-  // Power state and mode are nobody's but the drive's.
+  // The sampler does not change power state or mode.
   EXPECT_EQ(rig.objects().read<std::uint16_t>(0x6041), recording.value(0, recording.channels.size() - 1));
 }
 

@@ -140,7 +140,7 @@ TEST_F(SerialAxes, AnIsmkMovesWithTheTenByteProtocol) {
 }
 
 // All four move at once, two commanded by RS485 and two by CAN, each told and asked over the bus that did not command
-// it; the nodes' heartbeats go on at one per millisecond. Nobody is disturbed: no collision, no error frame, no answer
+// it; the nodes' heartbeats go on at one per millisecond. None is disturbed: no collision, no error frame, no answer
 // missing, each shaft at its own target.
 TEST_F(SerialAxes, FourDrivesShareOneCanBusAndOneRs485Line) {
   struct Drive {

@@ -291,7 +291,7 @@ TEST_F(DictionaryTest, DomainsLiveInTheObjectsOrWithTheirOwner) {
   EXPECT_EQ(objects.program.bytes[5], 6);
   EXPECT_EQ(write(0x2002, 0, {1, 2, 3, 4, 5, 6, 7}), AbortCode::length_too_high);
 
-  EXPECT_EQ(read(0x2003), "");  // nobody has it
+  EXPECT_EQ(read(0x2003), "");  // it has no owner yet
   testing::NiceMock<MockListener> owner;
   dictionary.set_listener(drive, &owner);
   const std::string trace(1000, 't');

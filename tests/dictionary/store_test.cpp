@@ -26,7 +26,7 @@ struct Objects {
   std::int8_t homing_method;
   std::int64_t position_counts;
 
-  // What its objects hold; what lies between them is nobody's business.
+  // What its objects hold; what lies between them does not count.
   auto values() const {
     return std::tuple(guard_time_ms, pdo_identifier, gain, axis_name.length, axis_name.bytes, curve.length, curve.bytes,
                       not_saved, homing_method, position_counts);
@@ -117,7 +117,7 @@ TEST(Store, EmptyOrErasedMediumHoldsNothing) {
   }
 }
 
-// Whatever else it holds, if it is no image, was one once or is somebody else's: never the same as nothing.
+// Contents without an image count as damage (an old image or foreign data), never as an empty medium.
 TEST(Store, OtherBytesAreDamageUntilTheyAreForgotten) {
   for (const std::byte fill : {std::byte{0x53}, std::byte{0x01}, std::byte{0xFE}}) {
     FailingMedium medium(ample, fill);

@@ -181,7 +181,7 @@ TEST(Homing, NoTimeOutAfterTheLatch) {
   EXPECT_TRUE(homing.active());
 }
 
-// A method of nobody's: from one hard stop to the other.
+// A method of no product: from one hard stop to the other.
 TEST(Homing, EveryHardStopIsTimedAnew) {
   const Method method = make_method(1, {leg(Direction::negative, HomingSpeed::fast, Until::stalled, Then::hold),
                                         leg(Direction::positive, HomingSpeed::fast, Until::stalled, Then::hold),

@@ -168,7 +168,7 @@ TEST(SyncManagers, ThreeBuffersFromTheMaster) {
   EXPECT_EQ(esc.open_for_reading(2)[0], 3);
   line.write(0, 0x1102, {4, 4});
   EXPECT_EQ(esc.open_for_reading(2)[0], 4);
-  // The other two buffers are nobody's to access directly.
+  // The other two buffers cannot be accessed directly.
   EXPECT_EQ(line.write(0, 0x1104, {9}).counter, 0U);
   EXPECT_EQ(line.read(0, 0x1108, 4).counter, 0U);
   EXPECT_EQ(line.read(0, 0x110C, 4).counter, 1U);

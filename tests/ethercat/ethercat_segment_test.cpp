@@ -77,7 +77,7 @@ TEST(Segment, AFrameOpensAnAutoClosedPort) {
   EXPECT_EQ(count(line), 3U);
 }
 
-// Whoever closes all ports of a slave does not lock everybody out.
+// A master that closes all ports of a slave does not lock itself out.
 TEST(Segment, Port0IsTheWayBackWhenAllAreClosed) {
   Line line(1);
   line.put<std::uint8_t>(0, reg::dl_control + 1, 0x0F);

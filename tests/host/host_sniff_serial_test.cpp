@@ -95,7 +95,7 @@ TEST_F(SniffSerial, WordsOfSomeExamples) {
   EXPECT_TRUE(all[0].error);
   heard(sealed("01 10 40 00 00 02 04 00 00 00 00"));
   EXPECT_TRUE(heard(sealed("01 90 04")).starts_with("station 1 Modbus exception 04h "));
-  // Nobody answers a broadcast: what is the same again is another one.
+  // No station answers a broadcast: the same frame again is another one.
   EXPECT_TRUE(heard(sealed("00 06 31 00 00 06")).starts_with("all stations Modbus write 6040:00"));
   EXPECT_TRUE(heard(sealed("00 06 31 00 00 06")).starts_with("all stations Modbus write 6040:00"));
 }

@@ -168,7 +168,7 @@ class SimulatedDrive final : public ProcessImage {
   double rest_ = 0.0;
 };
 
-// In virtual time: a cycle each period, whenever someone waits.
+// In virtual time: a cycle each period, whenever the caller waits.
 class SimulatedBus final : public CyclicBus {
  public:
   explicit SimulatedBus(std::size_t drives, Time period = std::chrono::milliseconds(1))

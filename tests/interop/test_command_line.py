@@ -212,7 +212,7 @@ def test_an_axis_is_stopped_when_the_terminal_goes_away(line):
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
-        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # whoever runs the tests may have left it out
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # the tests' parent process may ignore it
     )
     wait_for(lambda: velocity_of(line) > 5, "the axis to turn")
     jog.send_signal(signal.SIGHUP)

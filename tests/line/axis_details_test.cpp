@@ -206,7 +206,7 @@ json entry_of(const json& list, const std::string& index, unsigned sub) {
   return json();
 }
 
-// Every object that a product has is explained, and no text is of an object that nobody has.
+// Every object that a product has is explained, and no text is of an object that no product has.
 TEST_P(AxisDetails, EveryObjectIsExplained) {
   const json list = get(std::string(GetParam()) + "/objects");
   for (const json& entry : list["objects"]) {

@@ -48,7 +48,7 @@ name = "x"
 product = "ismc"
 )";
 
-// A page as it is built, with things around it that are nobody's business.
+// A page as it is built, with files around it that must not be served.
 class Page {
  public:
   Page() : root_(testing::TempDir() + "servodrome_bench_http_test_" + std::to_string(::getpid())) {
@@ -129,7 +129,7 @@ class Client {
     std::string text = beast::buffers_to_string(buffer_.data());
     buffer_.consume(buffer_.size());
     const std::size_t size = boost::asio::read_until(stream_.socket(), boost::asio::dynamic_buffer(text), ending);
-    // What came behind it is read by who asks next.
+    // What came behind it is read by the next call.
     const auto rest = boost::asio::buffer(text) + size;
     buffer_.commit(boost::asio::buffer_copy(buffer_.prepare(rest.size()), rest));
     return text.substr(0, size);

@@ -326,7 +326,7 @@ TEST(LineServer, AnswersAMasterInRealTime) {
   EXPECT_GE(std::chrono::steady_clock::now() - start, 20ms);
 }
 
-// Whoever uses a bus waits while something else is done: that is lag, also where the line makes its time good.
+// A client of a bus waits while something else is done: that is lag, also where the line makes its time good.
 TEST(LineServer, LatenessOfServiceIsLag) {
   LineSettings settings = settings_of(open_line);
   settings.clock = ClockMode::real;

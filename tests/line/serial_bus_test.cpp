@@ -79,12 +79,12 @@ TEST_F(SerialBus, EachStationAnswersForItself) {
   EXPECT_EQ(ask({2, 3, 1, 0, 0, 1}), (Bytes{2, 3, 2, 0x02, 0x31}));
   EXPECT_EQ(ask({200, 3, 1, 0, 0, 1}), (Bytes{200, 3, 2, 0x02, 0x50}));
   EXPECT_EQ(ask({3, 3, 1, 0, 0, 1}), Bytes{});
-  // A broadcast reaches all, and nobody answers.
+  // A broadcast reaches all, and none answers.
   EXPECT_EQ(ask({0, 6, 0, 0, 0, 6}), Bytes{});
   EXPECT_EQ(ask({200, 3, 1, 0, 0, 1}), (Bytes{200, 3, 2, 0x02, 0x31}));
 }
 
-// Two requests at the same moment: nobody understands, and the line works again afterwards.
+// Two requests at the same moment: no drive understands them, and the line works again afterwards.
 TEST_F(SerialBus, TwoMastersCollide) {
   links::MemoryByteClient other(bus_.line, line_);
   Bytes request{2, 3, 1, 0, 0, 1, 0, 0};

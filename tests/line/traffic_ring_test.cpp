@@ -86,7 +86,7 @@ TEST(TrafficTap, AnAxisOnCanIsHeardAndALineWithoutTapIsTheSame) {
   ASSERT_TRUE(first);
   EXPECT_EQ(first->kind, TrafficKind::can);
   line.run_until(std::chrono::seconds(3));
-  EXPECT_EQ(ring.newest(), heard);  // nobody listens any more
+  EXPECT_EQ(ring.newest(), heard);  // the tap is gone
 }
 
 }  // namespace

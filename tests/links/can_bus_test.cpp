@@ -224,7 +224,7 @@ TEST_F(CanBusTest, IdealBusTakesNoTime) {
   ideal.advance(milliseconds(3));
   ASSERT_EQ(master.received.size(), 1U);
   EXPECT_EQ(master.received[0].at, milliseconds(3));
-  // Nobody needs to acknowledge.
+  // No acknowledge is needed.
   ideal.detach(d);
   ideal.transmit(m, make(0x601), milliseconds(4));
   ideal.advance(milliseconds(4));
@@ -392,7 +392,7 @@ TEST_F(CanBusTest, EqualSeedsDisturbEqually) {
   EXPECT_GT(one.second.corrupted, 0U);
 }
 
-// Nobody acknowledges: error passive after 16 attempts and no further; the frame goes out when somebody is there.
+// Without acknowledge: error passive after 16 attempts and no further; the frame goes out when the cut is over.
 TEST_F(CanBusTest, LoneSenderKeepsItsFrame) {
   bus.cut(pa, true);
   EXPECT_TRUE(bus.is_cut(pa));

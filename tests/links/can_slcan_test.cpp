@@ -76,7 +76,7 @@ TEST_F(SlcanLinkTest, APathInUseIsRefusedAndStaysWithWhoHasIt) {
     }
     EXPECT_EQ(std::filesystem::read_symlink(path), device);
   }
-  // And whoever has it gives it back.
+  // When the first link ends, the path is free again.
   link.reset();
   link = open_can_link(SlcanName{path.string()}, rig.bus, rig.io, rig);
   EXPECT_TRUE(open_tty().is_open());
@@ -115,7 +115,7 @@ TEST_F(SlcanLinkTest, ClosedChannelTakesNoPart) {
   EXPECT_EQ(rig.bus.counters().frames, 0U);
   EXPECT_EQ(rig.bus.error_state(rig.node), ErrorState::passive);
   client.write("O\r");
-  // The node's frame was waiting for somebody to acknowledge it.
+  // The node's frame was waiting for an acknowledge.
   ASSERT_TRUE(rig.until([&] { return client.has("t0810\r"); }));
   client.write("C\r");
   client.clear();
@@ -132,7 +132,7 @@ TEST_F(SlcanLinkTest, SurvivesClientsThatComeAndGo) {
     RawClient client = open_channel();
     client.write("t6011AA\r");
     ASSERT_TRUE(rig.until([&] { return client.text() == "z\rt5811AA\r"; })) << i << client.text();
-    // Traffic that nobody reads any more must not greet the next one.
+    // Traffic that was not read must not reach the next client.
     rig.bus.transmit(rig.node, {.id = 0x99}, rig.time);
     rig.run_bus();
     client.close();

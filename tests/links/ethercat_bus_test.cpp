@@ -72,7 +72,7 @@ TEST(EthercatBus, WhatAStationHasPutOffIsNotToldUntilSomethingMayBeDue) {
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(9us, 11us));
 }
 
-// So that nobody need look at stations that nothing is due for.
+// So that stations for which nothing is due need no poll.
 TEST(EthercatBus, SettlingTellsUntilWhenTheStationsMayBeLeftAlone) {
   EthercatRig rig(2);
   for (const auto& station : rig.stations) station->esc().set_quiet_until(1ms);
@@ -85,7 +85,7 @@ TEST(EthercatBus, SettlingTellsUntilWhenTheStationsMayBeLeftAlone) {
   // A station that was told says so itself.
   EXPECT_EQ(settled(Command::apwr, of_first(al_control), 6us), 16us);
   EXPECT_THAT(rig.stations[0]->passed, ElementsAre(6us));
-  // One that was not, but a register of which was written: nobody knows.
+  // One that was not, but a register of which was written: unknown.
   rig.stations[0]->esc().set_quiet_until(1ms);
   EXPECT_EQ(settled(Command::apwr, of_first(ethercat::reg::station_address) | 0xFFFF, 7us), ethercat::Esc::unknown);
   EXPECT_TRUE(rig.stations[1]->passed.empty());

@@ -1,5 +1,5 @@
 // raw: over virtual Ethernet cables. The program starts itself anew in a network namespace of its own
-// (tools/with-veth); where none is to be had the tests are skipped.
+// (tools/with-veth); where none can be made the tests are skipped.
 
 #include <cstdlib>
 #include <gmock/gmock.h>

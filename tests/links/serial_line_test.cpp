@@ -197,8 +197,8 @@ TEST(SerialLine, ModbusAnswersOnTime) {
   }
 }
 
-// Four drives on one line, asked in turn a thousand times by Modbus and by the 10-byte protocol: nobody disturbs
-// anybody.
+// Four drives on one line, asked in turn a thousand times by Modbus and by the 10-byte protocol: no drive
+// disturbs another.
 TEST(SerialLine, FourDrivesOnOneLine) {
   for (const bool is_modbus : {true, false}) {
     SerialRig rig;
@@ -233,7 +233,7 @@ TEST(SerialLine, FourDrivesOnOneLine) {
   }
 }
 
-// The universal id on a line with two drives: both answer, and nobody understands.
+// The universal id on a line with two drives: both answer, and the master understands neither.
 TEST(SerialLine, UniversalIdIsForOneDrive) {
   SerialRig rig;
   rig.add_serial10(1);

@@ -44,7 +44,7 @@ TEST_F(SerialLinkTest, PtySurvivesClientsThatComeAndGo) {
     RawClient client = open_tty();
     client.write(text_of(enable));
     ASSERT_TRUE(rig.until([&] { return hex_of_text(client.text()) == enable; })) << i << hex_of_text(client.text());
-    client.write(text_of("01 06 31"));  // half a request, and an answer nobody will read
+    client.write(text_of("01 06 31"));  // half a request, and an answer that will not be read
     ASSERT_TRUE(rig.until([&] { return link->counters().to_bus == 11U * static_cast<unsigned>(i + 1); }));
     client.close();
     ASSERT_TRUE(rig.until([&] { return link->counters().clients == 0; }));

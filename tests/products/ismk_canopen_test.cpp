@@ -148,7 +148,7 @@ TEST(IsmkCanopen, EveryTransmissionType) {
   }
 }
 
-// L3105, L3206-3215: 1000 ms x 3 from the first remote frame on; 6007h decides whether anyone minds.
+// L3105, L3206-3215: 1000 ms x 3 from the first remote frame on; 6007h decides whether the drive reacts.
 TEST(IsmkCanopen, NodeProtection) {
   for (const int option : {0, 1}) {
     IsmkRig rig;

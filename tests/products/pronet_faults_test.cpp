@@ -204,7 +204,7 @@ std::vector<Warning> warnings() {
   return {
       hardware(0x6120, Cause::pdo_mapping),
       {0x8110, turning,
-       [](Axis& axis) {  // nobody takes the answers off its hands
+       [](Axis& axis) {  // its answers are not fetched
          const canopen::Frame request{.id = 0x601, .length = 8, .data = {0x40, 0x00, 0x10, 0x00}};
          for (int i = 0; i < 100; ++i) axis.device.receive(request, axis.now());
          axis.drain();

@@ -54,7 +54,7 @@ TEST(Serial10Examples, WrongChecksumIsNotAnswered) {
   EXPECT_EQ(drive.device.objects.controlword, 6);
 }
 
-// Whoever sends 127 reaches any drive; it answers with its own id.
+// A request to id 127 reaches any drive; it answers with its own id.
 TEST(Serial10Examples, UniversalId) {
   Drive drive(5);
   drive.device.objects.target_speed_rpm = 600;

@@ -107,7 +107,7 @@ abstract class Program {
 }
 
 export class Line extends Program {
-  // `links`: "can0=socketcand:127.0.0.1:0/can0" and so on, for who reaches its drives by a bus.
+  // `links`: "can0=socketcand:127.0.0.1:0/can0" and so on, for tests that reach its drives by a bus.
   constructor(text: string, private links: string[] = []) {
     super();
     writeFileSync(join(this.folder, 'line.toml'), text);

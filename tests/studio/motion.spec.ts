@@ -74,7 +74,7 @@ test('jogs while it is pressed, with the pointer and with the keyboard', async (
   await page.getByRole('button', { name: 'Jog in negative direction' }).focus();
   await page.keyboard.down('Space');
   await expect.poll(speed).toBeLessThan(-50);
-  // The window loses the keyboard: nobody will hear the key go up.
+  // The window loses the keyboard: the page is not told that the key goes up.
   await page.evaluate(() => dispatchEvent(new Event('blur')));
   await expect.poll(async () => Math.abs(await speed())).toBeLessThan(1);
   await page.keyboard.up('Space');

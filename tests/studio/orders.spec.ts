@@ -1,7 +1,7 @@
 import { card, expect, panel, test, type } from './fixtures';
 import { axes } from './line';
 
-// What the page lets somebody ask of an axis: nothing that is not understood, and nothing that comes back by itself.
+// What the page lets a user ask of an axis: nothing that is not understood, and nothing that comes back by itself.
 
 interface View {
   state: string;

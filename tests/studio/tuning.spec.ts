@@ -68,7 +68,7 @@ test('a gain is turned by hand, and what the drive refuses is said', async ({ pa
   await expect.poll(async () => value('60F9/1')).toBe(6);
   await expect(page.getByText(/stiffer/).first()).toBeVisible();
 
-  // By somebody else.
+  // By another client.
   await line.call('PUT', '/axes/ismk/objects/60F9/1', { value: 5 });
   await expect(kvp).toHaveValue('5', { timeout: 10_000 });
 });

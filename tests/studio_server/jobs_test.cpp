@@ -194,7 +194,7 @@ TEST_P(EveryProduct, GivesTorqueAndStops) {
   EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
 }
 
-// Whoever takes over ends the jog where it stands: its own way out, which would halt, must not act any more.
+// A job that takes over ends the jog where it stands: the jog's own end, a halt, must not act any more.
 TEST_P(EveryProduct, WhatTakesOverFromAJogStopsTheAxis) {
   make_ready(axis_);
   for (const char* order : {"stop", "quick_stop", "disable"}) {
@@ -403,7 +403,7 @@ TEST_F(JobsTest, AMoveThatTakesTooLongIsStopped) {
   EXPECT_NEAR(view("generic402")["velocity_rpm"].get<double>(), 0.0, 2.0);
 }
 
-// In virtual time nothing happens while nobody lets time pass, and however it is cut, the same does.
+// In virtual time nothing happens until a call lets time pass; how time is cut changes nothing.
 TEST_F(JobsTest, HowTimeIsCutChangesNothing) {
   const auto run = [](line::Time piece) {
     line::Line line{line::test::settings_of(line_of_all())};

@@ -124,7 +124,7 @@ TEST_F(TrafficTest, PagesAndTheNewest) {
   EXPECT_EQ(newest["next"], total);
 }
 
-// A PDO that was mapped before anybody recorded has the names of its objects, because the drive knows.
+// A PDO that was mapped before the recording began has the names of its objects, because the drive knows.
 TEST_F(TrafficTest, PdosAreKnownFromTheDrive) {
   line.run_until(300ms);
   const std::array<std::array<std::uint8_t, 8>, 5> writes{{{0x23, 0x00, 0x18, 1, 0x82, 0x01, 0x00, 0x80},
