@@ -202,7 +202,7 @@ void Tuner::disable() noexcept {
       }
     }
   } catch (const std::exception&) {
-    // It is not reported from here; now the power goes in any case.
+    // Not reported from here: the power goes in any case.
   }
   controls_ = false;
   command_of_cycle_ = {};
