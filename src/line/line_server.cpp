@@ -19,8 +19,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Time longest_sleep = 1ms;  // what the axes send by themselves is at most this late
-constexpr Time longest_nap = 10ms;   // likewise, without a CAN client or a master
+constexpr Time longest_sleep = 1ms;  // a frame that an axis sends by itself is at most this late
+constexpr Time longest_nap = 10ms;   // the same, while no CAN client and no master is connected
 constexpr Time most_late = 5ms;      // that a wait of the line may end late and still be in time
 constexpr auto log_flush_time = 100ms;
 // While frames are waited for on an Ethernet interface: how late the API can be, and what else Asio waits for ...

@@ -90,7 +90,7 @@ bool MailboxClient::read_area(std::vector<std::uint8_t>& bytes) {
   return datagram.counter != 0;
 }
 
-// What was read is lost: the slave shall put it in again (ETG.1000.4 clause 5.6.3).
+// Asks the slave to send its last mailbox message again, which the master did not receive (ETG.1000.4 clause 5.6.3).
 void MailboxClient::request_repeat() {
   const auto address = static_cast<std::uint16_t>(sync_manager(1) + activate_of);
   if (!repeat_bit_known_) {
