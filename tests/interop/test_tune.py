@@ -57,7 +57,14 @@ AXES = {
 }
 # What lost cycles look like. A heartbeat that comes too late is a fault of the drive. A slave whose watchdog has run
 # out (100 ms) leaves OP, and its drive operation enabled.
-TOO_BUSY = ("a computer that is less busy", "no longer sends its process data", "in a row", "8130h", "the drive has a fault")
+TOO_BUSY = (
+    "a computer that is less busy",
+    "no longer sends its process data",
+    "in a row",
+    "frames do not come back",
+    "8130h",
+    "the drive has a fault",
+)
 WATCHDOG = ("sync manager watchdog", "switch on disabled")
 # What cycles look like that came, but not evenly: the delay measured is longer than the drive's, or the new gains do
 # not keep what was promised of them.
