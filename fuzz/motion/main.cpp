@@ -268,6 +268,10 @@ void take_line(const std::string& line, Result& result) {
     std::string text;
     std::getline(words >> std::ws, text);
     Found& found = result.groups[{invariant, product}];
+    if (found.count == 0) {
+      std::fprintf(stderr, "sequence %llu: %s on %s: %s\n", static_cast<unsigned long long>(number), invariant.c_str(),
+                   product.c_str(), text.c_str());
+    }
     if (found.count++ == 0 || number < found.number) {
       found.number = number;
       found.text = text;

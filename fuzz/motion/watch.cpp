@@ -469,11 +469,13 @@ void Watch::demand() {
   }
   const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || demand.velocity * before.velocity < 0.0;
   if (!gains) return;
-  const bool taken_over = std::abs(demand.velocity - velocity_) < 0.05 * std::abs(velocity_) + greatest_speed() * 0.02;
   const bool starts_with_speed = drive_.policy().end_velocity_is_start && objects_.end_velocity != 0;
   const double change = std::abs(demand.velocity - before.velocity);
   // The cycle in which a plan begins, and rounding of a float.
   const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed();
+  // From the shaft's speed, a ramp's step further.
+  const bool taken_over =
+      std::abs(demand.velocity - velocity_) < 0.05 * std::abs(velocity_) + greatest_speed() * 0.02 + allowance;
   const bool smoothed = drive_.configuration().smoothing_ms != 0 || drive_.configuration().position_lag_ms > 0.0F;
   if (change > allowance && !taken_over && !starts_with_speed && !smoothed) {
     return fail(
@@ -515,11 +517,12 @@ void Watch::first_target(double from, double to, double seconds) {
   constexpr double jump_share = 0.13;
   const double greatest =
       static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 * counts_per_revolution_;
-  const bool taken_over = std::abs(to - velocity_) < 0.05 * std::abs(velocity_) + 0.02 * greatest;
+  // From the demand, or from the shaft that a mode takes over.
+  const double gained = std::abs(to) - std::max(std::abs(from), std::abs(velocity_));
   const drive::MotionLimits limits = drive_.axis().catch_up_limits();
   const double most =
       std::max(jump_share * greatest, 1.1 * std::max(limits.acceleration, limits.deceleration) * seconds);
-  if (std::abs(to) - std::abs(from) > most && !taken_over && objects_.velocity_offset == 0) {
+  if (gained > most && objects_.velocity_offset == 0) {
     fail("first-target-jumps", fmt::format("from {:.0f} to {:.0f} rpm in {:.3f} ms, mode {}", rpm(from), rpm(to),
                                            1000.0 * seconds, static_cast<int>(mode_)));
   }
@@ -557,6 +560,8 @@ void Watch::speed_limits() {
 
 void Watch::stops() {
   StopKind kind = StopKind::none;
+  if (mode_since_ == tick_ || state_ != PowerState::operation_enabled) target_given_ = false;
+  if ((objects_.controlword & controlword::mode_bit_4) != 0) target_given_ = true;
   const drive::Command command = drive::command_of(objects_.controlword);
   const bool resets = (objects_.controlword & controlword::fault_reset) != 0;
   const bool halt = (objects_.controlword & controlword::halt) != 0 &&
@@ -574,13 +579,14 @@ void Watch::stops() {
       kind = StopKind::velocity;
     } else if (mode_ == Mode::homing && (drive_.axis().controlword & controlword::mode_bit_4) == 0) {
       kind = StopKind::homing;
+    } else if (mode_ == Mode::profile_position && !target_given_) {
+      kind = StopKind::no_target;
     }
   }
   if (!pwm_ || mode_ == Mode::velocity || (around_->injected & spoils_motion) != 0 || around_->locked)
     kind = StopKind::none;
   // What slows down by a torque slope first goes on being driven meanwhile.
-  if ((mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque) && objects_.torque_slope != 0)
-    kind = StopKind::none;
+  if (mode_ == Mode::profile_torque && objects_.torque_slope != 0) kind = StopKind::none;
   // A limit switch releases what it holds, and homing goes on where it was.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
   if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since || !judgeable_) {
@@ -618,7 +624,7 @@ void Watch::stops() {
   const double place = stop_.direction * position_;
   stop_.furthest = std::max(stop_.furthest, place);
   static constexpr std::array names{"none",           "halt",      "leaving operation", "quick stop",
-                                    "fault reaction", "60FFh = 0", "homing given up"};
+                                    "fault reaction", "60FFh = 0", "homing given up",   "no set-point"};
   const char* name = names[static_cast<std::size_t>(kind)];
   const double way = std::abs(position_ - stop_.from);
   constexpr double rounding = 1.005;  // of ways of many revolutions
@@ -664,11 +670,12 @@ void Watch::limit_switches() {
         demanded ? std::max(direction * position_, direction * static_cast<double>(drive_.axis().demand.position))
                  : direction * position_ + lag(speed);  // a stop may go on in the position loop
     // 605Ah and 605Eh choose the ramp of a quick stop and of a fault.
-    const bool chosen = stop_.kind == StopKind::quick || stop_.kind == StopKind::fault;
+    const bool chosen = one_of(state_, {PowerState::quick_stop_active, PowerState::fault_reaction_active});
     const double ramp = chosen && stop_.slope > 0.0 ? std::min(slope(), stop_.slope) : limit_slope();
     const double reach = place + stopping(speed, ramp).counts;
+    const bool unknown = chosen && stop_.kind == StopKind::none;  // which ramp it is
     // Without torque nothing brakes.
-    if (!limit.active || (chosen && stop_.since == tick_) || !judgeable_ || mode_since_ == tick_ ||
+    if (!limit.active || (chosen && stop_.since == tick_) || unknown || !judgeable_ || mode_since_ == tick_ ||
         acceleration_ <= 0.0) {
       limit = {true, reach};
       continue;
@@ -1171,9 +1178,9 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
   for (std::size_t back = 0; back < std::min(shown_count_, shown_.size()); ++back) {
     const Shown& shown = shown_[(shown_count_ - 1 - back) % shown_.size()];
     if (shown.statusword == word) return;
-    // A command acts when it comes, bit 4 and those of the mode follow with the next cycle: between the two a TPDO may
-    // have shown what no tick ends with.
-    if (shown.tick >= now - ms(1) && ((shown.statusword ^ word) & 0x00EF) == 0) return;
+    // A command acts when it comes, bit 4, a warning and the bits of the mode follow with the next cycle: between the
+    // two a TPDO may have shown what no tick ends with.
+    if (shown.tick >= now - ms(1) && ((shown.statusword ^ word) & 0x006F) == 0) return;
     if (shown.tick < now - ms(3)) {
       return fail(
           "stale-statusword",

@@ -155,7 +155,7 @@ class Watch {
   double ramp_ = 0.0;                  // the steepest that was set since the demand stood
   std::int64_t demand_tick_ = -1;
 
-  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing };
+  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing, no_target };
   struct Stop {
     StopKind kind = StopKind::none;
     std::int64_t since = 0;
@@ -205,6 +205,7 @@ class Watch {
     double target = 0.0;
     double seconds = 0.0;
   } set_point_;
+  bool target_given_ = false;  // a set-point of profile position, since the mode or the operation began
   std::uint16_t word_before_ = 0;
   bool ready_ = false;  // for a set-point: bit 12 is clear
   std::int32_t target_before_ = 0;

@@ -331,6 +331,8 @@ void Drive::run_mode() {
       take_over_shaft();
       halted_ = stopping_ = short_circuit_ = releasing_torque_ = false;
       if (stop_loop_ != Loop::position) axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
+      // A mode that has nothing to go on with lets the axis come to rest.
+      if (axis_.generator.finished()) axis_.come_to_rest(RampShape::linear);
       with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
     }
   }

@@ -570,6 +570,63 @@ TEST(RestBeforeALimit, BrakesByTheQuickStopsRamp) {
   }
 }
 
+// A halt that is released before the axis rests, in a mode that was given nothing to do.
+TEST(HaltReleasedInMotion, ComesToRestWithoutATarget) {
+  for (const std::int64_t mode : {1, 6, 7, 8}) {
+    for (const std::int64_t code : {1, 2, 3}) {
+      SCOPED_TRACE(mode);
+      SCOPED_TRACE(code);
+      Reference axis(3);
+      axis.set(0x605D, 0, code);
+      axis.set(0x609A, 0, 131072 * 10);
+      axis.plant.set_load_inertia_kgm2(axis.plant.parameters().load.inertia_kgm2 * 10.0);
+      axis.set(0x60FF, 0, 131072 * 4);
+      axis.run_ms(1000);
+      ASSERT_GT(axis.turns_per_s(), 3.0);
+      axis.control(0x10F);
+      axis.run_ms(1);
+      axis.set(0x6060, 0, mode);
+      axis.run_ms(1);
+      axis.control(0x0F);
+      axis.run_ms(2);
+      axis.control(0x10F);
+      axis.run_ms(1);
+      axis.control(0x0F);
+      const double there = axis.turns();
+      const double speed = axis.turns_per_s();
+      axis.run_ms(2000);
+      EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.01);
+      EXPECT_LT(axis.turns(), there + speed * speed / 2.0 / 10.0 + 0.3);
+    }
+  }
+}
+
+// Homing that is given up while the shaft does not follow its demand: it rests where it is, and does not run after it.
+TEST(HomingGivenUp, RestsWhereTheShaftIs) {
+  Reference axis(6);
+  axis.set(0x6098, 0, -1);
+  axis.set(0x6099, 1, 131072 * 20);
+  axis.set(0x6099, 2, 131072);
+  axis.set(0x609A, 0, 131072 * 1000);
+  axis.set(0x6072, 0, 30);
+  axis.control(0x1F);
+  axis.run_ms(45);  // less than it takes to find that it presses against a stop
+  const drive::Axis& own = axis.device.drive().axis();
+  ASSERT_GT(std::abs(static_cast<double>(own.generator.velocity())), 2.0 * std::abs(axis.turns_per_s()) * 131072.0);
+  const double there = axis.turns();
+  const double speed = std::abs(axis.turns_per_s());
+  axis.control(0x0F);
+  axis.set(0x6072, 0, 3000);
+  double fastest = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    axis.run_ms(1);
+    fastest = std::max(fastest, std::abs(axis.turns_per_s()));
+  }
+  EXPECT_LT(fastest, speed * 1.2 + 0.1);
+  EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.01);
+  EXPECT_NEAR(axis.turns(), there, speed * 0.1 + 0.05);
+}
+
 TEST(ZeroRamps, LetProfileVelocityBrake) {
   {  // an acceleration of zero does not block braking
     Reference axis(3);

@@ -162,10 +162,16 @@ void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
   last_ = command;
 }
 
+// To rest from where the shaft is: pressed against a stop, or out of torque, it does not follow the demand.
+void HomingMode::give_up(Axis& axis) {
+  if (!axis.follows_demand()) axis.take_over_lagging();
+  axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
+}
+
 void HomingMode::step(Axis& axis) {
   if (given_up_) {  // here, so that a halt or another stop keeps its own ramp
     given_up_ = false;
-    axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
+    give_up(axis);
   }
   if (start_requested_) {
     start_requested_ = false;
@@ -189,7 +195,10 @@ void HomingMode::step(Axis& axis) {
       if (!axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
     }
     if (homing_.finished() && axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
-    if (homing_.error() != HomingError::none) fail(axis, cause_of(homing_.error()));
+    if (homing_.error() != HomingError::none) {
+      give_up(axis);
+      fail(axis, cause_of(homing_.error()));
+    }
     if (homing_.finished()) active_ = false;
   }
   axis.generator.step(axis.cycle_s);

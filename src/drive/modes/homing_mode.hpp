@@ -36,6 +36,7 @@ class HomingMode {
   void fail(Axis& axis, Cause cause);
   std::uint16_t error_code(const Axis& axis, Cause cause) const;
   void carry_out(Axis& axis, const HomingCommand& command);
+  void give_up(Axis& axis);
   HomingInputs inputs(const Axis& axis) const;
   MotionLimits motion(const Axis& axis, double velocity) const;
 

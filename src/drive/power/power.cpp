@@ -184,7 +184,8 @@ void Drive::enter_state(PowerState to) {
   identification_.abort();
   if (power != energised()) {
     switch_power(power);
-    if (power) axis_.take_over_actual();
+    // An axis that stands, by the measure of its stops, is held where it is, whatever it drifts.
+    if (power) shaft_stands_ ? axis_.generator.reset(axis_.position()) : axis_.take_over_actual();
   } else if (stage_ == Stage::engaging_brake) {
     switch_power(true);  // enabled again while the brake was closing
     axis_.take_over_actual();
