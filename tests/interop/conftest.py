@@ -7,6 +7,8 @@ SERVODROME_CAPTURES: a folder that keeps the capture (pcap) of every test's bus.
 
 import os
 import re
+import threading
+import time
 
 import pytest
 from bus import Network
@@ -18,6 +20,37 @@ KIND = LINK.partition(":")[0]
 WORKER = os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]
 if LINK == "socketcan":
     LINK = f"socketcan:vcan{WORKER}"  # tests that run beside each other have a bus each
+
+
+class PauseWitness(threading.Thread):
+    """Measures the machine's pauses: a thread that sleeps for 5 ms at a time, and how much later it wakes."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.longest_s = 0.0
+
+    def run(self):
+        while True:
+            begin = time.monotonic()
+            time.sleep(0.005)
+            self.longest_s = max(self.longest_s, time.monotonic() - begin - 0.005)
+
+
+WITNESS = PauseWitness()
+WITNESS.start()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    WITNESS.longest_s = 0.0
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item, call):
+    """Each failure tells the longest pause since its test began: `./test` reads it from the report."""
+    if call.excinfo is not None:
+        item.user_properties.append(("longest_pause_ms", int(WITNESS.longest_s * 1000)))
+    yield
 
 
 def pytest_collection_modifyitems(config, items):
