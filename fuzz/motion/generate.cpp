@@ -484,7 +484,7 @@ class Generator {
 
   // Several steps that belong together, with time for what follows from them.
   void theme() {
-    static constexpr std::array<int, 9> themes{0, 1, 2, 3, 3, 4, 5, 6, 7};
+    static constexpr std::array<int, 14> themes{0, 1, 2, 3, 3, 4, 5, 6, 7, 8, 8, 9, 10, 10};
     switch (random_.of(themes)) {
       case 0: {  // a ramp of zero, a motion, and the ramp restored
         static constexpr std::array<std::uint16_t, 5> ramps{0x6081, 0x6083, 0x6084, 0x6085, 0x609A};
@@ -636,6 +636,21 @@ class Generator {
         set_point();
         return wait(100, 600);
       }
+      case 8: return lowered_speed();
+      case 9: {  // a torque, and a stop while it turns the axis
+        if (!set_mode(random_.chance(70) ? Mode::profile_torque : Mode::cyclic_sync_torque)) return;
+        add({.kind = Kind::enable});
+        wait(10, 120);
+        write(0x6087, random_.chance(30) ? 0 : random_.within(300, 10000));
+        write(0x6071, random_.within(50, 300) * (random_.chance(50) ? 1 : -1));
+        wait(50, 200);
+        static constexpr std::array<std::uint16_t, 6> words{0x10F, 0x10F, 0x10F, 0x02, 0x06, 0x07};
+        control(random_.of(words));
+        wait(50, 300);
+        if (random_.chance(50)) add({.kind = Kind::enable});
+        return wait(50, 150);
+      }
+      case 10: return far_first_target();
       default: {  // enable after enable
         move();
         wait(10, 200);
@@ -645,6 +660,70 @@ class Generator {
         return wait(100, 400);
       }
     }
+  }
+
+  // A speed, and a limit of it that is lower: while the axis turns, or already before.
+  void lowered_speed() {
+    static constexpr std::array modes{Mode::profile_velocity, Mode::cyclic_sync_velocity, Mode::cyclic_sync_velocity,
+                                      Mode::cyclic_sync_position, Mode::profile_position};
+    if (!set_mode(random_.of(modes))) return;
+    const double sign = random_.chance(50) ? 1.0 : -1.0;
+    const double speed = variant().max_speed_rpm / 60.0 * (0.2 + 0.5 * random_.unit());
+    const double limit = speed * (0.1 + 0.7 * random_.unit());
+    const bool before = random_.chance(30);
+    const auto lower = [&] {
+      if (mode() == Mode::profile_velocity && random_.chance(50))
+        return write(0x607F, to_u32(variant().velocity(limit)));
+      write(0x6080, std::max<std::int64_t>(1, std::llround(limit * 60.0)));
+    };
+    if (before) lower();
+    if (mode() == Mode::cyclic_sync_position)
+      add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+    add({.kind = Kind::enable});
+    wait(10, 120);
+    if (mode() == Mode::cyclic_sync_position) {
+      add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+      const double cycle_s = static_cast<double>(sequence_.cycle_us) * 1e-6;
+      add({.kind = Kind::stream,
+           .index = 0x607A,
+           .value = to_i32(variant().position(sign * speed * cycle_s)),
+           .count = 700'000 / sequence_.cycle_us});
+    } else if (mode() == Mode::profile_position) {
+      write(0x6081, to_u32(variant().velocity(speed)));
+      add({.kind = Kind::write_here, .via = via(), .index = 0x607A, .value = to_i32(variant().position(sign * 60.0))});
+      now_ += 24;
+      control(0x3F);
+      now_ += 24;
+      control(0x0F);
+    } else {
+      write(0x60FF, to_i32(variant().velocity(sign * speed)));
+    }
+    wait(60, 200);
+    if (!before) lower();
+    wait(150, 450);
+    if (random_.chance(30)) control(0x10F);
+  }
+
+  // The target that a cyclic mode begins with lies where the old one was: a fast axis could be there in one period.
+  void far_first_target() {
+    if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
+    interpolation_period();
+    add({.kind = Kind::enable});
+    wait(60, 140);
+    control(0x07);
+    const double greatest = variant().max_speed_rpm / 60.0 * static_cast<double>(sequence_.cycle_us) * 1e-6;
+    const double way = greatest * (0.2 + 0.7 * random_.unit()) * (random_.chance(50) ? 1.0 : -1.0);
+    wait(20, 60);
+    add({.kind = Kind::write_here,
+         .via = Via::pdo,
+         .index = target_index(),
+         .sub = target_sub(),
+         .value = to_i32(variant().position(way))});
+    wait(5, 20);
+    control(mode() == Mode::interpolated_position ? 0x1F : 0x0F);
+    wait(20, 140);
+    add({.kind = Kind::stream, .index = target_index(), .value = 0, .count = random_.within(10, 50)});
+    wait(50, 150);
   }
 
   // A value that no master should write, to an object that moves the axis.

@@ -94,7 +94,8 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"cyclic-demand-jumps", "likewise where a master's targets are followed"},
     {"demand-too-steep", "in profile modes the demand gains speed no faster than the ramps that are set"},
     {"demand-too-fast", "in profile modes the demand gains no speed above 607Fh and 6080h"},
-    {"limit-not-obeyed", "a demand above 6080h, or above 607Fh in profile velocity, comes down by a ramp"},
+    {"limit-not-obeyed",
+     "a demand above 6080h, 607Fh in profile velocity or 6081h of a set-point at once comes down by a ramp"},
     {"first-target-jumps", "the target that a cyclic mode begins with, if it is far away, is no step of the speed"},
     {"stop-runs-away", "a stop rests within v^2/2a of the speed at its beginning and the loop's lag"},
     {"stop-never-ends", "a stop comes to its end"},
@@ -533,6 +534,7 @@ void Watch::speed_limits() {
   double most = greatest_speed();
   if (mode_ == Mode::profile_velocity && objects_.max_profile_velocity != 0)
     most = std::min(most, objects_.max_profile_velocity * drive_.axis().units.velocity);
+  if (at_once_.active && at_once_.taken) most = std::min(most, at_once_.speed);
   const double speed = std::abs(now.loop == Loop::position ? demand_speed_ : static_cast<double>(now.velocity));
   const double over = speed - most;
   if (!judged) {
@@ -578,6 +580,7 @@ void Watch::stops() {
   }
   if (!pwm_ || mode_ == Mode::velocity || (around_->injected & spoils_motion) != 0 || around_->locked)
     kind = StopKind::none;
+  told_ = kind;
   // What slows down by a torque slope first goes on being driven meanwhile.
   if ((mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque) && objects_.torque_slope != 0)
     kind = StopKind::none;
@@ -743,8 +746,9 @@ void Watch::set_points() {
                        (word & (controlword::halt | controlword::fault_reset)) == 0 && judgeable_;
   word_before_ = word;
   const bool ready_before = std::exchange(ready_, (objects_.statusword & drive::statusword::mode_bit_12) == 0);
+  const std::uint32_t velocity_before = std::exchange(profile_velocity_before_, objects_.profile_velocity);
   if (!working) {
-    set_point_.active = set_point_.leaves = false;
+    at_once_.active = set_point_.active = set_point_.leaves = false;
     set_point_.alone = tick_;
     return;
   }
@@ -756,6 +760,10 @@ void Watch::set_points() {
   const bool bounded = axis.software_limits_active() && drive_.policy().out_of_limits != drive::OutOfLimits::fault;
   const bool limited = at_switch || (axis.software_limits_active() && !bounded);
   if (edge) {
+    // Its 6081h counts from the next cycle on, whatever was under way before.
+    const double asked = std::max(velocity_before, objects_.profile_velocity) * axis.units.velocity;
+    const bool at_once = (word & controlword::mode_bit_5) != 0 && ready_before;
+    at_once_ = {at_once && !drive_.policy().end_velocity_is_start, false, tick_, asked};
     const bool relative = (word & controlword::mode_bit_6) != 0;
     const bool usual = (word & controlword::mode_bit_9) == 0 && objects_.positioning_option_code == 0 &&
                        objects_.polarity == 0 && objects_.end_velocity == 0 && objects_.profile_velocity != 0 &&
@@ -790,6 +798,10 @@ void Watch::set_points() {
     set_point_.seconds = way / speed + 4.0 * stopping.seconds + 0.3;
     if (way > 1000.0 * counts_per_revolution_) set_point_.active = false;
     return;
+  }
+  if (at_once_.active) {  // until something else is commanded
+    if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) at_once_.taken = true;
+    if (around_->commanded > at_once_.since + ms(10)) at_once_.active = false;
   }
   if (set_point_.leaves) {
     if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) set_point_.taken = true;
@@ -962,7 +974,7 @@ void Watch::bits() {
                                                  rpm(expected), static_cast<int>(mode_)));
   }
   // A stop that is under way has reached nothing.
-  const bool stopping = stop_.kind != StopKind::none && stop_.kind < StopKind::velocity && pwm_ && judgeable_ &&
+  const bool stopping = told_ != StopKind::none && told_ < StopKind::velocity && pwm_ && judgeable_ &&
                         acceleration_ > 0.0 && std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ &&
                         shows(10, {drive::StatusSource::target_reached});
   if (!stopping || (word & drive::statusword::target_reached) == 0) stop_lie_since_ = tick_;

@@ -182,6 +182,7 @@ class Watch {
   };
   std::array<Border, 2> borders_{};
   bool stopped_before_ = false;
+  StopKind told_ = StopKind::none;  // as `stop_`, also while a torque is released first
 
   std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
   double demand_speed_ = 0.0;                // counts/s, out of the demanded positions
@@ -205,6 +206,13 @@ class Watch {
     double target = 0.0;
     double seconds = 0.0;
   } set_point_;
+  struct AtOnce {  // a set-point with bit 5 of the controlword
+    bool active = false;
+    bool taken = false;
+    std::int64_t since = 0;
+    double speed = 0.0;  // 6081h, counts/s
+  } at_once_;
+  std::uint32_t profile_velocity_before_ = 0;
   std::uint16_t word_before_ = 0;
   bool ready_ = false;  // for a set-point: bit 12 is clear
   std::int32_t target_before_ = 0;
