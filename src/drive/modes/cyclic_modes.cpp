@@ -102,6 +102,12 @@ void InterpolatedPosition::stop() {
   demand_.stop();
 }
 
+// Until the next record what still turns after the halt comes to rest.
+void InterpolatedPosition::resume(Axis& axis) {
+  stop();
+  axis.come_to_rest(RampShape::linear);
+}
+
 void InterpolatedPosition::interrupt(Axis&, int direction) {
   stop();
   demand_.hold(direction);
@@ -230,6 +236,11 @@ void SynchronousInterpolation::controlword(Axis& axis, std::uint16_t, std::uint1
   enabled_ = enable;
   disarm();
   if (!enable) axis.come_to_rest(RampShape::linear);
+}
+
+void SynchronousInterpolation::resume(Axis& axis) {
+  disarm();
+  axis.come_to_rest(RampShape::linear);
 }
 
 bool SynchronousInterpolation::late(const Axis& axis) {

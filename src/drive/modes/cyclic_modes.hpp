@@ -72,7 +72,7 @@ class InterpolatedPosition {
   bool lost_record() const { return lost_record_; }  // one was refused, since the buffer was cleared
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis&) { stop(); }
+  void resume(Axis& axis);
   void interrupt(Axis&, int direction);
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
@@ -115,7 +115,7 @@ class SynchronousInterpolation {
   void data_record() { fresh_ = true; }  // 60C1h sub 1 was written
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis&) { disarm(); }
+  void resume(Axis& axis);
   void interrupt(Axis&, int direction) { follower_.hold(direction); }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;

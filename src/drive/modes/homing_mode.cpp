@@ -141,7 +141,9 @@ void HomingMode::start(Axis& axis) {
 
 // Goes on with what the halt interrupted, unless homing was given up meanwhile.
 void HomingMode::resume(Axis& axis) {
-  if (active_) carry_out(axis, last_);
+  if (active_) return carry_out(axis, last_);
+  if (axis.generator.standing()) return;
+  axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
 }
 
 void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {

@@ -338,8 +338,9 @@ void ProfilePosition::interrupt(Axis&, int) {
   interrupted_ = true;
 }
 
+// Without a set-point to go on with, what still turns after the halt comes to rest.
 void ProfilePosition::resume(Axis& axis) {
-  if (!running_) return;
+  if (!running_) return axis.come_to_rest(axis.shape());
   const SetPoint rest = running_set_point_;
   plan(axis, rest, target_, false);
 }
