@@ -484,16 +484,27 @@ class Generator {
 
   // Several steps that belong together, with time for what follows from them.
   void theme() {
-    static constexpr std::array<int, 14> themes{0, 1, 2, 3, 3, 4, 5, 6, 7, 8, 8, 9, 10, 10};
+    static constexpr std::array<int, 14> themes{0, 1, 2, 3, 3, 4, 5, 6, 7, 8, 8, 9, 10, 11};
     switch (random_.of(themes)) {
       case 0: {  // a ramp of zero, a motion, and the ramp restored
         static constexpr std::array<std::uint16_t, 5> ramps{0x6081, 0x6083, 0x6084, 0x6085, 0x609A};
         const std::uint16_t index = random_.of(ramps);
-        if (random_.chance(50)) move();
+        const bool far = random_.chance(40) && set_mode(Mode::profile_position);
+        if (far) {
+          add({.kind = Kind::enable});
+          wait(10, 120);
+          set_point_at_once(20.0 + 40.0 * random_.unit());
+        } else if (random_.chance(50)) {
+          move();
+        }
         wait(1, 200);
         write(index, 0);
         wait(1, 20);
-        random_.chance(60) ? move() : stop();
+        if (far && random_.chance(60)) {
+          set_point_at_once(20.0 + 40.0 * random_.unit());
+        } else {
+          random_.chance(60) ? move() : stop();
+        }
         wait(50, 500);
         if (random_.chance(50)) write(index, ramp());
         return wait(50, 300);
@@ -535,17 +546,20 @@ class Generator {
         static constexpr std::array modes{
             Mode::profile_position,      Mode::profile_position,     Mode::profile_velocity, Mode::cyclic_sync_position,
             Mode::interpolated_position, Mode::cyclic_sync_velocity, Mode::profile_torque,   Mode::cyclic_sync_torque};
-        if (!set_mode(random_.of(modes))) return;
+        // Records that are buffered have limits of their own kind.
+        const bool buffers = variant().records && variant().has(Mode::interpolated_position);
+        if (!set_mode(buffers && random_.chance(30) ? Mode::interpolated_position : random_.of(modes))) return;
         add({.kind = Kind::enable});
         wait(10, 120);
+        const bool record = mode() == Mode::interpolated_position && by_record() && random_.chance(80);
         if (mode() == Mode::profile_torque || mode() == Mode::cyclic_sync_torque) {
           write(0x6071, random_.within(20, 200) * (random_.chance(50) ? 1 : -1));
-        } else if (mode() == Mode::interpolated_position && by_record() && random_.chance(70)) {
+        } else if (record) {
           write(0x60C2, random_.within(100, 250), 1);  // a record that is long under way
           write(0x60C2, -3, 2);
           wait(2, 10);
           control(0x1F);
-          const double way = (random_.chance(50) ? 1.0 : -1.0) * (1.0 + 5.0 * random_.unit());
+          const double way = (random_.chance(50) ? 1.0 : -1.0) * (2.0 + 6.0 * random_.unit());
           add({.kind = Kind::write_here,
                .via = Via::sdo,
                .index = 0x60C1,
@@ -565,8 +579,8 @@ class Generator {
         } else {
           write(0x60FF, signed_speed());
         }
-        wait(20, 200);
-        const double room = 0.5 + 4.0 * random_.unit();
+        wait(20, record ? 60 : 200);
+        const double room = record ? 0.2 + random_.unit() : 0.5 + 4.0 * random_.unit();
         add({.kind = Kind::write_here,
              .via = Via::sdo,
              .index = 0x607D,
@@ -651,6 +665,24 @@ class Generator {
         return wait(50, 150);
       }
       case 10: return far_first_target();
+      case 11: {  // a halt that is taken back before the axis rests
+        if (!set_mode(random_.chance(50) ? Mode::profile_position : Mode::profile_velocity)) return;
+        write(0x605D, random_.within(1, 4));
+        add({.kind = Kind::enable});
+        wait(10, 120);
+        if (mode() == Mode::profile_position) {
+          set_point_at_once(10.0 + 40.0 * random_.unit());
+        } else {
+          write(0x60FF, signed_speed());
+        }
+        for (std::int64_t n = random_.within(1, 3); n > 0; --n) {
+          wait(60, 200);
+          control(0x10F);
+          wait(4, 60);
+          control(0x0F);
+        }
+        return wait(50, 200);
+      }
       default: {  // enable after enable
         move();
         wait(10, 200);
@@ -660,6 +692,17 @@ class Generator {
         return wait(100, 400);
       }
     }
+  }
+
+  // So many revolutions away, in either direction. Process data have to carry bit 4 for a cycle.
+  void set_point_at_once(double revolutions) {
+    const std::int64_t cycle = (sequence_.cycle_us * ticks_per_ms + 999) / 1000 + 16;
+    const double way = random_.chance(50) ? revolutions : -revolutions;
+    add({.kind = Kind::write_here, .via = via(), .index = 0x607A, .value = to_i32(variant().position(way))});
+    now_ += cycle;
+    control(0x3F);
+    now_ += cycle;
+    control(0x0F);
   }
 
   // A speed, and a limit of it that is lower: while the axis turns, or already before.
@@ -690,11 +733,7 @@ class Generator {
            .count = 700'000 / sequence_.cycle_us});
     } else if (mode() == Mode::profile_position) {
       write(0x6081, to_u32(variant().velocity(speed)));
-      add({.kind = Kind::write_here, .via = via(), .index = 0x607A, .value = to_i32(variant().position(sign * 60.0))});
-      now_ += 24;
-      control(0x3F);
-      now_ += 24;
-      control(0x0F);
+      set_point_at_once(60.0);
     } else {
       write(0x60FF, to_i32(variant().velocity(sign * speed)));
     }

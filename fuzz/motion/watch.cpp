@@ -98,7 +98,8 @@ constexpr auto rows = std::to_array<InvariantRow>({
      "a demand above 6080h, 607Fh in profile velocity or 6081h of a set-point at once comes down by a ramp"},
     {"first-target-jumps", "the target that a cyclic mode begins with, if it is far away, is no step of the speed"},
     {"stop-runs-away", "a stop rests within v^2/2a of the speed at its beginning and the loop's lag"},
-    {"stop-never-ends", "a stop comes to its end"},
+    {"stop-never-ends", "a stop comes to its end, and so does a motion in profile position without a set-point"},
+    {"halt-ends-with-a-jump", "what goes on after a halt goes on with the speed that the shaft has"},
     {"stop-goes-back", "a shaft that was too fast for the ramp of a stop is not pulled back afterwards"},
     {"limit-switch-passed", "an active limit switch is not driven into"},
     {"software-limit-passed", "607Dh is not passed"},
@@ -195,6 +196,14 @@ double Watch::slope() const {
   take(objects_.profile_acceleration);
   if (mode_ == Mode::homing) take(objects_.homing_acceleration);
   return least;
+}
+
+double Watch::steepest() const {
+  std::uint32_t most = std::max({objects_.profile_acceleration, objects_.profile_deceleration,
+                                 objects_.quick_stop_deceleration, objects_.homing_acceleration});
+  if (drive_.policy().zero_ramps_are_greatest)
+    most = std::max({most, objects_.max_acceleration, objects_.max_deceleration});
+  return most * drive_.axis().units.acceleration;
 }
 
 // A limit is kept by the quick stop's ramp, unless the one of the motion is steeper.
@@ -360,7 +369,7 @@ void Watch::power() {
     if (drive::command_of(objects_.controlword) == drive::Command::disable_voltage) judged = false;
     const bool ramp = code == 1 || code == 2 || code == 3 || code == 5 || code == 6 || code == 7;
     // Or before a stop could be seen to begin.
-    const bool in_time = stop_.kind == StopKind::none || tick_ - stop_.since < ms(1000.0 * stop_.seconds + 500.0);
+    const bool in_time = !told_to_stop() || tick_ - stop_.since < ms(1000.0 * stop_.seconds + 500.0);
     // Writes of the option code while the stop runs leave open which of them counts.
     if (judged && ramp && in_time && std::abs(velocity_) > 3.0 * still_rpm / 60.0 * counts_per_revolution_) {
       fail("let-go-in-motion",
@@ -449,6 +458,7 @@ void Watch::demand() {
   }
   if (demand.loop == Loop::position && before.loop == Loop::position)
     first_target(before.velocity, demand.velocity, seconds);
+  after_halt(demand, seconds);
   // Profile modes: no speed is gained faster than by the steepest ramp.
   const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
                         tick_ - state_since_ > 2 * cycle_ticks && judgeable_ &&
@@ -460,14 +470,7 @@ void Watch::demand() {
   }
   if (before.velocity == 0.0 && demand.velocity == 0.0) ramp_ = 0.0;
   const drive::Units& units = drive_.axis().units;
-  for (const std::uint32_t value : {objects_.profile_acceleration, objects_.profile_deceleration,
-                                    objects_.quick_stop_deceleration, objects_.homing_acceleration}) {
-    ramp_ = std::max(ramp_, value * units.acceleration);
-  }
-  if (drive_.policy().zero_ramps_are_greatest) {
-    ramp_ = std::max(
-        {ramp_, objects_.max_acceleration * units.acceleration, objects_.max_deceleration * units.acceleration});
-  }
+  ramp_ = std::max(ramp_, steepest());
   const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || demand.velocity * before.velocity < 0.0;
   if (!gains) return;
   const bool taken_over = std::abs(demand.velocity - velocity_) < 0.05 * std::abs(velocity_) + greatest_speed() * 0.02;
@@ -526,6 +529,28 @@ void Watch::first_target(double from, double to, double seconds) {
   }
 }
 
+// With the first demand after a halt, which may have ended anywhere on its ramp.
+void Watch::after_halt(const Demand& demand, double seconds) {
+  const std::uint16_t word = drive_.axis().controlword;
+  const bool runs = state_ == PowerState::operation_enabled && state_ == before_ && mode_since_ != tick_ &&
+                    drive::command_of(word) == drive::Command::enable_operation &&
+                    (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
+  const bool halt =
+      (word & controlword::halt) != 0 && (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0;
+  const bool ended = std::exchange(halted_, runs && halt) && runs && !halt;
+  const bool switched =
+      drive_.axis().active(drive::Signal::negative_limit) || drive_.axis().active(drive::Signal::positive_limit);
+  if (!ended || switched || !judgeable_ || acceleration_ <= 0.0) return;
+  // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.
+  const double off = std::abs(demand.velocity - velocity_);
+  const double most = 0.06 * std::abs(velocity_) + 2.0 * still_rpm / 60.0 * counts_per_revolution_ + overshoot(-1.0) +
+                      2.0 * steepest() * seconds;
+  if (off > most && objects_.end_velocity == 0) {
+    fail("halt-ends-with-a-jump", fmt::format("{:.0f} rpm are demanded at {:.0f} rpm, mode {}", rpm(demand.velocity),
+                                              rpm(velocity_), static_cast<int>(mode_)));
+  }
+}
+
 void Watch::speed_limits() {
   const drive::LoopDemand& now = drive_.axis().demand;
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
@@ -560,6 +585,12 @@ void Watch::speed_limits() {
 void Watch::stops() {
   StopKind kind = StopKind::none;
   const drive::Command command = drive::command_of(objects_.controlword);
+  if (mode_ != Mode::profile_position || state_ != PowerState::operation_enabled || mode_since_ == tick_) {
+    has_target_ = false;
+  } else if ((objects_.controlword & controlword::mode_bit_4) != 0 ||
+             (objects_.statusword & drive::statusword::mode_bit_12) != 0) {
+    has_target_ = true;
+  }
   const bool resets = (objects_.controlword & controlword::fault_reset) != 0;
   const bool halt = (objects_.controlword & controlword::halt) != 0 &&
                     (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0 && mode_ != Mode::none;
@@ -574,6 +605,8 @@ void Watch::stops() {
       kind = StopKind::halt;
     } else if (mode_ == Mode::profile_velocity && objects_.target_velocity == 0) {
       kind = StopKind::velocity;
+    } else if (mode_ == Mode::profile_position && !has_target_) {
+      kind = StopKind::no_target;
     } else if (mode_ == Mode::homing && (drive_.axis().controlword & controlword::mode_bit_4) == 0) {
       kind = StopKind::homing;
     }
@@ -621,7 +654,7 @@ void Watch::stops() {
   const double place = stop_.direction * position_;
   stop_.furthest = std::max(stop_.furthest, place);
   static constexpr std::array names{"none",           "halt",      "leaving operation", "quick stop",
-                                    "fault reaction", "60FFh = 0", "homing given up"};
+                                    "fault reaction", "60FFh = 0", "homing given up",   "no set-point"};
   const char* name = names[static_cast<std::size_t>(kind)];
   const double way = std::abs(position_ - stop_.from);
   constexpr double rounding = 1.005;  // of ways of many revolutions
@@ -694,8 +727,8 @@ void Watch::software_limits() {
       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
        mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
-  const bool stopped = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
-                       axis.active(drive::Signal::positive_limit);
+  const bool stopped =
+      told_to_stop() || axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
   const bool begins = stopped && !stopped_before_;
   stopped_before_ = stopped;
   if (!applies) {
@@ -1169,8 +1202,9 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
   const bool pdo = function == 0x180 || function == 0x280 || function == 0x380 || function == 0x480;
   if (!pdo || !around_->powered) return;
   const bool operational = nmt_ == canopen::NmtState::operational;
-  if (!operational && now - nmt_since_ > ms(3)) {
-    return fail("pdo-in-wrong-state", fmt::format("TPDO {:03X}h {:.1f} ms after NMT operational was left", frame.id,
+  // One frame may have been on the wire already.
+  if (!operational && now - nmt_since_ > ms(0.25)) {
+    return fail("pdo-in-wrong-state", fmt::format("TPDO {:03X}h {:.2f} ms after NMT operational was left", frame.id,
                                                   static_cast<double>(now - nmt_since_) / ticks_per_ms));
   }
   if (around_->cut || now - around_->joined < ms(1))

@@ -68,6 +68,11 @@ class Watch {
     double counts;
     double seconds;
   };
+  struct Demand {
+    drive::Loop loop = drive::Loop::off;
+    double position = 0.0;
+    double velocity = 0.0;
+  };
   Stopping stopping(double velocity) const { return stopping(velocity, slope()); }
   Stopping stopping(double velocity, double slope) const;
   double overshoot(double slope) const;  // counts/s that a stop gains before the loops have taken their torque back
@@ -75,6 +80,7 @@ class Watch {
   std::int64_t demand_cycle() const;     // ticks
   double torque_acceleration() const;    // counts/s^2 that the motor can give for certain; 0: none
   double slope() const;                  // the gentlest ramp that a stop may take, counts/s^2; 0: none is set
+  double steepest() const;               // the steepest ramp that is set, counts/s^2
   double limit_slope() const;            // ... before a limit
   double greatest_speed() const;         // counts/s
   double rpm(double counts_per_s) const { return counts_per_s / counts_per_revolution_ * 60.0; }
@@ -86,6 +92,7 @@ class Watch {
   void demand();
   void count_targets();
   void first_target(double from, double to, double seconds);  // counts/s
+  void after_halt(const Demand& demand, double seconds);
   void speed_limits();
   void stops();
   void limit_switches();
@@ -146,16 +153,13 @@ class Watch {
   double slowest_ = 0.0;  // since the stage is off
   std::int64_t unpowered_ticks_ = 0;
 
-  struct Demand {
-    drive::Loop loop = drive::Loop::off;
-    double position = 0.0;
-    double velocity = 0.0;
-  } demand_before_;
+  Demand demand_before_;
+  bool halted_ = false;                // with the demand of before
   std::int64_t spoiled_ = -1'000'000;  // tick of the last injection that spoils what the encoder says
   double ramp_ = 0.0;                  // the steepest that was set since the demand stood
   std::int64_t demand_tick_ = -1;
 
-  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing };
+  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing, no_target };
   struct Stop {
     StopKind kind = StopKind::none;
     std::int64_t since = 0;
@@ -181,7 +185,9 @@ class Watch {
     double bound = 0.0;
   };
   std::array<Border, 2> borders_{};
+  bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
   bool stopped_before_ = false;
+  bool has_target_ = false;         // a set-point of profile position, since the mode or the operation began
   StopKind told_ = StopKind::none;  // as `stop_`, also while a torque is released first
 
   std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
