@@ -639,6 +639,19 @@ class Generator {
           const std::int64_t wire = (step < 0) ? wiring.negative_limit : wiring.positive_limit;
           add({.kind = Kind::input, .value = 1, .count = wire});
           wait(20, 300);
+          if (random_.chance(50)) {  // and back off it
+            const std::int64_t back = step < 0 ? 1 : -1;
+            add({.kind = Kind::write_here,
+                 .via = Via::pdo,
+                 .index = target_index(),
+                 .sub = target_sub(),
+                 .value = back * std::abs(to_i32(variant().position(0.2)))});
+            add({.kind = Kind::stream,
+                 .index = target_index(),
+                 .value = back * std::abs(to_i32(variant().position((2.0 + 6.0 * random_.unit()) * cycle_s))),
+                 .count = 200'000 / sequence_.cycle_us});
+            wait(250, 600);
+          }
           if (random_.chance(60)) add({.kind = Kind::input, .value = 0, .count = wire});
         }
         return wait(50, 300);

@@ -105,7 +105,7 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"software-limit-passed", "607Dh is not passed"},
     {"target-missed", "a set-point that was taken ends at its target"},
     {"never-arrives", "... and it ends"},
-    {"no-way-off-limit", "a relative set-point away from an active limit switch moves away from it"},
+    {"no-way-off-limit", "a relative set-point or a cyclic target away from an active limit switch is gone to"},
     {"bus-overloaded", "drives with their factory settings leave room on the bus"},
     {"moves-unasked", "a resting axis moves only after a command"},
     {"let-go-in-motion", "power is not taken from a turning motor at the end of a stop with a ramp"},
@@ -310,6 +310,7 @@ void Watch::look() {
     limit_switches();
     software_limits();
     set_points();
+    off_limit();
     unasked();
     torque();
     bits();
@@ -886,6 +887,45 @@ void Watch::set_points() {
       fail("reached-is-missing",
            fmt::format("no bit 10 {:.3f} s after the set-point, {:.0f} counts beside the target", seconds, beside));
     }
+  }
+}
+
+// A cyclic target that lies away from the one limit switch that is active, and came while it was.
+void Watch::off_limit() {
+  const drive::Axis& axis = drive_.axis();
+  const bool below = axis.active(drive::Signal::negative_limit);
+  const bool above = axis.active(drive::Signal::positive_limit);
+  if (below == above || mode_ != Mode::cyclic_sync_position) {
+    away_ = {};
+    return;
+  }
+  const double slowest_rpm = 4.0 * still_rpm;
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
+                      stop_.kind == StopKind::none && drive_.policy().limit_switches == drive::LimitSwitches::stop &&
+                      !axis.software_limits_active() && objects_.polarity == 0 &&
+                      (axis.controlword & controlword::halt) == 0 &&
+                      objects_.min_position_range_limit == objects_.max_position_range_limit &&
+                      rpm(greatest_speed()) > slowest_rpm && mode_since_ != tick_;
+  const double direction = below ? 1.0 : -1.0;
+  const double target =
+      static_cast<double>(axis.units.to_counts(std::int64_t{objects_.target_position} + objects_.position_offset)) -
+      static_cast<double>(drive_.position_offset());
+  if (!judged || std::exchange(away_.target, target) != target) {
+    away_.targets = judged ? away_.targets + 1 : 0;
+    away_.since = tick_;
+    away_.from = position_;
+    return;
+  }
+  constexpr double least_revolutions = 0.3;
+  const double moved = direction * (position_ - away_.from);
+  if (direction * (target - away_.from) < least_revolutions * counts_per_revolution_ || away_.targets < 3) return;
+  const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
+  const double passed = static_cast<double>(tick_ - away_.since) * tick_s;
+  if (passed > 0.2 + std::sqrt(0.5 * counts_per_revolution_ / ramp) && moved < 0.05 * counts_per_revolution_) {
+    fail("no-way-off-limit",
+         fmt::format("{:.2f} revolutions away {:.0f} ms after a target {:.2f} revolutions away, mode {}",
+                     moved / counts_per_revolution_, 1000.0 * passed,
+                     direction * (target - away_.from) / counts_per_revolution_, static_cast<int>(mode_)));
   }
 }
 

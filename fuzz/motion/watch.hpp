@@ -98,6 +98,7 @@ class Watch {
   void limit_switches();
   void software_limits();
   void set_points();
+  void off_limit();
   void unasked();
   double ramp_way(double speed, double ramp) const;
   std::uint8_t communication_register();
@@ -212,6 +213,12 @@ class Watch {
     double target = 0.0;
     double seconds = 0.0;
   } set_point_;
+  struct Away {  // the target that leads off a limit switch
+    int targets = 0;
+    std::int64_t since = 0;
+    double from = 0.0;
+    double target = 0.0;
+  } away_;
   struct AtOnce {  // a set-point with bit 5 of the controlword
     bool active = false;
     bool taken = false;
