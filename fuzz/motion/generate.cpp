@@ -484,16 +484,27 @@ class Generator {
 
   // Several steps that belong together, with time for what follows from them.
   void theme() {
-    static constexpr std::array<int, 9> themes{0, 1, 2, 3, 3, 4, 5, 6, 7};
+    static constexpr std::array<int, 14> themes{0, 1, 2, 3, 3, 4, 5, 6, 7, 8, 8, 9, 10, 11};
     switch (random_.of(themes)) {
       case 0: {  // a ramp of zero, a motion, and the ramp restored
         static constexpr std::array<std::uint16_t, 5> ramps{0x6081, 0x6083, 0x6084, 0x6085, 0x609A};
         const std::uint16_t index = random_.of(ramps);
-        if (random_.chance(50)) move();
+        const bool far = random_.chance(40) && set_mode(Mode::profile_position);
+        if (far) {
+          add({.kind = Kind::enable});
+          wait(10, 120);
+          set_point_at_once(20.0 + 40.0 * random_.unit());
+        } else if (random_.chance(50)) {
+          move();
+        }
         wait(1, 200);
         write(index, 0);
         wait(1, 20);
-        random_.chance(60) ? move() : stop();
+        if (far && random_.chance(60)) {
+          set_point_at_once(20.0 + 40.0 * random_.unit());
+        } else {
+          random_.chance(60) ? move() : stop();
+        }
         wait(50, 500);
         if (random_.chance(50)) write(index, ramp());
         return wait(50, 300);
@@ -535,17 +546,20 @@ class Generator {
         static constexpr std::array modes{
             Mode::profile_position,      Mode::profile_position,     Mode::profile_velocity, Mode::cyclic_sync_position,
             Mode::interpolated_position, Mode::cyclic_sync_velocity, Mode::profile_torque,   Mode::cyclic_sync_torque};
-        if (!set_mode(random_.of(modes))) return;
+        // Records that are buffered have limits of their own kind.
+        const bool buffers = variant().records && variant().has(Mode::interpolated_position);
+        if (!set_mode(buffers && random_.chance(30) ? Mode::interpolated_position : random_.of(modes))) return;
         add({.kind = Kind::enable});
         wait(10, 120);
+        const bool record = mode() == Mode::interpolated_position && by_record() && random_.chance(80);
         if (mode() == Mode::profile_torque || mode() == Mode::cyclic_sync_torque) {
           write(0x6071, random_.within(20, 200) * (random_.chance(50) ? 1 : -1));
-        } else if (mode() == Mode::interpolated_position && by_record() && random_.chance(70)) {
+        } else if (record) {
           write(0x60C2, random_.within(100, 250), 1);  // a record that is long under way
           write(0x60C2, -3, 2);
           wait(2, 10);
           control(0x1F);
-          const double way = (random_.chance(50) ? 1.0 : -1.0) * (1.0 + 5.0 * random_.unit());
+          const double way = (random_.chance(50) ? 1.0 : -1.0) * (2.0 + 6.0 * random_.unit());
           add({.kind = Kind::write_here,
                .via = Via::sdo,
                .index = 0x60C1,
@@ -565,8 +579,8 @@ class Generator {
         } else {
           write(0x60FF, signed_speed());
         }
-        wait(20, 200);
-        const double room = 0.5 + 4.0 * random_.unit();
+        wait(20, record ? 60 : 200);
+        const double room = record ? 0.2 + random_.unit() : 0.5 + 4.0 * random_.unit();
         add({.kind = Kind::write_here,
              .via = Via::sdo,
              .index = 0x607D,
@@ -625,6 +639,19 @@ class Generator {
           const std::int64_t wire = (step < 0) ? wiring.negative_limit : wiring.positive_limit;
           add({.kind = Kind::input, .value = 1, .count = wire});
           wait(20, 300);
+          if (random_.chance(50)) {  // and back off it
+            const std::int64_t back = step < 0 ? 1 : -1;
+            add({.kind = Kind::write_here,
+                 .via = Via::pdo,
+                 .index = target_index(),
+                 .sub = target_sub(),
+                 .value = back * std::abs(to_i32(variant().position(0.2)))});
+            add({.kind = Kind::stream,
+                 .index = target_index(),
+                 .value = back * std::abs(to_i32(variant().position((2.0 + 6.0 * random_.unit()) * cycle_s))),
+                 .count = 200'000 / sequence_.cycle_us});
+            wait(250, 600);
+          }
           if (random_.chance(60)) add({.kind = Kind::input, .value = 0, .count = wire});
         }
         return wait(50, 300);
@@ -636,6 +663,39 @@ class Generator {
         set_point();
         return wait(100, 600);
       }
+      case 8: return lowered_speed();
+      case 9: {  // a torque, and a stop while it turns the axis
+        if (!set_mode(random_.chance(70) ? Mode::profile_torque : Mode::cyclic_sync_torque)) return;
+        add({.kind = Kind::enable});
+        wait(10, 120);
+        write(0x6087, random_.chance(30) ? 0 : random_.within(300, 10000));
+        write(0x6071, random_.within(50, 300) * (random_.chance(50) ? 1 : -1));
+        wait(50, 200);
+        static constexpr std::array<std::uint16_t, 6> words{0x10F, 0x10F, 0x10F, 0x02, 0x06, 0x07};
+        control(random_.of(words));
+        wait(50, 300);
+        if (random_.chance(50)) add({.kind = Kind::enable});
+        return wait(50, 150);
+      }
+      case 10: return far_first_target();
+      case 11: {  // a halt that is taken back before the axis rests
+        if (!set_mode(random_.chance(50) ? Mode::profile_position : Mode::profile_velocity)) return;
+        write(0x605D, random_.within(1, 4));
+        add({.kind = Kind::enable});
+        wait(10, 120);
+        if (mode() == Mode::profile_position) {
+          set_point_at_once(10.0 + 40.0 * random_.unit());
+        } else {
+          write(0x60FF, signed_speed());
+        }
+        for (std::int64_t n = random_.within(1, 3); n > 0; --n) {
+          wait(60, 200);
+          control(0x10F);
+          wait(4, 60);
+          control(0x0F);
+        }
+        return wait(50, 200);
+      }
       default: {  // enable after enable
         move();
         wait(10, 200);
@@ -645,6 +705,77 @@ class Generator {
         return wait(100, 400);
       }
     }
+  }
+
+  // So many revolutions away, in either direction. Process data have to carry bit 4 for a cycle.
+  void set_point_at_once(double revolutions) {
+    const std::int64_t cycle = (sequence_.cycle_us * ticks_per_ms + 999) / 1000 + 16;
+    const double way = random_.chance(50) ? revolutions : -revolutions;
+    add({.kind = Kind::write_here, .via = via(), .index = 0x607A, .value = to_i32(variant().position(way))});
+    now_ += cycle;
+    control(0x3F);
+    now_ += cycle;
+    control(0x0F);
+  }
+
+  // A speed, and a limit of it that is lower: while the axis turns, or already before.
+  void lowered_speed() {
+    static constexpr std::array modes{Mode::profile_velocity, Mode::cyclic_sync_velocity, Mode::cyclic_sync_velocity,
+                                      Mode::cyclic_sync_position, Mode::profile_position};
+    if (!set_mode(random_.of(modes))) return;
+    const double sign = random_.chance(50) ? 1.0 : -1.0;
+    const double speed = variant().max_speed_rpm / 60.0 * (0.2 + 0.5 * random_.unit());
+    const double limit = speed * (0.1 + 0.7 * random_.unit());
+    const bool before = random_.chance(30);
+    const auto lower = [&] {
+      if (mode() == Mode::profile_velocity && random_.chance(50))
+        return write(0x607F, to_u32(variant().velocity(limit)));
+      write(0x6080, std::max<std::int64_t>(1, std::llround(limit * 60.0)));
+    };
+    if (before) lower();
+    if (mode() == Mode::cyclic_sync_position)
+      add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+    add({.kind = Kind::enable});
+    wait(10, 120);
+    if (mode() == Mode::cyclic_sync_position) {
+      add({.kind = Kind::write_here, .via = Via::pdo, .index = 0x607A, .value = 0});
+      const double cycle_s = static_cast<double>(sequence_.cycle_us) * 1e-6;
+      add({.kind = Kind::stream,
+           .index = 0x607A,
+           .value = to_i32(variant().position(sign * speed * cycle_s)),
+           .count = 700'000 / sequence_.cycle_us});
+    } else if (mode() == Mode::profile_position) {
+      write(0x6081, to_u32(variant().velocity(speed)));
+      set_point_at_once(60.0);
+    } else {
+      write(0x60FF, to_i32(variant().velocity(sign * speed)));
+    }
+    wait(60, 200);
+    if (!before) lower();
+    wait(150, 450);
+    if (random_.chance(30)) control(0x10F);
+  }
+
+  // The target that a cyclic mode begins with lies where the old one was: a fast axis could be there in one period.
+  void far_first_target() {
+    if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
+    interpolation_period();
+    add({.kind = Kind::enable});
+    wait(60, 140);
+    control(0x07);
+    const double greatest = variant().max_speed_rpm / 60.0 * static_cast<double>(sequence_.cycle_us) * 1e-6;
+    const double way = greatest * (0.2 + 0.7 * random_.unit()) * (random_.chance(50) ? 1.0 : -1.0);
+    wait(20, 60);
+    add({.kind = Kind::write_here,
+         .via = Via::pdo,
+         .index = target_index(),
+         .sub = target_sub(),
+         .value = to_i32(variant().position(way))});
+    wait(5, 20);
+    control(mode() == Mode::interpolated_position ? 0x1F : 0x0F);
+    wait(20, 140);
+    add({.kind = Kind::stream, .index = target_index(), .value = 0, .count = random_.within(10, 50)});
+    wait(50, 150);
   }
 
   // A value that no master should write, to an object that moves the axis.

@@ -430,7 +430,7 @@ class Machine final : public FrameListener {
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       const drive::Drive& drive = axis(i).device().drive();
       if (drive.state() == drive::PowerState::operation_enabled) continue;
-      if (std::abs(axis(i).plant().velocity_rpm()) > 5.0)
+      if (std::abs(axis(i).plant().velocity_rpm()) > 5.0 || drive.axis().demand.velocity != 0.0F)
         continue;  // it still brakes, which the stop's invariants watch
       const bool by_power =
           std::any_of(drive.policy().faults.begin(), drive.policy().faults.end(), [&](const auto& row) {

@@ -94,16 +94,18 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"cyclic-demand-jumps", "likewise where a master's targets are followed"},
     {"demand-too-steep", "in profile modes the demand gains speed no faster than the ramps that are set"},
     {"demand-too-fast", "in profile modes the demand gains no speed above 607Fh and 6080h"},
-    {"limit-not-obeyed", "a demand above 6080h, or above 607Fh in profile velocity, comes down by a ramp"},
+    {"limit-not-obeyed",
+     "a demand above 6080h, 607Fh in profile velocity or 6081h of a set-point at once comes down by a ramp"},
     {"first-target-jumps", "the target that a cyclic mode begins with, if it is far away, is no step of the speed"},
     {"stop-runs-away", "a stop rests within v^2/2a of the speed at its beginning and the loop's lag"},
-    {"stop-never-ends", "a stop comes to its end"},
+    {"stop-never-ends", "a stop comes to its end, and so does a motion in profile position without a set-point"},
+    {"halt-ends-with-a-jump", "what goes on after a halt goes on with the speed that the shaft has"},
     {"stop-goes-back", "a shaft that was too fast for the ramp of a stop is not pulled back afterwards"},
     {"limit-switch-passed", "an active limit switch is not driven into"},
     {"software-limit-passed", "607Dh is not passed"},
     {"target-missed", "a set-point that was taken ends at its target"},
     {"never-arrives", "... and it ends"},
-    {"no-way-off-limit", "a relative set-point away from an active limit switch moves away from it"},
+    {"no-way-off-limit", "a relative set-point or a cyclic target away from an active limit switch is gone to"},
     {"bus-overloaded", "drives with their factory settings leave room on the bus"},
     {"moves-unasked", "a resting axis moves only after a command"},
     {"let-go-in-motion", "power is not taken from a turning motor at the end of a stop with a ramp"},
@@ -194,6 +196,14 @@ double Watch::slope() const {
   take(objects_.profile_acceleration);
   if (mode_ == Mode::homing) take(objects_.homing_acceleration);
   return least;
+}
+
+double Watch::steepest() const {
+  std::uint32_t most = std::max({objects_.profile_acceleration, objects_.profile_deceleration,
+                                 objects_.quick_stop_deceleration, objects_.homing_acceleration});
+  if (drive_.policy().zero_ramps_are_greatest)
+    most = std::max({most, objects_.max_acceleration, objects_.max_deceleration});
+  return most * drive_.axis().units.acceleration;
 }
 
 // A limit is kept by the quick stop's ramp, unless the one of the motion is steeper.
@@ -300,6 +310,7 @@ void Watch::look() {
     limit_switches();
     software_limits();
     set_points();
+    off_limit();
     unasked();
     torque();
     bits();
@@ -359,7 +370,7 @@ void Watch::power() {
     if (drive::command_of(objects_.controlword) == drive::Command::disable_voltage) judged = false;
     const bool ramp = code == 1 || code == 2 || code == 3 || code == 5 || code == 6 || code == 7;
     // Or before a stop could be seen to begin.
-    const bool in_time = stop_.kind == StopKind::none || tick_ - stop_.since < ms(1000.0 * stop_.seconds + 500.0);
+    const bool in_time = !told_to_stop() || tick_ - stop_.since < ms(1000.0 * stop_.seconds + 500.0);
     // Writes of the option code while the stop runs leave open which of them counts.
     if (judged && ramp && in_time && std::abs(velocity_) > 3.0 * still_rpm / 60.0 * counts_per_revolution_) {
       fail("let-go-in-motion",
@@ -448,6 +459,7 @@ void Watch::demand() {
   }
   if (demand.loop == Loop::position && before.loop == Loop::position)
     first_target(before.velocity, demand.velocity, seconds);
+  after_halt(demand, seconds);
   // Profile modes: no speed is gained faster than by the steepest ramp.
   const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
                         tick_ - state_since_ > 2 * cycle_ticks && judgeable_ &&
@@ -459,23 +471,16 @@ void Watch::demand() {
   }
   if (before.velocity == 0.0 && demand.velocity == 0.0) ramp_ = 0.0;
   const drive::Units& units = drive_.axis().units;
-  for (const std::uint32_t value : {objects_.profile_acceleration, objects_.profile_deceleration,
-                                    objects_.quick_stop_deceleration, objects_.homing_acceleration}) {
-    ramp_ = std::max(ramp_, value * units.acceleration);
-  }
-  if (drive_.policy().zero_ramps_are_greatest) {
-    ramp_ = std::max(
-        {ramp_, objects_.max_acceleration * units.acceleration, objects_.max_deceleration * units.acceleration});
-  }
+  ramp_ = std::max(ramp_, steepest());
   const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || demand.velocity * before.velocity < 0.0;
   if (!gains) return;
   const bool starts_with_speed = drive_.policy().end_velocity_is_start && objects_.end_velocity != 0;
   const double change = std::abs(demand.velocity - before.velocity);
   // The cycle in which a plan begins, and rounding of a float.
   const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed();
-  // From the shaft's speed, a ramp's step further.
-  const bool taken_over =
-      std::abs(demand.velocity - velocity_) < 0.05 * std::abs(velocity_) + greatest_speed() * 0.02 + allowance;
+  // From the shaft's speed, which may brake hard and be known a cycle late, a ramp's step further.
+  const bool taken_over = std::abs(demand.velocity - velocity_) <
+                          0.05 * std::abs(velocity_) + greatest_speed() * 0.02 + overshoot(-1.0) + allowance;
   const bool smoothed = drive_.configuration().smoothing_ms != 0 || drive_.configuration().position_lag_ms > 0.0F;
   if (change > allowance && !taken_over && !starts_with_speed && !smoothed) {
     return fail(
@@ -528,6 +533,28 @@ void Watch::first_target(double from, double to, double seconds) {
   }
 }
 
+// With the first demand after a halt, which may have ended anywhere on its ramp.
+void Watch::after_halt(const Demand& demand, double seconds) {
+  const std::uint16_t word = drive_.axis().controlword;
+  const bool runs = state_ == PowerState::operation_enabled && state_ == before_ && mode_since_ != tick_ &&
+                    drive::command_of(word) == drive::Command::enable_operation &&
+                    (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
+  const bool halt =
+      (word & controlword::halt) != 0 && (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0;
+  const bool ended = std::exchange(halted_, runs && halt) && runs && !halt;
+  const bool switched =
+      drive_.axis().active(drive::Signal::negative_limit) || drive_.axis().active(drive::Signal::positive_limit);
+  if (!ended || switched || !judgeable_ || acceleration_ <= 0.0) return;
+  // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.
+  const double off = std::abs(demand.velocity - velocity_);
+  const double most = 0.06 * std::abs(velocity_) + 2.0 * still_rpm / 60.0 * counts_per_revolution_ + overshoot(-1.0) +
+                      2.0 * steepest() * seconds;
+  if (off > most && objects_.end_velocity == 0) {
+    fail("halt-ends-with-a-jump", fmt::format("{:.0f} rpm are demanded at {:.0f} rpm, mode {}", rpm(demand.velocity),
+                                              rpm(velocity_), static_cast<int>(mode_)));
+  }
+}
+
 void Watch::speed_limits() {
   const drive::LoopDemand& now = drive_.axis().demand;
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
@@ -536,6 +563,7 @@ void Watch::speed_limits() {
   double most = greatest_speed();
   if (mode_ == Mode::profile_velocity && objects_.max_profile_velocity != 0)
     most = std::min(most, objects_.max_profile_velocity * drive_.axis().units.velocity);
+  if (at_once_.active && at_once_.taken) most = std::min(most, at_once_.speed);
   const double speed = std::abs(now.loop == Loop::position ? demand_speed_ : static_cast<double>(now.velocity));
   const double over = speed - most;
   if (!judged) {
@@ -560,9 +588,13 @@ void Watch::speed_limits() {
 
 void Watch::stops() {
   StopKind kind = StopKind::none;
-  if (mode_since_ == tick_ || state_ != PowerState::operation_enabled) target_given_ = false;
-  if ((objects_.controlword & controlword::mode_bit_4) != 0) target_given_ = true;
   const drive::Command command = drive::command_of(objects_.controlword);
+  if (mode_ != Mode::profile_position || state_ != PowerState::operation_enabled || mode_since_ == tick_) {
+    has_target_ = false;
+  } else if ((objects_.controlword & controlword::mode_bit_4) != 0 ||
+             (objects_.statusword & drive::statusword::mode_bit_12) != 0) {
+    has_target_ = true;
+  }
   const bool resets = (objects_.controlword & controlword::fault_reset) != 0;
   const bool halt = (objects_.controlword & controlword::halt) != 0 &&
                     (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0 && mode_ != Mode::none;
@@ -577,14 +609,15 @@ void Watch::stops() {
       kind = StopKind::halt;
     } else if (mode_ == Mode::profile_velocity && objects_.target_velocity == 0) {
       kind = StopKind::velocity;
+    } else if (mode_ == Mode::profile_position && !has_target_) {
+      kind = StopKind::no_target;
     } else if (mode_ == Mode::homing && (drive_.axis().controlword & controlword::mode_bit_4) == 0) {
       kind = StopKind::homing;
-    } else if (mode_ == Mode::profile_position && !target_given_) {
-      kind = StopKind::no_target;
     }
   }
   if (!pwm_ || mode_ == Mode::velocity || (around_->injected & spoils_motion) != 0 || around_->locked)
     kind = StopKind::none;
+  told_ = kind;
   // What slows down by a torque slope first goes on being driven meanwhile.
   if (mode_ == Mode::profile_torque && objects_.torque_slope != 0) kind = StopKind::none;
   // A limit switch releases what it holds, and homing goes on where it was.
@@ -635,13 +668,17 @@ void Watch::stops() {
                             stop_.counts / counts_per_revolution_));
   }
   constexpr double swing_revolutions = 0.4;  // of a soft loop
-  if (kind < StopKind::velocity && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
+  // While a brake opens the axis is held where it is, whatever it did before.
+  const bool held = stop_.since - pwm_since_ <= ms(drive_.configuration().brake_release_ms);
+  if (kind < StopKind::velocity && !held && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
       stop_.furthest - place > swing_revolutions * counts_per_revolution_ + 0.1 * way) {
     return fail("stop-goes-back", fmt::format("{}: {:.2f} revolutions back, at {:.0f} rpm", name,
                                               (stop_.furthest - place) / counts_per_revolution_, rpm(velocity_)));
   }
   const double late = static_cast<double>(tick_ - stop_.since) * tick_s - stop_.seconds;
-  if (late > 0.3 && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
+  // A soft loop may swing for long about a demand that rests at the end of its ramp.
+  const bool swings = kind == StopKind::no_target && drive_.axis().demand.velocity == 0.0F;
+  if (late > 0.3 && !swings && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
     const char* broken = kind == StopKind::velocity ? "velocity-not-obeyed" : "stop-never-ends";
     fail(broken, fmt::format("{}: still {:.0f} rpm after {:.3f} s; {:.3f} s are enough for it", name, rpm(velocity_),
                              static_cast<double>(tick_ - stop_.since) * tick_s, stop_.seconds));
@@ -698,8 +735,8 @@ void Watch::software_limits() {
       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
        mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
-  const bool stopped = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
-                       axis.active(drive::Signal::positive_limit);
+  const bool stopped =
+      told_to_stop() || axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
   const bool begins = stopped && !stopped_before_;
   stopped_before_ = stopped;
   if (!applies) {
@@ -750,8 +787,9 @@ void Watch::set_points() {
                        (word & (controlword::halt | controlword::fault_reset)) == 0 && judgeable_;
   word_before_ = word;
   const bool ready_before = std::exchange(ready_, (objects_.statusword & drive::statusword::mode_bit_12) == 0);
+  const std::uint32_t velocity_before = std::exchange(profile_velocity_before_, objects_.profile_velocity);
   if (!working) {
-    set_point_.active = set_point_.leaves = false;
+    at_once_.active = set_point_.active = set_point_.leaves = false;
     set_point_.alone = tick_;
     return;
   }
@@ -763,6 +801,10 @@ void Watch::set_points() {
   const bool bounded = axis.software_limits_active() && drive_.policy().out_of_limits != drive::OutOfLimits::fault;
   const bool limited = at_switch || (axis.software_limits_active() && !bounded);
   if (edge) {
+    // Its 6081h counts from the next cycle on, whatever was under way before.
+    const double asked = std::max(velocity_before, objects_.profile_velocity) * axis.units.velocity;
+    const bool at_once = (word & controlword::mode_bit_5) != 0 && ready_before;
+    at_once_ = {at_once && !drive_.policy().end_velocity_is_start, false, tick_, asked};
     const bool relative = (word & controlword::mode_bit_6) != 0;
     const bool usual = (word & controlword::mode_bit_9) == 0 && objects_.positioning_option_code == 0 &&
                        objects_.polarity == 0 && objects_.end_velocity == 0 && objects_.profile_velocity != 0 &&
@@ -797,6 +839,10 @@ void Watch::set_points() {
     set_point_.seconds = way / speed + 4.0 * stopping.seconds + 0.3;
     if (way > 1000.0 * counts_per_revolution_) set_point_.active = false;
     return;
+  }
+  if (at_once_.active) {  // until something else is commanded
+    if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) at_once_.taken = true;
+    if (around_->commanded > at_once_.since + ms(10)) at_once_.active = false;
   }
   if (set_point_.leaves) {
     if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) set_point_.taken = true;
@@ -848,6 +894,45 @@ void Watch::set_points() {
       fail("reached-is-missing",
            fmt::format("no bit 10 {:.3f} s after the set-point, {:.0f} counts beside the target", seconds, beside));
     }
+  }
+}
+
+// A cyclic target that lies away from the one limit switch that is active, and came while it was.
+void Watch::off_limit() {
+  const drive::Axis& axis = drive_.axis();
+  const bool below = axis.active(drive::Signal::negative_limit);
+  const bool above = axis.active(drive::Signal::positive_limit);
+  if (below == above || mode_ != Mode::cyclic_sync_position) {
+    away_ = {};
+    return;
+  }
+  const double slowest_rpm = 4.0 * still_rpm;
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
+                      stop_.kind == StopKind::none && drive_.policy().limit_switches == drive::LimitSwitches::stop &&
+                      !axis.software_limits_active() && objects_.polarity == 0 &&
+                      (axis.controlword & controlword::halt) == 0 &&
+                      objects_.min_position_range_limit == objects_.max_position_range_limit &&
+                      rpm(greatest_speed()) > slowest_rpm && mode_since_ != tick_;
+  const double direction = below ? 1.0 : -1.0;
+  const double target =
+      static_cast<double>(axis.units.to_counts(std::int64_t{objects_.target_position} + objects_.position_offset)) -
+      static_cast<double>(drive_.position_offset());
+  if (!judged || std::exchange(away_.target, target) != target) {
+    away_.targets = judged ? away_.targets + 1 : 0;
+    away_.since = tick_;
+    away_.from = position_;
+    return;
+  }
+  constexpr double least_revolutions = 0.3;
+  const double moved = direction * (position_ - away_.from);
+  if (direction * (target - away_.from) < least_revolutions * counts_per_revolution_ || away_.targets < 3) return;
+  const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
+  const double passed = static_cast<double>(tick_ - away_.since) * tick_s;
+  if (passed > 0.2 + std::sqrt(0.5 * counts_per_revolution_ / ramp) && moved < 0.05 * counts_per_revolution_) {
+    fail("no-way-off-limit",
+         fmt::format("{:.2f} revolutions away {:.0f} ms after a target {:.2f} revolutions away, mode {}",
+                     moved / counts_per_revolution_, 1000.0 * passed,
+                     direction * (target - away_.from) / counts_per_revolution_, static_cast<int>(mode_)));
   }
 }
 
@@ -969,7 +1054,7 @@ void Watch::bits() {
                                                  rpm(expected), static_cast<int>(mode_)));
   }
   // A stop that is under way has reached nothing.
-  const bool stopping = stop_.kind != StopKind::none && stop_.kind < StopKind::velocity && pwm_ && judgeable_ &&
+  const bool stopping = told_ != StopKind::none && told_ < StopKind::velocity && pwm_ && judgeable_ &&
                         acceleration_ > 0.0 && std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ &&
                         shows(10, {drive::StatusSource::target_reached});
   if (!stopping || (word & drive::statusword::target_reached) == 0) stop_lie_since_ = tick_;
@@ -1164,8 +1249,9 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
   const bool pdo = function == 0x180 || function == 0x280 || function == 0x380 || function == 0x480;
   if (!pdo || !around_->powered) return;
   const bool operational = nmt_ == canopen::NmtState::operational;
-  if (!operational && now - nmt_since_ > ms(3)) {
-    return fail("pdo-in-wrong-state", fmt::format("TPDO {:03X}h {:.1f} ms after NMT operational was left", frame.id,
+  // One frame may have been on the wire already.
+  if (!operational && now - nmt_since_ > ms(0.25)) {
+    return fail("pdo-in-wrong-state", fmt::format("TPDO {:03X}h {:.2f} ms after NMT operational was left", frame.id,
                                                   static_cast<double>(now - nmt_since_) / ticks_per_ms));
   }
   if (around_->cut || now - around_->joined < ms(1))

@@ -68,6 +68,11 @@ class Watch {
     double counts;
     double seconds;
   };
+  struct Demand {
+    drive::Loop loop = drive::Loop::off;
+    double position = 0.0;
+    double velocity = 0.0;
+  };
   Stopping stopping(double velocity) const { return stopping(velocity, slope()); }
   Stopping stopping(double velocity, double slope) const;
   double overshoot(double slope) const;  // counts/s that a stop gains before the loops have taken their torque back
@@ -75,6 +80,7 @@ class Watch {
   std::int64_t demand_cycle() const;     // ticks
   double torque_acceleration() const;    // counts/s^2 that the motor can give for certain; 0: none
   double slope() const;                  // the gentlest ramp that a stop may take, counts/s^2; 0: none is set
+  double steepest() const;               // the steepest ramp that is set, counts/s^2
   double limit_slope() const;            // ... before a limit
   double greatest_speed() const;         // counts/s
   double rpm(double counts_per_s) const { return counts_per_s / counts_per_revolution_ * 60.0; }
@@ -86,11 +92,13 @@ class Watch {
   void demand();
   void count_targets();
   void first_target(double from, double to, double seconds);  // counts/s
+  void after_halt(const Demand& demand, double seconds);
   void speed_limits();
   void stops();
   void limit_switches();
   void software_limits();
   void set_points();
+  void off_limit();
   void unasked();
   double ramp_way(double speed, double ramp) const;
   std::uint8_t communication_register();
@@ -146,11 +154,8 @@ class Watch {
   double slowest_ = 0.0;  // since the stage is off
   std::int64_t unpowered_ticks_ = 0;
 
-  struct Demand {
-    drive::Loop loop = drive::Loop::off;
-    double position = 0.0;
-    double velocity = 0.0;
-  } demand_before_;
+  Demand demand_before_;
+  bool halted_ = false;                // with the demand of before
   std::int64_t spoiled_ = -1'000'000;  // tick of the last injection that spoils what the encoder says
   double ramp_ = 0.0;                  // the steepest that was set since the demand stood
   std::int64_t demand_tick_ = -1;
@@ -181,7 +186,10 @@ class Watch {
     double bound = 0.0;
   };
   std::array<Border, 2> borders_{};
+  bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
   bool stopped_before_ = false;
+  bool has_target_ = false;         // a set-point of profile position, since the mode or the operation began
+  StopKind told_ = StopKind::none;  // as `stop_`, also while a torque is released first
 
   std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
   double demand_speed_ = 0.0;                // counts/s, out of the demanded positions
@@ -205,7 +213,19 @@ class Watch {
     double target = 0.0;
     double seconds = 0.0;
   } set_point_;
-  bool target_given_ = false;  // a set-point of profile position, since the mode or the operation began
+  struct Away {  // the target that leads off a limit switch
+    int targets = 0;
+    std::int64_t since = 0;
+    double from = 0.0;
+    double target = 0.0;
+  } away_;
+  struct AtOnce {  // a set-point with bit 5 of the controlword
+    bool active = false;
+    bool taken = false;
+    std::int64_t since = 0;
+    double speed = 0.0;  // 6081h, counts/s
+  } at_once_;
+  std::uint32_t profile_velocity_before_ = 0;
   std::uint16_t word_before_ = 0;
   bool ready_ = false;  // for a set-point: bit 12 is clear
   std::int32_t target_before_ = 0;

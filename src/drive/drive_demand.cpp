@@ -141,7 +141,9 @@ void Drive::update_greatest_velocity() {
   } else if (now > set) [[unlikely]] {
     double ramp = with_mode(*this, [&](const auto& mode) { return mode.deceleration(axis_); });
     if (ramp <= 0.0) ramp = quick_stop_deceleration();
-    const double used = std::max(std::abs(axis_.generator.velocity()), std::abs(axis_.velocity()));
+    // A demand that the shaft does not follow, as that of targets which come less often than 60C2h says, is no speed.
+    const double shaft = std::abs(axis_.velocity());
+    const double used = axis_.follows_demand() ? std::max(std::abs(axis_.generator.velocity()), shaft) : shaft;
     const double step = stopping_ ? 0.0 : ramp * axis_.cycle_s;
     now = ramp > 0.0 ? std::max(set, std::min(now, used) - step) : set;
   } else {
