@@ -572,7 +572,8 @@ void Watch::speed_limits() {
   }
   const double ramp = slope();
   if (over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most || ramp < excess_.slope) {
-    const double seconds = ramp > 0.0 ? std::max(over, 0.0) / ramp : 0.0;
+    // A demand that is taken over from the shaft comes down from there.
+    const double seconds = ramp > 0.0 ? std::max({over, std::abs(velocity_) - most, 0.0}) / ramp : 0.0;
     excess_ = {tick_, most, ramp, (objects_.motion_profile_type != 0 ? 2.5 : 1.1) * seconds + lag_s};
     return;
   }

@@ -39,9 +39,8 @@ bool Axis::at_limit(bool positive) const {
 
 Axis::Room Axis::room_from(Counts place) const {
   constexpr double endless = std::numeric_limits<double>::infinity();
-  if (policy.out_of_limits == OutOfLimits::fault || !software_limits_active() || position_range() != 0) {
-    return {endless, endless};
-  }
+  if (policy.out_of_limits == OutOfLimits::fault || !software_limits_active()) return {endless, endless};
+  if (position_range() != 0) place = units.to_counts(to_user_position(place));
   const auto [low, high] =
       std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
   return {static_cast<double>(place - low), static_cast<double>(high - place)};

@@ -183,7 +183,7 @@ def test_broken_while_it_moves(broken_line, tmp_path, axis, how, name):
     if how != "cable" or axis not in SERIAL:
         wait_for(lambda: rests(broken_line, axis), "the axis at rest")
         if how == "fault":
-            assert broken_line.bench.axis(axis)["state"] == "fault"
+            wait_for(lambda: broken_line.bench.axis(axis)["state"] == "fault", "the end of the fault reaction")
 
 
 @on_its_buses(TALKING)

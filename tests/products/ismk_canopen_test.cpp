@@ -246,7 +246,12 @@ TEST(IsmkInterpolation, WithoutTheClockTargetsActWhenWritten) {
 void restart(IsmkRig& rig) {
   EXPECT_EQ(rig.set(0x2FFF, 0, 0xAA55), AbortCode::none);
   rig.sent.clear();
-  rig.run_ms(5);
+  rig.run_ms(15);
+  const auto boots = [&](const canopen::Frame& frame) {
+    return frame.id == 0x700U + rig.device.node_id() && frame.data[0] == 0;
+  };
+  ASSERT_TRUE(std::none_of(rig.sent.begin(), rig.sent.end(), boots)) << "the answer leaves first";
+  rig.run_ms(10);
   ASSERT_GE(frames_of(rig, 0x700U + rig.device.node_id()), 1U);
   EXPECT_EQ(rig.sent.back().data[0], 0) << "boot-up";
 }

@@ -263,7 +263,7 @@ TEST(IsmkEaStorage, AsOnCan) {
   EXPECT_EQ(bus.download(0x607C, 0, 777, 4), dictionary::AbortCode::none);
   EXPECT_EQ(bus.download(0x2FF0, 1, 1, 1), dictionary::AbortCode::none);
   EXPECT_EQ(bus.download(0x2FFF, 0, 0xAA55, 2), dictionary::AbortCode::none);  // restart
-  bus.run_ms(5);
+  bus.run_ms(25);
   EXPECT_EQ(bus.al_status(), bus.good(1));  // the controller begins anew
   EXPECT_EQ(bus.get(0x607C), 777);
   EXPECT_EQ(bus.get(0x6081), 0);  // not stored (L2066)

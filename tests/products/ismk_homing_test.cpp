@@ -234,7 +234,7 @@ TEST(IsmkHoming, AtPowerOn) {
   rig.set(0x6099, 3, 1);
   rig.set(0x2FF0, 1, 1);
   rig.set(0x2FFF, 0, 0xAA55);
-  rig.run_ms(5);
+  rig.run_ms(25);
   rig.set(0x6060, 0, 3);
   EXPECT_EQ(rig.status() & home_found, 0);
   rig.control(0x0F);

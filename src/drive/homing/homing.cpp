@@ -1,5 +1,7 @@
 #include "drive/homing/homing.hpp"
 
+#include <utility>
+
 namespace servodrome::drive {
 
 namespace {
@@ -17,7 +19,7 @@ void Homing::start(const Method& method, const HomingConfig& config, const Homin
   if (!is_well_formed(method)) {
     error_ = HomingError::internal;
   } else if (!method.idle) {
-    leg_ = is_active(Signal::home, inputs) ? method.start_active : std::uint8_t{0};
+    leg_ = first_leg(inputs);
     phase_ = Phase::begin;
   }
 }
@@ -40,9 +42,11 @@ HomingCommand Homing::step(const HomingInputs& inputs) {
   switch (phase_) {
     case Phase::idle: break;
     case Phase::begin:
-      // Edges met while a ramp still carries the axis the other way would be taken for those of this leg.
-      if (inputs.standing) return begin_leg(inputs);
-      return stop_before(leg_);
+      // Edges met while a ramp still carries the axis the other way would be taken for those of this leg, and where it
+      // comes to rest the switch may be another one.
+      if (!inputs.standing) return std::exchange(stops_first_, true) ? HomingCommand{} : HomingCommand{Kind::stop};
+      leg_ = first_leg(inputs);
+      return begin_leg(inputs);
     case Phase::wait:
       if (inputs.standing) return begin_leg(inputs);
       break;
@@ -62,6 +66,17 @@ HomingCommand Homing::step(const HomingInputs& inputs) {
       break;
   }
   return {};
+}
+
+HomingCommand Homing::step_halted(HomingInputs inputs) {
+  if (phase_ != Phase::run) return {};
+  inputs.standing = false;
+  inputs.torque = 0.0F;
+  return run_leg(inputs);
+}
+
+std::uint8_t Homing::first_leg(const HomingInputs& inputs) const {
+  return is_active(Signal::home, inputs) ? method_.start_active : std::uint8_t{0};
 }
 
 bool Homing::pressing() const { return phase_ == Phase::run && leg().until == Until::stalled; }

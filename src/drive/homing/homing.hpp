@@ -81,6 +81,9 @@ class Homing {
   // Once per position-loop cycle, but not while the axis is halted (605Dh): standstill is taken for the end of a ramp.
   // Answers `keep` while not active.
   HomingCommand step(const HomingInputs& inputs);
+  // In place of it, while the axis is halted: what it meets on the way to rest counts, and the command is for the end
+  // of the halt.
+  HomingCommand step_halted(HomingInputs inputs);
 
   // Forgets everything; stopping the axis is the caller's.
   void abort() { *this = Homing{}; }
@@ -116,6 +119,7 @@ class Homing {
   Counts distance_from_switch(const SignalEdge& edge) const;
   bool is_blind_to(const SignalEdge& edge) const;
   bool stalls(float torque);
+  std::uint8_t first_leg(const HomingInputs& inputs) const;
   HomingCommand begin_leg(const HomingInputs& inputs);
   HomingCommand run_leg(const HomingInputs& inputs);
   HomingCommand meet_limit();
@@ -128,6 +132,7 @@ class Homing {
   Phase phase_ = Phase::idle;
   HomingError error_ = HomingError::none;
   std::uint8_t leg_ = 0;
+  bool stops_first_ = false;  // what moved before homing began comes to rest
   bool limit_seen_ = false;
   bool latched_ = false;
   bool finished_ = false;

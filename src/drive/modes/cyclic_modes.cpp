@@ -1,5 +1,7 @@
 #include "drive/modes/cyclic_modes.hpp"
 
+#include <utility>
+
 #include "drive/power/power_state.hpp"
 
 namespace servodrome::drive {
@@ -57,9 +59,11 @@ void CyclicSyncVelocity::step(Axis& axis) {
   const double wanted =
       axis.units.velocity_to_counts(static_cast<double>(objects.target_velocity) + objects.velocity_offset);
   const double allowed = axis.greatest_velocity;
-  const double target = std::clamp(wanted, -allowed, allowed);
+  held_ = held_ && wanted == wanted_;
+  wanted_ = wanted;
+  const double target = held_ ? 0.0 : std::clamp(wanted, -allowed, allowed);
   axis.limited = target != wanted;
-  if (axis.limited) axis.exceed_velocity(Mode::cyclic_sync_velocity);
+  if (axis.limited && !held_) axis.exceed_velocity(Mode::cyclic_sync_velocity);
   axis.generator.start_from(axis.position(), target);
   axis.demand.loop = loop;
   axis.demand.velocity = static_cast<float>(target);
@@ -68,8 +72,9 @@ void CyclicSyncVelocity::step(Axis& axis) {
 }
 
 std::uint16_t CyclicSyncVelocity::status(const Axis& axis) const {
-  std::uint16_t bits = statusword::mode_bit_12;
-  const double error = std::abs(axis.shown_velocity() - axis.generator.velocity());
+  // Drive follows the command value: not while a limit holds it.
+  std::uint16_t bits = held_ ? std::uint16_t{0} : statusword::mode_bit_12;
+  const double error = std::abs(axis.shown_velocity() - (held_ ? wanted_ : axis.generator.velocity()));
   if (axis.policy.cyclic_modes_show_reached && error < axis.configuration.speed_windows.reached_counts_per_s) {
     bits |= statusword::target_reached;
   }
@@ -93,6 +98,7 @@ std::uint16_t CyclicSyncTorque::status(const Axis&) const { return statusword::m
 void InterpolatedPosition::enter(Axis& axis) {
   axis.come_to_rest(RampShape::linear);
   stop();
+  given_up_ = false;
   clear_buffer();
   enabled_ = (axis.controlword & controlword::mode_bit_4) != 0;
 }
@@ -109,6 +115,7 @@ void InterpolatedPosition::interrupt(Axis&, int direction) {
 
 void InterpolatedPosition::controlword(Axis&, std::uint16_t, std::uint16_t now) {
   const bool enable = (now & controlword::mode_bit_4) != 0;
+  if (enabled_ && !enable) given_up_ = true;
   enabled_ = enable;
 }
 
@@ -179,6 +186,10 @@ void InterpolatedPosition::await_record(Axis& axis) {
 void InterpolatedPosition::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
   record_age_ += 1.0;
+  if (std::exchange(given_up_, false)) {  // here, so that a halt or another stop keeps its own ramp
+    stop();
+    axis.come_to_rest(RampShape::linear);
+  }
   if (following_ && given_up_at_limits(axis, target_)) stop();
   const bool late = waited_ || (bridging_ && line_.remaining() >= 0.5 * period_.cycles(axis));
   if (enabled_ && count_ > 0 && (!following_ || late || line_.ends_in_next_cycle())) {
@@ -220,16 +231,16 @@ constexpr unsigned tolerated_stale_syncs = 1;
 void SynchronousInterpolation::enter(Axis& axis) {
   axis.come_to_rest(RampShape::linear);
   disarm();
-  fresh_ = axis.new_set_point = false;
+  fresh_ = axis.new_set_point = given_up_ = false;
   enabled_ = (axis.controlword & controlword::mode_bit_4) != 0;
 }
 
-void SynchronousInterpolation::controlword(Axis& axis, std::uint16_t, std::uint16_t now) {
+void SynchronousInterpolation::controlword(Axis&, std::uint16_t, std::uint16_t now) {
   const bool enable = (now & controlword::mode_bit_4) != 0;
   if (enable == enabled_) return;
   enabled_ = enable;
   disarm();
-  if (!enable) axis.come_to_rest(RampShape::linear);
+  if (!enable) given_up_ = true;
 }
 
 bool SynchronousInterpolation::late(const Axis& axis) {
@@ -252,6 +263,8 @@ void SynchronousInterpolation::follow_target(Axis& axis) {
 
 void SynchronousInterpolation::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
+  // Here, so that a halt or another stop keeps its own ramp.
+  if (std::exchange(given_up_, false)) axis.come_to_rest(RampShape::linear);
   if (axis.policy.interpolation == Interpolation::target) {
     follow_target(axis);
   } else if (enabled_) {

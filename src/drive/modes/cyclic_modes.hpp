@@ -33,14 +33,18 @@ class CyclicSyncVelocity {
  public:
   static constexpr Loop loop = Loop::velocity;
 
-  void enter(Axis& axis) { axis.limited = false; }
+  void enter(Axis& axis) { axis.limited = held_ = false; }
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
   void halt(Axis&) {}
   void resume(Axis&) {}
-  void interrupt(Axis&, int) {}
+  void interrupt(Axis&, int) { held_ = true; }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
+
+ private:
+  double wanted_ = 0.0;  // 60FFh with its offset, counts/s
+  bool held_ = false;    // a limit ended it: the axis waits for another target
 };
 
 class CyclicSyncTorque {
@@ -93,6 +97,7 @@ class InterpolatedPosition {
   LineDemand demand_{};
   Counts target_ = 0;       // the last record that was taken
   bool enabled_ = false;    // controlword bit 4
+  bool given_up_ = false;   // it was taken away: ramp to rest
   bool following_ = false;  // a record was taken since the mode was entered
   bool waited_ = false;     // the line's end has passed without another record
   bool regular_ = false;    // the last record came before the end of the line before
@@ -127,6 +132,7 @@ class SynchronousInterpolation {
 
   SetPointFollower follower_{};
   bool enabled_ = false;         // controlword bit 4
+  bool given_up_ = false;        // it was taken away: ramp to rest
   bool fresh_ = false;           // a set-point waits for the SYNC
   bool armed_ = false;           // a SYNC has come since bit 4
   unsigned stale_syncs_ = 0;     // SYNCs without a set-point since the last one

@@ -141,7 +141,17 @@ void HomingMode::start(Axis& axis) {
 
 // Goes on with what the halt interrupted, unless homing was given up meanwhile.
 void HomingMode::resume(Axis& axis) {
+  halted_ = false;
   if (active_) carry_out(axis, last_);
+}
+
+// Edges that are met on the ramp of a halt belong to the leg as well.
+void HomingMode::observe(Axis& axis) {
+  if (!halted_ || !active_) return;
+  const bool had_latch = homing_.latched();
+  const HomingCommand command = homing_.step_halted(inputs(axis));
+  if (command.kind != HomingCommand::Kind::keep) last_ = command;
+  take_results(axis, had_latch);
 }
 
 void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
@@ -184,26 +194,28 @@ void HomingMode::step(Axis& axis) {
       carry_out(axis, last_);
     }
     carry_out(axis, homing_.step(inputs(axis)));
-    if (homing_.latched() && !had_latch) {
-      // The machine's home is at the latch: there the position is the home offset with the product's sign.
-      const std::int64_t at_home =
-          offset_applies_ ? std::int64_t{axis.policy.home_offset_sign} * axis.objects.home_offset : 0;
-      const Counts home = axis.units.to_counts(at_home);
-      const Counts offset = home - homing_.latch();
-      axis.generator.shift(offset - axis.offset);
-      axis.offset = offset;
-      if (!axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
-    }
-    if (homing_.finished() && axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
-    if (homing_.error() != HomingError::none) {
-      give_up(axis);
-      fail(axis, cause_of(homing_.error()));
-    }
-    if (homing_.finished()) active_ = false;
+    if (homing_.error() != HomingError::none) give_up(axis);
+    take_results(axis, had_latch);
   }
   axis.generator.step(axis.cycle_s);
   standing_ = !start_requested_ && !active_ && axis.generator.standing();
   axis.follow_generator(loop);
+}
+
+void HomingMode::take_results(Axis& axis, bool had_latch) {
+  if (homing_.latched() && !had_latch) {
+    // The machine's home is at the latch: there the position is the home offset with the product's sign.
+    const std::int64_t at_home =
+        offset_applies_ ? std::int64_t{axis.policy.home_offset_sign} * axis.objects.home_offset : 0;
+    const Counts home = axis.units.to_counts(at_home);
+    const Counts offset = home - homing_.latch();
+    axis.generator.shift(offset - axis.offset);
+    axis.offset = offset;
+    if (!axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
+  }
+  if (homing_.finished() && axis.policy.home_counts_at_rest) axis.homed = attained_ = true;
+  if (homing_.error() != HomingError::none) fail(axis, cause_of(homing_.error()));
+  if (homing_.finished()) active_ = false;
 }
 
 std::uint16_t HomingMode::status(const Axis& axis) const {

@@ -13,10 +13,11 @@ class HomingMode {
   void enter(Axis& axis);
   void controlword(Axis&, std::uint16_t before, std::uint16_t now);
   void step(Axis& axis);
-  void halt(Axis&) {}
+  void observe(Axis& axis);  // while a stop runs instead of `step`
+  void halt(Axis&) { halted_ = true; }
   void resume(Axis& axis);
   void interrupt(Axis&, int) {}
-  void abort() { homing_.abort(), active_ = false, start_requested_ = false; }
+  void abort() { homing_.abort(), active_ = start_requested_ = halted_ = false; }
   // A fault ends it: that is a homing error.
   void fault() {
     error_ = error_ || active_ || start_requested_;
@@ -37,6 +38,7 @@ class HomingMode {
   std::uint16_t error_code(const Axis& axis, Cause cause) const;
   void carry_out(Axis& axis, const HomingCommand& command);
   void give_up(Axis& axis);
+  void take_results(Axis& axis, bool had_latch);
   HomingInputs inputs(const Axis& axis) const;
   MotionLimits motion(const Axis& axis, double velocity) const;
 
@@ -48,6 +50,7 @@ class HomingMode {
   bool start_requested_ = false;
   bool given_up_ = false;  // the start bit was taken away: ramp to zero
   bool active_ = false;
+  bool halted_ = false;
   bool attained_ = false;
   bool error_ = false;
   std::uint16_t shown_code_ = 0;  // in 603Fh: see HomingErrorCodes

@@ -146,13 +146,15 @@ double ImmediateVelocity::target(const Axis& axis) {
 
 void ImmediateVelocity::enter(Axis& axis) {
   windows_.restart();
-  axis.limited = false;
+  axis.limited = held_ = false;
 }
 
 void ImmediateVelocity::step(Axis& axis) {
   const double wanted = target(axis);
   const double allowed = axis.max_velocity(true);
-  const double velocity = std::clamp(wanted, -allowed, allowed);
+  held_ = held_ && wanted == wanted_;
+  wanted_ = wanted;
+  const double velocity = held_ ? 0.0 : std::clamp(wanted, -allowed, allowed);
   axis.limited = velocity != wanted;
   axis.generator.place(axis.position(), 0.0, velocity);
   axis.follow_generator(loop);

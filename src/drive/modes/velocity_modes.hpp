@@ -36,7 +36,9 @@ class ProfileVelocity {
   void step(Axis& axis);
   void observe(Axis& axis);  // what the statusword shows; also while a stop runs instead of `step`
   void halt(Axis&) {}
-  void resume(Axis& axis) { enter(axis); }
+  void resume(Axis& axis) {
+    if (!given_up_) enter(axis);
+  }
   void interrupt(Axis&, int) { given_up_ = true; }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
@@ -75,13 +77,15 @@ class ImmediateVelocity {
   void observe(Axis& axis) { windows_.update(axis, target(axis), true); }
   void halt(Axis&) {}
   void resume(Axis&) {}
-  void interrupt(Axis&, int) {}
+  void interrupt(Axis&, int) { held_ = true; }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return windows_.status(); }
 
  private:
   static double target(const Axis& axis);
 
+  double wanted_ = 0.0;  // counts/s
+  bool held_ = false;    // as ProfileVelocity::given_up_
   VelocityWindows windows_{};
 };
 
@@ -94,7 +98,9 @@ class VelocityMode {
   void controlword(Axis&, std::uint16_t, std::uint16_t now) { word_ = now; }
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis& axis) { enter(axis); }
+  void resume(Axis& axis) {
+    if (!blocked_) enter(axis);
+  }
   void interrupt(Axis&, int) { blocked_ = true; }
   double deceleration(const Axis& axis) const;
   double quick_stop_deceleration(const Axis& axis) const;

@@ -17,6 +17,7 @@ constexpr auto bit_rate_codes =
     std::to_array<BitRateCode>({{100, 1000000}, {50, 500000}, {25, 250000}, {12, 125000}, {5, 50000}, {1, 10000}});
 
 constexpr std::uint16_t encoder_turns_valid = 10;  // of 2690h (L3350)
+constexpr std::uint32_t restart_delay_ms = 20;     // the answer to 2FFFh leaves before, on a slow or busy bus too
 
 }  // namespace
 
@@ -83,6 +84,7 @@ void Servo::before_power_on() {
   terminals_.reset();
   motion_control_.power_on();
   restart_requested_ = false;
+  restart_cycles_ = 0;
   set_point_period_s_ = 0.0;
   tuning_.reset(static_cast<double>(rating().motor.inertia_kgm2));
 }
@@ -103,7 +105,7 @@ void Servo::before_reset(bool whole) {
 void Servo::after_reset() { tuning_.objects_loaded(objects_, drive_.configuration().motor); }
 
 bool Servo::cycle(Time now) {
-  if (restart_requested_) return true;
+  if (restart_requested_ && restart_cycles_++ >= drive_.axis().cycles(restart_delay_ms)) return true;
   terminals_.cycle(drive_, objects_);
   if (tuning_.cycle(drive_, objects_, terminals_)) reconfigure();
   motion_control_.watch_sync(drive_, objects_, now);

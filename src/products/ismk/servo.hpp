@@ -90,6 +90,7 @@ class Servo {
   AlarmLog alarm_log_{};
   LoopTuning tuning_{};
   bool restart_requested_ = false;
+  std::uint32_t restart_cycles_ = 0;  // since then
   double set_point_period_s_ = 0.0;
 };
 

@@ -51,7 +51,7 @@ void Servo::initialise_parameters(std::uint8_t node_id) {
 AbortCode Servo::request_restart(std::int64_t command) {
   if (command == boot_loader_command) return AbortCode::device_state;  // there is no boot loader to start
   if (command != restart_command) return AbortCode::value_invalid;
-  restart_requested_ = true;  // after the answer
+  restart_requested_ = true;
   return AbortCode::none;
 }
 
