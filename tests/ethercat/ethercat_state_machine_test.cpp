@@ -239,6 +239,20 @@ TEST_F(StateMachine, TheDeviceMayFallBack) {
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_valid_inputs}));
 }
 
+// An error of the state it is in already: shown and acknowledged as any other, without a change.
+TEST_F(StateMachine, AFallBackWithinTheStateIsAnError) {
+  to_safe_operational();
+  cycle();
+  EXPECT_NE(send(Command::lwr, 0x1000, Bytes(7)).counter, 0U);
+  const std::size_t changes = events.changes.size();
+  slave.fall_back(AlState::safe_operational, AlStatusCode::fatal_sync_error, line.now);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::fatal_sync_error}));
+  EXPECT_EQ(events.changes.size(), changes);
+  EXPECT_EQ(send(Command::lwr, 0x1000, Bytes(7)).counter, 0U) << "outputs are not taken before it is acknowledged";
+  EXPECT_EQ(request(0x14), good(4));
+  EXPECT_NE(send(Command::lwr, 0x1000, Bytes(7)).counter, 0U);
+}
+
 TEST_F(StateMachine, ResetOverTheBus) {
   to_operational();
   for (const char letter : {'R', 'E', 'S'}) write(reg::reset_ecat, bytes_of(letter));
