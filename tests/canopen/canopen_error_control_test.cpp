@@ -143,6 +143,20 @@ TEST(HeartbeatConsumer, RewritingTheEntryEndsTheError) {
   EXPECT_EQ(device->others, (Frames{no_error}));
 }
 
+// A reset forgets what was heard: supervision begins again with the first heartbeat.
+TEST(HeartbeatConsumer, AResetBeginsAnew) {
+  for (const char* const reset : {"000 # 81 01", "000 # 82 01"}) {
+    auto device = make_device();
+    device->start();
+    ASSERT_EQ(device->write(0x1016, 1, 0x007F0064, 4), AbortCode::none);
+    device->send("77F # 05");
+    device->send(reset);
+    EXPECT_EQ(device->advance(1s), Frames{}) << reset;
+    device->send("77F # 05");
+    EXPECT_EQ(device->advance(100ms), (Frames{lost_8130})) << "the entry is still there";
+  }
+}
+
 TEST(HeartbeatConsumer, TheErrorLastsUntilAllAreBack) {
   auto device = make_device();
   device->start();
