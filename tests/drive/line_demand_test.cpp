@@ -91,6 +91,41 @@ TEST_F(Demand, HeldAtALimitUntilTheLineLeadsAway) {
   }
 }
 
+// With a software limit ahead the way is ended by the quick stop's ramp, where that is steeper.
+TEST_F(Demand, CatchesUpBeforeASoftwareLimit) {
+  objects.profile_acceleration = 10'000'000;
+  objects.profile_deceleration = 1'000'000;
+  objects.quick_stop_deceleration = 10'000'000;
+  objects.min_position_limit = -100'000;
+  objects.max_position_limit = 2000;
+  axis.demand.loop = Loop::position;
+  // 100000 counts/s are over after 500 counts by the one ramp, and after 5000 by the other.
+  for (const bool near : {true, false}) {
+    objects.max_position_limit = near ? 700 : 100'000;
+    axis.generator.start_from(0, 100'000.0);
+    demand.stop();
+    line.stand(0);
+    demand.begin(axis, line, near ? 700 : 9000, 1.0);
+    double steepest = 0.0;
+    Counts farthest = 0;
+    for (int i = 0; i < 400 && !demand.on_line(); ++i) {
+      const double before = axis.generator.velocity();
+      follow();
+      steepest = std::max(steepest, (before - axis.generator.velocity()) / axis.cycle_s);
+      farthest = std::max(farthest, axis.generator.position());
+    }
+    EXPECT_TRUE(demand.on_line());
+    EXPECT_EQ(place(), near ? 700.0 : 9000.0);
+    EXPECT_LE(farthest, near ? 700 : 9000);
+    if (near) {
+      EXPECT_GT(steepest, 5.0e6);
+      EXPECT_LE(steepest, 1.001e7);
+    } else {
+      EXPECT_LE(steepest, 1.001e6);
+    }
+  }
+}
+
 // A line that is faster than the axis may be is followed at the greatest speed, and caught up with afterwards.
 TEST_F(Demand, NoFasterThanTheAxisMayBe) {
   axis.generator.start_from(0, axis.greatest_velocity);
