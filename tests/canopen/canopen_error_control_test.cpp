@@ -152,7 +152,9 @@ TEST(HeartbeatConsumer, AResetBeginsAnew) {
     device->send("77F # 05");
     device->send(reset);
     EXPECT_EQ(device->advance(1s), Frames{}) << reset;
+    device->events.log.clear();
     device->send("77F # 05");
+    EXPECT_EQ(device->events.log, (Frames{"heartbeat 127 5"})) << "heard for the first time";
     EXPECT_EQ(device->advance(100ms), (Frames{lost_8130})) << "the entry is still there";
   }
 }

@@ -101,7 +101,7 @@ TEST(WaitingFrames, ATpdoOfATimerTakesAValueBack) {
   device->map(0x1800, {0x60410010}, 255);
   ASSERT_EQ(device->write(0x1800, 5, 10, 2), AbortCode::none);
   hear(*device, start);
-  change_status(*device, 1, 11);  // the timer, once
+  for (int i = 0; i < 11; ++i) change_status(*device, 11, 11);  // the timer, once
   change_status(*device, 12, 12);
   change_status(*device, 11, 11);
   EXPECT_EQ(device->sent(), (Frames{"181 # 0B 00"}));

@@ -43,6 +43,24 @@ TEST(WriteProtection, OfRegistersLeavesTheUserMemory) {
             (std::vector<unsigned>{1, 0}));
 }
 
+// What an FMMU maps is the controller's memory as well.
+TEST(WriteProtection, OfTheWholeControllerCoversMappedMemory) {
+  Line line(1);
+  line.set_sync_manager(0, 2, 0x1100, 4, 0x24);
+  line.set_fmmu(0, 0, 0, 4, 0x1100, 2);
+  line.set_fmmu(0, 1, 0x100, 4, 0x1800, 2);
+  line.set_fmmu(0, 2, 0x200, 4, 0x1800, 1);
+  EXPECT_EQ(line.send(Command::lwr, 0, {1, 2, 3, 4}).counter, 1U);
+  EXPECT_EQ(line.send(Command::lwr, 0x100, {5, 6, 7, 8}).counter, 1U);
+  line.put<std::uint8_t>(0, reg::write_protection, 1);
+  EXPECT_EQ(line.send(Command::lwr, 0, {9, 9, 9, 9}).counter, 0U);
+  EXPECT_EQ(line.send(Command::lwr, 0x100, {9, 9, 9, 9}).counter, 0U);
+  EXPECT_EQ(line.escs[0]->open_for_reading(2)[0], 1);
+  const Answer answer = line.send(Command::lrd, 0x200, Bytes(4));
+  EXPECT_EQ(answer.counter, 1U) << "reading is not protected";
+  EXPECT_EQ(answer.data, (Bytes{5, 6, 7, 8}));
+}
+
 TEST(WriteProtection, TheKeysForgetWithTheFrame) {
   Line line(1);
   line.put<std::uint8_t>(0, reg::register_write_enable, 1);
@@ -52,6 +70,34 @@ TEST(WriteProtection, TheKeysForgetWithTheFrame) {
 }
 
 // ---- What a datagram over several registers does not do to those it cannot write ----
+
+// Each register that a datagram reaches acts, wherever it begins and ends.
+TEST(Registers, ADatagramOverSeveralActsInEach) {
+  Line line(1);
+  Bytes fmmus(3 * 16);
+  for (unsigned n = 0; n < 3; ++n) {
+    store_u32(&fmmus[16 * n], 0x100 * n);
+    store_u16(&fmmus[16 * n + 4], 2);
+    fmmus[16 * n + 7] = 7;
+    store_u16(&fmmus[16 * n + 8], 0x1000 + 0x100 * n);
+    fmmus[16 * n + 11] = 2;
+    fmmus[16 * n + 12] = 1;
+  }
+  EXPECT_EQ(line.write(0, reg::fmmu, fmmus).counter, 1U);
+  for (unsigned n = 0; n < 3; ++n) {
+    const auto mark = static_cast<std::uint8_t>(0xA0 + n);
+    EXPECT_EQ(line.send(Command::lwr, 0x100 * n, {mark, 0}).counter, 1U) << n;
+    EXPECT_EQ(line.get<std::uint8_t>(0, static_cast<std::uint16_t>(0x1000 + 0x100 * n)), mark);
+  }
+  // Both watchdogs, from the divider on.
+  Bytes watchdogs(0x22);
+  store_u16(&watchdogs[0], 2498);
+  store_u16(&watchdogs[0x10], 7);
+  store_u16(&watchdogs[0x20], 9);
+  EXPECT_EQ(line.write(0, reg::watchdog_divider, watchdogs).counter, 1U);
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_pdi), 7);
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_process_data), 9);
+}
 
 TEST(Registers, AlControlThatWaitsIsNotAskedForAgain) {
   Line line(1);

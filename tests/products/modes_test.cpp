@@ -125,23 +125,21 @@ TEST(ProfileVelocity, StopOfTheIsmcHasARampOfItsOwn) {  // 2117h
   EXPECT_EQ(axis.status() & 0x4F, 0x07);
 }
 
-// Enabled with halt, the mode has nothing to tell yet: no slippage, and no limit.
-TEST(ProfileVelocity, BeginsHalted) {
+// While the brake opens the mode does not run and has nothing to tell: no slippage, and no limit.
+TEST(ProfileVelocity, TellsNothingWhileTheBrakeOpens) {
   Reference axis(3);
   axis.must(0x60F8, 0, 1000000);
   axis.must(0x60FF, 0, 100000);
-  for (const std::uint16_t word : std::to_array<std::uint16_t>({0x0106, 0x0107})) {
-    axis.control(word);
-    axis.run_ms(200);
-  }
-  axis.control(0x010F);
-  for (int i = 0; i < 20; ++i) {
-    axis.run_ms(1);
-    ASSERT_EQ(axis.device.drive().state(), drive::PowerState::operation_enabled);
+  drive::Configuration configuration = axis.device.drive().configuration();
+  configuration.brake_release_ms = 100;
+  axis.device.drive().configure(configuration);
+  ASSERT_TRUE(axis.enable());
+  for (int i = 0; i < 80; ++i) {
+    EXPECT_EQ(axis.demand_velocity(), 0.0) << i;
     EXPECT_EQ(axis.status() & (0x2000 | limited), 0) << i;
+    axis.run_ms(1);
   }
-  axis.control(0x000F);
-  axis.run_ms(300);
+  axis.run_ms(400);
   EXPECT_EQ(axis.demand_velocity(), 100000.0);
 }
 

@@ -255,9 +255,12 @@ TEST(SetPoints, AnotherModeEndsTheMotion) {
   axis.must(0x6060, 0, 1);
   axis.run_ms(1);
   EXPECT_NEAR(axis.demand_velocity(), 300000.0, 3000.0) << "it comes to rest from there";
+  const std::int64_t there = axis.demand();
+  axis.must(0x607F, 0, 200000);
   axis.arrive();
   const std::int64_t rest = axis.demand();
-  axis.must(0x607F, 0, 200000);
+  EXPECT_GT(rest, there + 10000) << "straight on";
+  axis.must(0x607F, 0, 100000);
   axis.run_ms(500);
   EXPECT_EQ(axis.demand(), rest);
   EXPECT_EQ(axis.demand_velocity(), 0.0);
