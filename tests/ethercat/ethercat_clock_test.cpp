@@ -459,6 +459,18 @@ TEST_F(SyncUnit, TheNearFuture) {
   EXPECT_TRUE(esc.clock().sync(0).pending);
 }
 
+// SYNC1 that is switched on while SYNC0 runs comes in the rhythm that it would have had.
+TEST_F(SyncUnit, Sync1MayJoinLater) {
+  const std::uint64_t start = system() + 1'000'000;
+  activate(start, 1'000'000, 250'000, 0x03);
+  EXPECT_EQ(pulses(2600us).size(), 2U);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x07);
+  const auto all = pulses(1ms);
+  ASSERT_EQ(all.size(), 2U);
+  EXPECT_EQ(all[0], (std::pair{0U, start + 2'000'000}));
+  EXPECT_EQ(all[1], (std::pair{1U, start + 2'250'000}));
+}
+
 // SYNC1 that is switched off and on again goes on in its own rhythm.
 TEST_F(SyncUnit, Sync1GoesOnInItsRhythm) {
   const std::uint64_t start = system() + 1'000'000;
