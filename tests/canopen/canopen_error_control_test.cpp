@@ -95,6 +95,18 @@ TEST(LifeGuarding, IsLostOnceHoweverOftenTheNodeIsPolled) {
   EXPECT_EQ(emergencies, 1U);
 }
 
+// Writing its objects again does not end a life guarding that runs.
+TEST(LifeGuarding, GoesOnWhenItsTimeIsWrittenAgain) {
+  auto device = make_device();
+  device->start();
+  ASSERT_EQ(device->write(0x100C, 0, 100, 2), AbortCode::none);
+  ASSERT_EQ(device->write(0x100D, 0, 3, 1), AbortCode::none);
+  device->send("701 RTR 1");
+  ASSERT_EQ(device->write(0x100D, 0, 3, 1), AbortCode::none);
+  EXPECT_EQ(device->advance(299ms), Frames{});
+  EXPECT_EQ(device->advance(2ms), (Frames{lost_8130}));
+}
+
 TEST(LifeGuarding, NeedsBothObjects) {
   for (const auto& [time, factor] : {std::pair{0U, 3U}, std::pair{100U, 0U}}) {
     auto device = make_device();
@@ -141,6 +153,34 @@ TEST(HeartbeatConsumer, RewritingTheEntryEndsTheError) {
   EXPECT_EQ(device->advance(100ms), (Frames{lost_8130}));
   ASSERT_EQ(device->write(0x1016, 1, 0, 4), AbortCode::none);
   EXPECT_EQ(device->others, (Frames{no_error}));
+}
+
+// Of any node, the first and the last as well.
+TEST(HeartbeatConsumer, FirstAndLastNode) {
+  auto device = make_device();
+  device->start();
+  ASSERT_EQ(device->write(0x1016, 1, 0x00010064, 4), AbortCode::none);
+  ASSERT_EQ(device->write(0x1016, 2, 0x007F0064, 4), AbortCode::none);
+  device->events.log.clear();
+  device->send("701 # 05");
+  device->send("77F # 05");
+  EXPECT_EQ(device->events.log, (Frames{"heartbeat 1 5", "heartbeat 127 5"}));
+}
+
+// A reset forgets what was heard: supervision begins again with the first heartbeat.
+TEST(HeartbeatConsumer, AResetBeginsAnew) {
+  for (const char* const reset : {"000 # 81 01", "000 # 82 01"}) {
+    auto device = make_device();
+    device->start();
+    ASSERT_EQ(device->write(0x1016, 1, 0x007F0064, 4), AbortCode::none);
+    device->send("77F # 05");
+    device->send(reset);
+    EXPECT_EQ(device->advance(1s), Frames{}) << reset;
+    device->events.log.clear();
+    device->send("77F # 05");
+    EXPECT_EQ(device->events.log, (Frames{"heartbeat 127 5"})) << "heard for the first time";
+    EXPECT_EQ(device->advance(100ms), (Frames{lost_8130})) << "the entry is still there";
+  }
 }
 
 TEST(HeartbeatConsumer, TheErrorLastsUntilAllAreBack) {

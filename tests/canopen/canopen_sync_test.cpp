@@ -95,6 +95,35 @@ TEST(Sync, ProducerDoesNotDriftWhenPolledLate) {
   EXPECT_EQ(syncs, 1000U);
 }
 
+// A device without 1019h knows no counter.
+TEST(Sync, WithoutItsObjectTheLengthDoesNotMatter) {
+  static constexpr auto table = dictionary::make_table<[] {
+    using namespace dictionary;
+    TableBuilder<10> t;
+    t.add(number_constant(0x1000, 0, ObjectCode::var, "Device type", Type::unsigned32, 0x00020192));
+    t.add(number_constant(0x1001, 0, ObjectCode::var, "Error register", Type::unsigned8, 0));
+    t.add(number_constant(0x1005, 0, ObjectCode::var, "COB-ID SYNC", Type::unsigned32, 0x80));
+    t.add(highest_sub(0x1018, ObjectCode::record, "Identity object", 1));
+    t.add(number_constant(0x1018, 1, ObjectCode::record, "Vendor-ID", Type::unsigned32, 0x319));
+    return t;
+  }>();
+  std::array<std::byte, 1> nothing{};
+  dictionary::Dictionary dictionary(table, nothing);
+  const Profile profile;
+  RecordingEvents events;
+  NodeStorage<1, 1, 1, 1, 8> storage;
+  Node node(dictionary, profile, events, storage.memory());
+  node.start(9, 0s);
+  Frame out;
+  ASSERT_TRUE(node.take(out));
+  events.log.clear();
+  for (const char* const sync : {"080 # 07", "080 #", "080 # 01 02"}) {
+    node.receive(frame_of(sync), 0s);
+    EXPECT_FALSE(node.take(out)) << "no emergency";
+  }
+  EXPECT_EQ(events.log, (Frames{"sync 0", "sync 0", "sync 0"}));
+}
+
 TEST(Sync, ProductRules) {
   auto device = make_device<>({.sync_producer = false, .sync_cob_id_fixed = true});
   device->start();

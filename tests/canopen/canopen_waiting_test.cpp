@@ -94,6 +94,19 @@ TEST(WaitingFrames, ATpdoOfATimerOrWithAMaskTakesItsNewestValue) {
   EXPECT_EQ(device->sent(), (Frames{"181 # 14 01"})) << "10 ms after the one before";
 }
 
+// A value that comes and goes while the frame waits is not in it afterwards.
+TEST(WaitingFrames, ATpdoOfATimerTakesAValueBack) {
+  auto device = make_device<>(Profile{.type_255_sends_on_change = false});
+  device->start();
+  device->map(0x1800, {0x60410010}, 255);
+  ASSERT_EQ(device->write(0x1800, 5, 10, 2), AbortCode::none);
+  hear(*device, start);
+  for (int i = 0; i < 11; ++i) change_status(*device, 11, 11);  // the timer, once
+  change_status(*device, 12, 12);
+  change_status(*device, 11, 11);
+  EXPECT_EQ(device->sent(), (Frames{"181 # 0B 00"}));
+}
+
 TEST(WaitingFrames, TheInhibitTimeDoesNotKeepAnOldValueInTheQueue) {
   auto device = make_device();
   device->start();

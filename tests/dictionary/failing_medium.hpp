@@ -10,7 +10,7 @@
 
 namespace servodrome::dictionary {
 
-// A memory that loses its power at a chosen byte, keeps unflushed bytes in a cache, or does not answer.
+// A memory that loses its power at a chosen byte, keeps unflushed bytes in a cache, does not answer, or is worn out.
 class FailingMedium final : public Medium {
  public:
   static constexpr std::uint64_t never = std::numeric_limits<std::uint64_t>::max();
@@ -44,7 +44,8 @@ class FailingMedium final : public Medium {
       if (caching) {
         cache_.emplace_back(address++, byte);
       } else {
-        memory[address++] = byte;
+        if (address != stuck_at) memory[address] = byte;
+        ++address;
       }
     }
     return true;
@@ -72,6 +73,7 @@ class FailingMedium final : public Medium {
   std::uint64_t reads_until_failure = never;
   bool fails_once = false;  // the read after the failed one works again
   bool flush_fails = false;
+  std::uint64_t stuck_at = never;  // a cell that takes nothing, and does not say so
   bool caching = false;
 
   std::uint64_t written = 0;

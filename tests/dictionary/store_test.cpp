@@ -106,6 +106,49 @@ TEST(Store, SavedValuesComeBackAndOthersDoNot) {
   EXPECT_EQ(restarted, device);
 }
 
+// What was written is read back: a cell that is worn out is an error, and what was saved before stays.
+TEST(Store, AWornOutCellIsAnError) {
+  FailingMedium medium(ample);
+  const Device before = device_with(3);
+  ASSERT_EQ(Store(medium).save(before.dictionary, Area::all), AbortCode::none);
+  FailingMedium good = medium;
+  const Device after = device_with(2);
+  ASSERT_EQ(Store(good).save(after.dictionary, Area::all), AbortCode::none);
+  unsigned cells = 0;
+  for (std::uint32_t at = ample / 2; at < ample; ++at) {  // the other bank
+    if (good.memory[at] == medium.memory[at]) continue;
+    FailingMedium worn = medium;
+    worn.stuck_at = at;
+    EXPECT_EQ(Store(worn).save(after.dictionary, Area::all), AbortCode::hardware_error) << at;
+    Device restarted;
+    ASSERT_TRUE(restarted.start(worn)) << at;
+    EXPECT_EQ(restarted, before) << at;
+    ++cells;
+  }
+  EXPECT_GT(cells, 100U);
+}
+
+// To the byte: the last chunk of 64 may be full, empty or of one byte.
+TEST(Store, ImagesOfEveryLength) {
+  struct One {
+    Blob<200> text;
+  };
+  static constexpr std::array entries{
+      var(0x2000, "Text", SERVODROME_FIELD(One, text), Access::rw, Pdo::none, {.saved = true})};
+  for (std::uint32_t length = 0; length <= 200; ++length) {
+    One saved{}, loaded{};
+    saved.text.length = length;
+    for (std::uint32_t i = 0; i < length; ++i) saved.text.bytes[i] = static_cast<char>('a' + i % 26);
+    FailingMedium medium(ample);
+    const Dictionary from(entries, std::as_writable_bytes(std::span(&saved, 1)));
+    ASSERT_EQ(Store(medium).save(from, Area::all), AbortCode::none) << length;
+    Dictionary into(entries, std::as_writable_bytes(std::span(&loaded, 1)));
+    EXPECT_EQ(Store(medium).load(into, Area::all), Store::Loaded::values) << length;
+    EXPECT_EQ(loaded.text.length, length);
+    EXPECT_EQ(loaded.text.bytes, saved.text.bytes) << length;
+  }
+}
+
 TEST(Store, EmptyOrErasedMediumHoldsNothing) {
   for (const std::byte fill : {std::byte{0x00}, std::byte{0xFF}}) {
     FailingMedium medium(ample, fill);

@@ -141,6 +141,90 @@ TEST(Clock, DifferenceRegisterIsSignAndAmount) {
   EXPECT_EQ(line.get<std::uint32_t>(0, reg::system_time_difference), 40U);
 }
 
+// 0930h takes 0080h to 3FFFh, and writing it starts the filter anew; of 0934h and 0935h depths up to 12 act.
+TEST(Clock, SpeedCounterStartHasItsLimits) {
+  struct Row {
+    unsigned written, start;
+  };
+  for (const auto& [written, start] : std::initializer_list<Row>{{0x0000, 0x0080},
+                                                                 {0x007F, 0x0080},
+                                                                 {0x0080, 0x0080},
+                                                                 {0x0081, 0x0081},
+                                                                 {0x3FFF, 0x3FFF},
+                                                                 {0x4000, 0x3FFF}}) {
+    Line line(1);
+    line.put<std::uint16_t>(0, reg::speed_counter_start, static_cast<std::uint16_t>(written));
+    EXPECT_EQ(line.get<std::uint16_t>(0, reg::speed_counter_start), start) << std::hex << written;
+  }
+}
+
+// The mean of 092Ch moves by 2^-depth of what is new: 4096 ns ahead show as 4096 / 2^depth after one comparison.
+TEST(Clock, FilterDepthOfTheDifference) {
+  for (unsigned depth = 0; depth < 16; ++depth) {
+    DistributedClock clock;
+    clock.reset(Time{0});
+    clock.set_filters(static_cast<std::uint8_t>(depth), 12);
+    EXPECT_EQ(clock.difference(), 0U);
+    clock.compare(static_cast<std::uint32_t>(clock.system_time(1ms)) - 4096, 1ms);
+    EXPECT_EQ(clock.difference(), 0x80000000U | 4096U >> std::min(depth, 12U)) << depth;
+    clock.set_filters(static_cast<std::uint8_t>(depth), 12);  // begins anew
+    EXPECT_EQ(clock.difference(), 0x80000000U);
+  }
+}
+
+// What the propagation took is no difference; 4096 ns behind are an amount without the sign.
+TEST(Clock, ComparesWithTheDelay) {
+  DistributedClock clock;
+  clock.reset(Time{0});
+  clock.set_filters(0, 12);
+  clock.set_offset(1'000'000);
+  clock.set_delay(300);
+  clock.compare(static_cast<std::uint32_t>(clock.system_time(1ms)) - 300, 1ms);
+  EXPECT_EQ(clock.difference(), 0x80000000U);
+  clock.compare(static_cast<std::uint32_t>(clock.system_time(2ms)) - 300 + 4096, 2ms);
+  EXPECT_EQ(clock.difference(), 4096U);
+}
+
+// The phase is taken out of the local time at what the speed counter allows, in the other direction, and no further.
+TEST(Clock, TakesTheDifferenceOutOfItsTime) {
+  for (const int sign : {1, -1}) {
+    DistributedClock clock;
+    clock.reset(Time{0});
+    clock.set_filters(1, 12);  // all of the difference
+    const std::uint64_t before = clock.local_time(1ms);
+    clock.compare(static_cast<std::uint32_t>(before) - static_cast<std::uint32_t>(sign * 100), 1ms);
+    EXPECT_EQ(clock.local_time(1ms), before) << "no step";
+    const auto left = [&](Time at) {
+      return static_cast<std::int64_t>(clock.local_time(at) - before) - (at - Time{1ms}).count();
+    };
+    // 1 ns every 129 periods of 10 ns, and the other way one every 8067 of them: 0.763 ns in a microsecond.
+    EXPECT_EQ(left(1ms + 100us), -sign * 76);
+    EXPECT_EQ(left(1ms + 130us), -sign * 99);
+    EXPECT_EQ(left(2ms), -sign * 100);
+    EXPECT_EQ(left(5ms), -sign * 100);
+  }
+}
+
+// A rate that is off goes into the compensation: 0932h, as the difference of the counter's periods, and bounded.
+TEST(Clock, SpeedCounterDifferenceFollowsTheRate) {
+  for (const int sign : {1, -1}) {
+    DistributedClock clock;
+    clock.reset(Time{0});
+    clock.set_oscillator(sign * 10'000, Time{0});  // 10 ppm
+    EXPECT_EQ(clock.speed_counter_difference(), 0);
+    for (int i = 1; i <= 20'000; ++i) {
+      const Time now = i * Time{100us};
+      clock.compare(static_cast<std::uint32_t>(now.count()), now);
+    }
+    // d / (5 (start + 2)^2) of 10 ppm: 839 of 1000h periods, the other way.
+    EXPECT_NEAR(clock.speed_counter_difference(), -sign * 806, 40);
+    EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(clock.local_time(2s) - 2'000'000'000U)), 0.0, 20.0);
+    clock.set_speed_counter_start(0x1000, 2s);
+    EXPECT_EQ(clock.speed_counter_difference(), 0);
+    EXPECT_EQ(clock.difference(), 0U);
+  }
+}
+
 struct Startup {
   const char* name;
   std::size_t slaves;
@@ -331,6 +415,74 @@ TEST_F(SyncUnit, SingleShotAndAcknowledge) {
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync0_status), 1);  // pulse length 0
   esc.clock().acknowledge_sync(0);
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync0_status), 0);
+}
+
+// 0982h in units of 10 ns.
+TEST_F(SyncUnit, APulseIsAsLongAsItsLength) {
+  store_u16(&line.sii[0][4], 500);
+  line.sii[0][14] = sii_checksum(std::span(line.sii[0]).first(14));
+  esc.power_on(line.now);
+  activate(system() + 1000, 1'000'000, 0, 0x03);
+  EXPECT_FALSE(esc.clock().sync_level(0, line.now)) << "not before the first";
+  line.now = esc.next_deadline(line.now);
+  EXPECT_EQ(esc.poll(line.now), 1U);
+  EXPECT_TRUE(esc.clock().sync_level(0, line.now));
+  EXPECT_TRUE(esc.clock().sync_level(0, line.now + 4999ns));
+  EXPECT_FALSE(esc.clock().sync_level(0, line.now + 5000ns));
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync0_status), 1);
+  line.now += 5us;
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync0_status), 0);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync1_status), 0);
+}
+
+// SYNC1 that is as late as a whole cycle belongs to every second SYNC0.
+TEST_F(SyncUnit, Sync1OfAWholeCycle) {
+  const std::uint64_t start = system() + 1'000'000;
+  activate(start, 1'000'000, 1'000'000, 0x07);
+  std::vector<std::uint64_t> sync1;
+  for (const auto& [n, time] : pulses(6500us)) {
+    if (n == 1) sync1.push_back(time - start);
+  }
+  EXPECT_EQ(sync1, (std::vector<std::uint64_t>{1'000'000, 3'000'000, 5'000'000}));
+}
+
+// 0981h bit 6: the near future is 2^31 ns instead of 2^63.
+TEST_F(SyncUnit, TheNearFuture) {
+  const std::uint64_t ahead = std::uint64_t{1} << 31;
+  for (const bool is_near : {true, false}) {
+    activate(system() + ahead - (is_near ? 1 : 0), 1'000'000, 0, 0x43);
+    EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status) & 0x04, is_near ? 0 : 4);
+    EXPECT_EQ(esc.clock().sync(0).pending, is_near);
+    line.put<std::uint8_t>(0, reg::sync_activation, 0);
+  }
+  activate(system() + ahead, 1'000'000, 0, 0x03);
+  EXPECT_TRUE(esc.clock().sync(0).pending);
+}
+
+// SYNC1 that is switched on while SYNC0 runs comes in the rhythm that it would have had.
+TEST_F(SyncUnit, Sync1MayJoinLater) {
+  const std::uint64_t start = system() + 1'000'000;
+  activate(start, 1'000'000, 250'000, 0x03);
+  EXPECT_EQ(pulses(2600us).size(), 2U);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x07);
+  const auto all = pulses(1ms);
+  ASSERT_EQ(all.size(), 2U);
+  EXPECT_EQ(all[0], (std::pair{0U, start + 2'000'000}));
+  EXPECT_EQ(all[1], (std::pair{1U, start + 2'250'000}));
+}
+
+// SYNC1 that is switched off and on again goes on in its own rhythm.
+TEST_F(SyncUnit, Sync1GoesOnInItsRhythm) {
+  const std::uint64_t start = system() + 1'000'000;
+  activate(start, 1'000'000, 250'000, 0x07);
+  pulses(2600us);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x03);
+  pulses(2ms);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x07);
+  const auto all = pulses(1ms);
+  ASSERT_EQ(all.size(), 2U);
+  EXPECT_EQ(all[0], (std::pair{0U, start + 4'000'000}));
+  EXPECT_EQ(all[1], (std::pair{1U, start + 4'250'000}));
 }
 
 TEST_F(SyncUnit, ALateCallerGetsOnePulseAndTheCount) {

@@ -43,6 +43,24 @@ TEST(WriteProtection, OfRegistersLeavesTheUserMemory) {
             (std::vector<unsigned>{1, 0}));
 }
 
+// What an FMMU maps is the controller's memory as well.
+TEST(WriteProtection, OfTheWholeControllerCoversMappedMemory) {
+  Line line(1);
+  line.set_sync_manager(0, 2, 0x1100, 4, 0x24);
+  line.set_fmmu(0, 0, 0, 4, 0x1100, 2);
+  line.set_fmmu(0, 1, 0x100, 4, 0x1800, 2);
+  line.set_fmmu(0, 2, 0x200, 4, 0x1800, 1);
+  EXPECT_EQ(line.send(Command::lwr, 0, {1, 2, 3, 4}).counter, 1U);
+  EXPECT_EQ(line.send(Command::lwr, 0x100, {5, 6, 7, 8}).counter, 1U);
+  line.put<std::uint8_t>(0, reg::write_protection, 1);
+  EXPECT_EQ(line.send(Command::lwr, 0, {9, 9, 9, 9}).counter, 0U);
+  EXPECT_EQ(line.send(Command::lwr, 0x100, {9, 9, 9, 9}).counter, 0U);
+  EXPECT_EQ(line.escs[0]->open_for_reading(2)[0], 1);
+  const Answer answer = line.send(Command::lrd, 0x200, Bytes(4));
+  EXPECT_EQ(answer.counter, 1U) << "reading is not protected";
+  EXPECT_EQ(answer.data, (Bytes{5, 6, 7, 8}));
+}
+
 TEST(WriteProtection, TheKeysForgetWithTheFrame) {
   Line line(1);
   line.put<std::uint8_t>(0, reg::register_write_enable, 1);
@@ -52,6 +70,34 @@ TEST(WriteProtection, TheKeysForgetWithTheFrame) {
 }
 
 // ---- What a datagram over several registers does not do to those it cannot write ----
+
+// Each register that a datagram reaches acts, wherever it begins and ends.
+TEST(Registers, ADatagramOverSeveralActsInEach) {
+  Line line(1);
+  Bytes fmmus(3 * 16);
+  for (unsigned n = 0; n < 3; ++n) {
+    store_u32(&fmmus[16 * n], 0x100 * n);
+    store_u16(&fmmus[16 * n + 4], 2);
+    fmmus[16 * n + 7] = 7;
+    store_u16(&fmmus[16 * n + 8], 0x1000 + 0x100 * n);
+    fmmus[16 * n + 11] = 2;
+    fmmus[16 * n + 12] = 1;
+  }
+  EXPECT_EQ(line.write(0, reg::fmmu, fmmus).counter, 1U);
+  for (unsigned n = 0; n < 3; ++n) {
+    const auto mark = static_cast<std::uint8_t>(0xA0 + n);
+    EXPECT_EQ(line.send(Command::lwr, 0x100 * n, {mark, 0}).counter, 1U) << n;
+    EXPECT_EQ(line.get<std::uint8_t>(0, static_cast<std::uint16_t>(0x1000 + 0x100 * n)), mark);
+  }
+  // Both watchdogs, from the divider on.
+  Bytes watchdogs(0x22);
+  store_u16(&watchdogs[0], 2498);
+  store_u16(&watchdogs[0x10], 7);
+  store_u16(&watchdogs[0x20], 9);
+  EXPECT_EQ(line.write(0, reg::watchdog_divider, watchdogs).counter, 1U);
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_pdi), 7);
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::watchdog_process_data), 9);
+}
 
 TEST(Registers, AlControlThatWaitsIsNotAskedForAgain) {
   Line line(1);
@@ -110,6 +156,98 @@ TEST(Registers, ResetForgetsWhatDlControlWas) {
   line.now += 1s;
   line.escs[0]->poll(line.now);
   EXPECT_EQ(line.get<std::uint32_t>(0, reg::dl_control), 0x00070001U);
+}
+
+// Whatever a controller did before, by RES it is as one that was just switched on: registers, mappings, watchdogs,
+// pulses, and what it waits for.
+TEST(Registers, AResetForgetsEverythingElse) {
+  Line line(1);
+  Line fresh(1);
+  Esc& esc = *line.escs[0];
+  line.write(0, reg::station_address, words({0x1234}));
+  line.put<std::uint8_t>(0, reg::physical_offset, 4);
+  line.put<std::uint16_t>(0, reg::ecat_event_mask, 0xFFFF);
+  line.set_sync_manager(0, 2, 0x1100, 4, 0x64);  // triggers the watchdog
+  line.set_fmmu(0, 0, 0x10000, 4, 0x1100, 2);
+  line.set_fmmu(0, 1, 0x10000, 4, 0x1800, 1);
+  EXPECT_EQ(line.send(Command::lrw, 0x10000, {1, 2, 3, 4}).counter, 3U);
+  line.put<std::uint64_t>(0, reg::sync_start_time, esc.clock().system_time(line.now) + 1000);
+  line.put<std::uint32_t>(0, reg::sync0_cycle, 1'000'000);
+  line.put<std::uint8_t>(0, reg::sync_activation, 3);
+  line.put<std::uint16_t>(0, reg::watchdog_divider, 100);
+  line.put<std::uint16_t>(0, reg::watchdog_pdi, 10);
+  line.put<std::uint16_t>(0, reg::system_time_filter, 0x0101);
+  line.put<std::uint32_t>(0, reg::system_time_offset, 77);
+  line.write(0, reg::dl_control, {0x03, 0x04});  // a loop is lent for a second
+  line.write(0, reg::al_control, {2, 0});
+  esc.set_al_status(2, 0x11);
+  esc.count_invalid_frame(0);
+  esc.put_off(0xFFFF);
+  esc.pdi_alive(line.now);
+  line.put<std::uint8_t>(0, reg::write_protection, 1);
+
+  // The keys of the write protection do not last beyond a frame, so each letter comes with its own.
+  for (const char letter : {'R', 'E', 'S'}) {
+    EXPECT_EQ(write_together(line, {{reg::write_enable, {1}}, {reg::reset_ecat, bytes_of(letter)}}),
+              (std::vector<unsigned>{1, 1}));
+  }
+  EXPECT_EQ(esc.attention(), Esc::attention_reset);
+  EXPECT_TRUE(esc.calls(line.now)) << "nothing is put off";
+  EXPECT_EQ(esc.quiet_until(), Esc::unknown);
+  EXPECT_EQ(esc.next_deadline(line.now), fresh.escs[0]->next_deadline(fresh.now));
+  EXPECT_EQ(line.send(Command::lrw, 0x10000, {1, 2, 3, 4}).counter, 0U);
+  EXPECT_EQ(line.send(Command::fprd, address_of(0x1234, 0), Bytes(1)).counter, 0U);
+  for (std::uint16_t at = 0; at < reg::process_memory; ++at) {
+    if (at >= reg::receive_time_port && at < reg::system_time_offset) continue;  // times
+    EXPECT_EQ(esc.read_byte(at, line.now), fresh.escs[0]->read_byte(at, fresh.now)) << std::hex << at;
+  }
+  line.now += 10s;  // longer than any of them lasts
+  EXPECT_EQ(esc.poll(line.now), 0U);
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::watchdog_status), 1);
+  EXPECT_EQ(line.get<std::uint16_t>(0, reg::dl_status), fresh.get<std::uint16_t>(0, reg::dl_status));
+  EXPECT_EQ(line.write(0, reg::al_control, {4, 0}).counter, 1U) << "no AL control waits";
+  EXPECT_EQ(line.write(0, 0x1100, {9}).counter, 1U) << "plain memory";
+  // Letters count from the first again.
+  line.write(0, reg::reset_ecat, bytes_of('S'));
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::reset_ecat), 0);
+}
+
+// ETG.1000.4 clause 6; ETG.1000.6 table 16 for what comes of the slave information.
+TEST(Registers, EveryDefaultAfterPowerOn) {
+  Line line(1);
+  store_u16(&line.sii[0][2], 0xA1B2);
+  store_u16(&line.sii[0][4], 0x0321);
+  store_u16(&line.sii[0][6], 0xC3D4);
+  line.sii[0][14] = sii_checksum(std::span(line.sii[0]).first(14));
+  line.escs[0]->power_on(line.now);
+  struct Row {
+    std::uint16_t address;
+    Bytes bytes;
+  };
+  for (const auto& [address, bytes] : std::initializer_list<Row>{
+           {0x0000, {0x11, 0x00, 0x02, 0x00}},  // type, revision, build
+           {0x0004, {8, 8, 8, 0x0F}},           // FMMUs, sync managers, KiB of memory, ports
+           {0x0008, {0xCC, 0x01}},              // features
+           {0x0010, {0, 0, 0x34, 0x12}},        // station address and alias
+           {0x0100, {0x01, 0x00, 0x07, 0x00}},  // DL control
+           {0x0108, {0, 0}},
+           {0x0120, {1, 0}},  // AL control
+           {0x0130, {1, 0, 0, 0, 0, 0}},
+           {0x0140, {0x08, 0x0E}},  // PDI control
+           {0x0150, {0xB2, 0xA1, 0xD4, 0xC3}},
+           {0x0200, {0, 0}},
+           {0x0204, {0x0F, 0xFF, 0xFF, 0x00}},  // AL event mask
+           {0x0300, Bytes(16)},
+           {0x0400, {0xC2, 0x09}},  // watchdog divider: 100 us
+           {0x0410, {0xE8, 0x03}},  // 100 ms
+           {0x0420, {0xE8, 0x03}},
+           {0x0440, {1, 0, 0, 0}},
+           {0x0930, {0x00, 0x10}},  // speed counter start
+           {0x0934, {4, 12}},       // filter depths
+           {0x0980, {0, 0, 0x21, 0x03}},
+       }) {
+    EXPECT_EQ(line.read(0, address, bytes.size()).data, bytes) << std::hex << address;
+  }
 }
 
 // ---- DL control ----

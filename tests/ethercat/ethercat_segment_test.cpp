@@ -202,6 +202,33 @@ TEST(Segment, PortReceiveTimes) {
   EXPECT_EQ(line.get<std::uint32_t>(2, reg::receive_time_port + 4), 0U);
 }
 
+// From the far end the frame passes each slave by its port 1, turns at the break, and is processed on its way back.
+TEST(Segment, PortReceiveTimesFromTheFarEnd) {
+  Line line(3, 100ns);
+  line.slaves[2].forward = line.slaves[2].backward = 350ns;
+  line.segment->set_cable(3, true);
+  line.segment->set_cable(1, false);
+  const Answer answer =
+      line.send(Command::bwr, address_of(0, reg::receive_time_port), Bytes(4), Segment::Port::secondary);
+  EXPECT_EQ(answer.exit, Segment::Exit::secondary);
+  EXPECT_EQ(answer.counter, 2U);
+  const auto at = [&](std::size_t slave, unsigned port) {
+    const std::uint16_t address = static_cast<std::uint16_t>(reg::receive_time_port + 4 * port);
+    return line.escs[slave]->read_register<std::uint32_t>(address, line.now);
+  };
+  const auto sent = static_cast<std::uint32_t>(line.escs[2]->clock().local_time(line.now));
+  EXPECT_EQ(at(2, 1), sent);
+  EXPECT_EQ(at(1, 1), sent + 350U);
+  EXPECT_EQ(at(1, 0), sent + 350U);
+  EXPECT_EQ(at(2, 0), sent + 2 * 350U);
+  EXPECT_EQ(at(0, 0), 0U) << "before the break";
+  EXPECT_EQ(at(0, 1), 0U);
+  // A frame that latches nothing leaves them as they are.
+  line.now += 1us;
+  line.send(Command::brd, address_of(0, reg::receive_time_port), Bytes(4), Segment::Port::secondary);
+  EXPECT_EQ(at(2, 1), sent);
+}
+
 // 0900h: any write with an address match counts, only BWR and FPWR latch at the ports (the datasheets of the ESCs).
 TEST(Segment, PortReceiveTimesByBroadcastAndStationOnly) {
   Line line(2, 100ns);

@@ -1,3 +1,6 @@
+#include <set>
+#include <string>
+
 #include "slave_rig.hpp"
 
 // Changes of state, their checks and their AL status codes (ETG.1000.6 clause 6.4, ETG.1020 table 11).
@@ -236,6 +239,20 @@ TEST_F(StateMachine, TheDeviceMayFallBack) {
   EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::no_valid_inputs}));
 }
 
+// An error of the state it is in already: shown and acknowledged as any other, without a change.
+TEST_F(StateMachine, AFallBackWithinTheStateIsAnError) {
+  to_safe_operational();
+  cycle();
+  EXPECT_NE(send(Command::lwr, 0x1000, Bytes(7)).counter, 0U);
+  const std::size_t changes = events.changes.size();
+  slave.fall_back(AlState::safe_operational, AlStatusCode::fatal_sync_error, line.now);
+  EXPECT_EQ(status(), (std::pair{0x14U, AlStatusCode::fatal_sync_error}));
+  EXPECT_EQ(events.changes.size(), changes);
+  EXPECT_EQ(send(Command::lwr, 0x1000, Bytes(7)).counter, 0U) << "outputs are not taken before it is acknowledged";
+  EXPECT_EQ(request(0x14), good(4));
+  EXPECT_NE(send(Command::lwr, 0x1000, Bytes(7)).counter, 0U);
+}
+
 TEST_F(StateMachine, ResetOverTheBus) {
   to_operational();
   for (const char letter : {'R', 'E', 'S'}) write(reg::reset_ecat, bytes_of(letter));
@@ -278,6 +295,96 @@ TEST_F(BootingSlave, Bootstrap) {
   EXPECT_EQ(request(0x13), good(3));
   EXPECT_EQ(request(2), (std::pair{0x13U, AlStatusCode::invalid_requested_state_change}));
   EXPECT_EQ(request(0x11), good(1));
+}
+
+// The numbers of ETG.1020 table 11; the words say what the table's say.
+TEST(AlStatusCodes, HaveTheStandardsNumbersAndWords) {
+  struct Row {
+    std::uint16_t code;
+    const char* word;
+  };
+  std::set<std::string> texts;
+  for (const auto& [code, word] : std::to_array<Row>({
+           {0x0000, "no error"},
+           {0x0001, "unspecified"},
+           {0x0002, "no memory"},
+           {0x0003, "device setup"},
+           {0x0004, "revision"},
+           {0x0006, "SII"},
+           {0x0007, "firmware update"},
+           {0x000E, "license"},
+           {0x0011, "invalid requested state"},
+           {0x0012, "unknown requested state"},
+           {0x0013, "bootstrap not supported"},
+           {0x0014, "no valid firmware"},
+           {0x0015, "(bootstrap)"},
+           {0x0016, "mailbox configuration"},
+           {0x0017, "sync manager configuration"},
+           {0x0018, "no valid inputs"},
+           {0x0019, "no valid outputs"},
+           {0x001A, "synchronization error"},
+           {0x001B, "sync manager watchdog"},
+           {0x001C, "sync manager types"},
+           {0x001D, "output configuration"},
+           {0x001E, "input configuration"},
+           {0x001F, "watchdog configuration"},
+           {0x0020, "cold start"},
+           {0x0021, "needs Init"},
+           {0x0022, "needs Pre-Operational"},
+           {0x0023, "needs Safe-Operational"},
+           {0x0024, "input mapping"},
+           {0x0025, "output mapping"},
+           {0x0026, "inconsistent settings"},
+           {0x0027, "free run not supported"},
+           {0x0028, "synchronization not supported"},
+           {0x0029, "three-buffer"},
+           {0x002A, "background watchdog"},
+           {0x002B, "inputs and outputs"},
+           {0x002C, "fatal"},
+           {0x002D, "no synchronization"},
+           {0x002E, "FMMU"},
+           {0x0030, "DC SYNC configuration"},
+           {0x0031, "latch"},
+           {0x0032, "PLL"},
+           {0x0033, "IO error"},
+           {0x0034, "timeout"},
+           {0x0035, "SYNC cycle time"},
+           {0x0036, "SYNC0"},
+           {0x0037, "SYNC1"},
+           {0x0041, "AoE"},
+           {0x0042, "EoE"},
+           {0x0043, "CoE"},
+           {0x0044, "FoE"},
+           {0x0045, "SoE"},
+           {0x004F, "VoE"},
+           {0x0050, "EEPROM no access"},
+           {0x0051, "EEPROM error"},
+           {0x0052, "hardware not ready"},
+           {0x0060, "restarted locally"},
+           {0x0061, "identification"},
+           {0x0070, "module ident list"},
+           {0x0080, "voltage too low"},
+           {0x0081, "voltage too high"},
+           {0x0082, "temperature too low"},
+           {0x0083, "temperature too high"},
+           {0x00F0, "application controller"},
+       })) {
+    const char* said = text(AlStatusCode{code});
+    ASSERT_NE(said, nullptr) << std::hex << code;
+    EXPECT_NE(std::string(said).find(word), std::string::npos) << std::hex << code << " is \"" << said << '"';
+    EXPECT_TRUE(texts.insert(said).second) << said << " is said of two codes";
+  }
+  EXPECT_STREQ(text(AlStatusCode{0x7FFF}), "unknown AL status code");
+}
+
+// ETG.1000.6 clause 6.4.1.
+TEST(AlStates, HaveTheStandardsNumbersAndNames) {
+  EXPECT_STREQ(text(AlState{1}), "Init");
+  EXPECT_STREQ(text(AlState{2}), "Pre-Operational");
+  EXPECT_STREQ(text(AlState{3}), "Bootstrap");
+  EXPECT_STREQ(text(AlState{4}), "Safe-Operational");
+  EXPECT_STREQ(text(AlState{8}), "Operational");
+  EXPECT_STREQ(text(AlState{5}), "unknown state");
 }
 
 }  // namespace

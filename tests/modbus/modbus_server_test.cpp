@@ -139,6 +139,43 @@ TEST_F(ServerTest, Exceptions) {
   EXPECT_EQ(ask("17 00 00 00 01 00 00 00 7A F4"), "97 03") << "122 registers";
 }
 
+// The most registers that one request may name (6.3, 6.12, 6.17), on an object that has so many, and one more.
+TEST(ModbusServer, MostRegistersOfOneRequest) {
+  struct Objects {
+    dictionary::Blob<252> name;
+  } objects;
+  static constexpr auto table = std::to_array<dictionary::Entry>(
+      {dictionary::var(0x2000, "", SERVODROME_FIELD(Objects, name), dictionary::Access::rw)});
+  dictionary::Dictionary dictionary(table, std::as_writable_bytes(std::span(&objects, 1)));
+  // The same object at four addresses, with as many registers as a request may have, and with more.
+  constexpr auto map = std::to_array<Register>(
+      {{0, 0x2000, 0, 121}, {0x1000, 0x2000, 0, 123}, {0x2000, 0x2000, 0, 125}, {0x3000, 0x2000, 0, 126}});
+  Server server{dictionary, map, standard};
+  const auto ask = [&server](std::vector<std::uint8_t> request, unsigned registers) {
+    request.resize(request.size() + 2 * registers, 'x');
+    std::array<std::uint8_t, longest_pdu> response{};
+    return std::vector<std::uint8_t>(response.begin(),
+                                     response.begin() + static_cast<std::ptrdiff_t>(server.answer(request, response)));
+  };
+  using Bytes = std::vector<std::uint8_t>;
+  EXPECT_EQ(ask({0x10, 0x10, 0, 0, 123, 246}, 123), (Bytes{0x10, 0x10, 0, 0, 123}));
+  EXPECT_EQ(objects.name.length, 246U);
+  EXPECT_EQ(ask({0x10, 0x20, 0, 0, 124, 248}, 124), (Bytes{0x90, 3}));
+  Bytes response = ask({0x03, 0x20, 0, 0, 125}, 0);
+  EXPECT_EQ(response.size(), 252U);
+  EXPECT_EQ(response[1], 250);
+  EXPECT_EQ(response[247], 'x') << "the last that was written";
+  EXPECT_EQ(response[248], 0);
+  EXPECT_EQ(ask({0x03, 0x30, 0, 0, 126}, 0), (Bytes{0x83, 3}));
+  response = ask({0x17, 0x20, 0, 0, 125, 0, 0, 0, 121, 242}, 121);
+  EXPECT_EQ(response.size(), 252U);
+  EXPECT_EQ(objects.name.length, 242U);
+  EXPECT_EQ(ask({0x17, 0x20, 0, 0, 125, 0x10, 0, 0, 122, 244}, 122), (Bytes{0x97, 3}));
+  EXPECT_EQ(ask({0x17, 0x30, 0, 0, 126, 0, 0, 0, 121, 242}, 121), (Bytes{0x97, 3}));
+  EXPECT_EQ(ask({0x17, 0x20, 0, 0, 0, 0, 0, 0, 121, 242}, 121), (Bytes{0x97, 3}));
+  EXPECT_EQ(ask({0x17, 0x20, 0, 0, 1, 0, 0, 0, 0, 0}, 0), (Bytes{0x97, 3}));
+}
+
 TEST_F(ServerTest, WrongLengths) {
   const char* requests[] = {"03 00 00 00 01", "04 00 00 00 01", "06 00 00 00 01", "10 00 00 00 01 02 00 01",
                             "17 00 00 00 01 00 00 00 01 02 00 01"};
@@ -203,9 +240,27 @@ TEST_F(ServerTest, DeviceIdentificationInSeveralResponses) {
   }
 }
 
+// Clause 7 of the standard.
 TEST(ModbusException, HasWords) {
-  EXPECT_STREQ(text(Exception::illegal_data_address), "illegal data address");
-  EXPECT_STREQ(text(static_cast<Exception>(99)), "unknown exception");
+  struct Row {
+    std::uint8_t code;
+    const char* words;
+  };
+  for (const auto& [code, words] : std::to_array<Row>({{0x00, "no exception"},
+                                                       {0x01, "illegal function"},
+                                                       {0x02, "illegal data address"},
+                                                       {0x03, "illegal data value"},
+                                                       {0x04, "server device failure"},
+                                                       {0x05, "acknowledge"},
+                                                       {0x06, "server device busy"},
+                                                       {0x07, "unknown exception"},
+                                                       {0x08, "memory parity error"},
+                                                       {0x09, "unknown exception"},
+                                                       {0x0A, "gateway path unavailable"},
+                                                       {0x0B, "gateway target device failed to respond"},
+                                                       {0x63, "unknown exception"}})) {
+    EXPECT_STREQ(text(Exception{code}), words) << +code;
+  }
 }
 
 }  // namespace

@@ -254,13 +254,22 @@ TEST(IsmkHoming, AtPowerOn) {
 
 // 6099h sub 4: the current of homing (L1405).
 TEST(IsmkHoming, CurrentLimit) {
+  for (const auto& [method, direction] : {std::pair{3, 1.0}, std::pair{5, -1.0}}) {
+    Homing rig(simple_world(20000), 0, positive_limit_function);
+    rig.set(0x6099, 4, 200);
+    rig.start(static_cast<std::int8_t>(method));
+    rig.run_ms(50);
+    EXPECT_GT(direction * rig.plant.velocity_rpm(), 0.0);
+    rig.plant.lock_rotor(true);
+    rig.run_ms(50);
+    EXPECT_NEAR(direction * static_cast<double>(static_cast<std::int16_t>(rig.get(0x6078))), 200.0, 8.0);
+  }
   Homing rig(simple_world(20000), 0, positive_limit_function);
   rig.set(0x6099, 4, 200);
   rig.start(3);
   rig.run_ms(50);
   rig.plant.lock_rotor(true);
   rig.run_ms(50);
-  EXPECT_NEAR(static_cast<double>(rig.get(0x6078)), 200.0, 8.0);
   // In another mode the limit is that of 6073h.
   rig.control(0x06);
   rig.set(0x6060, 0, -3);

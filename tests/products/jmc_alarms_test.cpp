@@ -858,6 +858,67 @@ TEST(JmcAlarms, Lamps) {
   }
 }
 
+// What an alarm shows is not hidden by a limit switch that is active as well.
+TEST(JmcAlarms, LampsOfAnAlarmComeBeforeThoseOfInputs) {
+  for (const bool flashes : {true, false}) {
+    JmcBus rig;
+    for (const drive::FaultRow& fault : products::jmc_ec::faults) {
+      if (fault.reaction == drive::Reaction::none) continue;
+      const std::uint8_t count = products::jmc_ec::flashes_of(fault.alarm);
+      if ((count != 0) != flashes) continue;
+      rig.device.drive().raise(fault.cause);
+      rig.plant.force_input(2, true);
+      rig.run_ms(2);
+      EXPECT_EQ(rig.device.leds(rig.now()).alarm_flashes, count) << fault.alarm;
+      EXPECT_EQ(rig.device.leds(rig.now()).alarm_on, !flashes) << fault.alarm;
+      break;
+    }
+  }
+}
+
+// The front as others see it: six lamps, each as the drive drives it (L366, L373-375, L1138-1168).
+TEST(JmcAlarms, LampsOfTheFront) {
+  using products::Light;
+  JmcBus rig;
+  const auto lamp = [&rig](std::string_view name) {
+    rig.run_ms(2);
+    for (const products::Lamp& one : rig.device.lamps(rig.now()).all()) {
+      if (one.name == name) return std::pair{one.light, one.flashes};
+    }
+    ADD_FAILURE() << name;
+    return std::pair{Light::off, std::uint8_t{0}};
+  };
+  constexpr std::uint8_t none = 0;
+  std::vector<std::string> names;
+  for (const products::Lamp& one : rig.device.lamps(rig.now()).all()) {
+    names.push_back(std::string(one.name) + " " + std::string(one.colour));
+  }
+  EXPECT_EQ(names,
+            (std::vector<std::string>{"power green", "alarm red", "RUN green", "ERR red", "IN yellow", "OUT yellow"}));
+  rig.segment.set_cable(0, false);
+  EXPECT_EQ(lamp("power"), (std::pair{Light::blinking, none}));
+  EXPECT_EQ(lamp("IN"), (std::pair{Light::off, none}));
+  rig.segment.set_cable(0, true);
+  EXPECT_EQ(lamp("power"), (std::pair{Light::on, none}));
+  EXPECT_EQ(lamp("IN"), (std::pair{Light::on, none}));
+  EXPECT_EQ(lamp("OUT"), (std::pair{Light::off, none}));
+  EXPECT_EQ(lamp("RUN"), (std::pair{Light::off, none}));
+  EXPECT_EQ(lamp("ERR"), (std::pair{Light::off, none}));
+  EXPECT_EQ(lamp("alarm"), (std::pair{Light::off, none}));
+  rig.to_pre_operational();
+  EXPECT_EQ(lamp("RUN"), (std::pair{Light::blinking, none}));
+  rig.run_ms(200);
+  rig.to_safe_operational();
+  EXPECT_EQ(lamp("RUN"), (std::pair{Light::flashes, std::uint8_t{1}}));
+  rig.plant.force_input(2, true);
+  EXPECT_EQ(lamp("alarm"), (std::pair{Light::flashes, std::uint8_t{6}}));
+  rig.plant.force_input(2, false);
+  EXPECT_EQ(lamp("alarm"), (std::pair{Light::off, none}));
+  rig.exchange();
+  ASSERT_EQ(rig.request(8), rig.good(8));
+  EXPECT_EQ(lamp("RUN"), (std::pair{Light::on, none}));
+}
+
 // Each printed count has an alarm or an input.
 TEST(JmcAlarms, EachFlashCountHasACause) {
   std::set<int> counts{6, 7, 8};

@@ -104,6 +104,22 @@ struct Gear {
   std::int64_t user_per_revolution;
 };
 
+// Each of the three objects acts when it is written, whichever of them is the last.
+TEST(JmcExamples, EachPartOfTheGearActs) {
+  for (const std::uint16_t index : std::to_array<std::uint16_t>({0x608F, 0x6091, 0x6092})) {
+    JmcRig rig;
+    rig.to_pre_operational();
+    const auto counts = [&rig] { return rig.device.drive().axis().units.position.value(); };
+    const double before = counts();
+    const auto window = static_cast<double>(rig.get(0x6067));
+    const std::int64_t written = rig.get(index, 1);
+    ASSERT_EQ(rig.download(index, 1, 2 * written, 4), AbortCode::none);
+    const double change = counts() / before;
+    EXPECT_TRUE(change == 2.0 || change == 0.5) << std::hex << index;
+    EXPECT_NEAR(static_cast<double>(rig.get(0x6067)), window / change, 1.0) << std::hex << index;
+  }
+}
+
 // Digest 14: 10000 and 2000 command units for a revolution of 4000 increments (L1651, L1677, L1683).
 TEST(JmcExamples, ElectronicGear) {
   for (const Gear& gear : {Gear{4000, 1, 1, 1, 4000, 1, 4000}, Gear{4000, 1, 1, 1, 10000, 1, 10000},

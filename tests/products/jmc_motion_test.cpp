@@ -111,10 +111,19 @@ TEST(JmcMotion, PositionChangeLimitation) {
     EXPECT_LE(rig.position(), 2200 + 30 * (i + 1));
   });
   EXPECT_TRUE(warned);
+  const drive::Axis& axis = rig.device.drive().axis();
+  const auto demand = [&axis] { return static_cast<double>(axis.units.to_user(axis.generator.nearest_position())); };
+  double before = demand();
+  rig.cycles(10, [&](int) { rig.put<std::int32_t>(Out::position, 2200 + 2000); });
+  EXPECT_NEAR(demand() - before, 10 * 30, 2.0) << "as far as it may";
   rig.settle();
   EXPECT_NEAR(rig.position(), 4200, 3) << "the rest follows";
   EXPECT_FALSE(rig.bit(7));
-  rig.cycles(60, [&](int) { rig.put<std::int32_t>(Out::position, 1200); });
+  rig.cycles(10, [&](int) { rig.put<std::int32_t>(Out::position, 1200); });
+  before = demand();
+  rig.cycles(10, [&](int) { rig.put<std::int32_t>(Out::position, 1200); });
+  EXPECT_NEAR(demand() - before, -10 * 100, 2.0);
+  rig.cycles(40, [&](int) { rig.put<std::int32_t>(Out::position, 1200); });
   rig.settle();
   EXPECT_NEAR(rig.position(), 1200, 3) << "at -100 each, the default of sub 1";
 }

@@ -145,6 +145,27 @@ TEST(LoweredSpeedLimit, RaisedAgainTheMoveGoesOnAsItWas) {
   rig.run_ms(300);
   EXPECT_NEAR(rig.plant.velocity_rpm(), fast_rpm, 0.03 * fast_rpm);
 }
+// A motion that has passed its target goes on with its end velocity 6082h: that comes down to the limit, too.
+TEST(LoweredSpeedLimit, TheEndVelocitySlowsDown) {
+  for (const double direction : {1.0, -1.0}) {
+    Rig<Generic402> rig;
+    ASSERT_NO_FATAL_FAILURE(enable_with_ramps(rig, 1));
+    rig.set(0x6082, 0, user_velocity(rig, fast_rpm));
+    rig.set(0x607A, 0, std::llround(direction * 10.0 * axis_of(rig).units.counts_per_revolution));
+    rig.run_ms(2);
+    rig.control(0x1F);
+    rig.run_ms(900);
+    ASSERT_TRUE(axis_of(rig).generator.finished());
+    ASSERT_NEAR(direction * rig.plant.velocity_rpm(), fast_rpm, 0.03 * fast_rpm);
+    ASSERT_TRUE(lower(rig, max_profile_velocity));
+    ASSERT_NO_FATAL_FAILURE(slows_down(rig));
+    EXPECT_GT(direction * rig.plant.velocity_rpm(), 0.0);
+    ASSERT_EQ(rig.set(max_profile_velocity, 0, 0), dictionary::AbortCode::none);  // no limit
+    rig.run_ms(400);
+    EXPECT_NEAR(direction * rig.plant.velocity_rpm(), fast_rpm, 0.03 * fast_rpm);
+  }
+}
+
 TEST(LoweredSpeedLimit, CyclicVelocitySlowsDown) {
   Rig<Generic402> rig;
   ASSERT_NO_FATAL_FAILURE(enable_with_ramps(rig, 9));

@@ -125,6 +125,24 @@ TEST(ProfileVelocity, StopOfTheIsmcHasARampOfItsOwn) {  // 2117h
   EXPECT_EQ(axis.status() & 0x4F, 0x07);
 }
 
+// While the brake opens the mode does not run and has nothing to tell: no slippage, and no limit.
+TEST(ProfileVelocity, TellsNothingWhileTheBrakeOpens) {
+  Reference axis(3);
+  axis.must(0x60F8, 0, 1000000);
+  axis.must(0x60FF, 0, 100000);
+  drive::Configuration configuration = axis.device.drive().configuration();
+  configuration.brake_release_ms = 100;
+  axis.device.drive().configure(configuration);
+  ASSERT_TRUE(axis.enable());
+  for (int i = 0; i < 80; ++i) {
+    EXPECT_EQ(axis.demand_velocity(), 0.0) << i;
+    EXPECT_EQ(axis.status() & (0x2000 | limited), 0) << i;
+    axis.run_ms(1);
+  }
+  axis.run_ms(400);
+  EXPECT_EQ(axis.demand_velocity(), 100000.0);
+}
+
 // --- Velocity mode
 
 struct Vl : testing::Test {
@@ -156,6 +174,18 @@ TEST_F(Vl, RampsAreSpeedPerTime) {
   axis.run_ms(500);
   axis.control(0x02);  // quick stop by 604Ah
   EXPECT_NEAR(axis.ms_until([&] { return rpm() == 0.0; }), 100.0, 0.6);
+}
+
+// A ramp that is changed on its own acts on the motion that is under way.
+TEST_F(Vl, RampsMayChangeUnderWay) {
+  axis.must(0x6042, 0, 1500);
+  axis.run_ms(500);  // 750 rpm
+  axis.must(0x6048, 1, 3000);
+  EXPECT_NEAR(axis.ms_until([&] { return std::abs(rpm() - 1500.0) < 1e-6; }), 250.0, 1.1);
+  axis.must(0x6042, 0, 0);
+  axis.run_ms(500);  // 750 rpm again
+  axis.must(0x6049, 1, 6000);
+  EXPECT_NEAR(axis.ms_until([&] { return rpm() == 0.0; }), 250.0, 1.1);
 }
 
 TEST_F(Vl, AmountsLimitBothDirections) {  // 6046h

@@ -1,6 +1,7 @@
 #include <cmath>
 #include <gtest/gtest.h>
 #include <optional>
+#include <string>
 
 #include "products/generic402/generic402.hpp"
 #include "products/ismc/ismc.hpp"
@@ -871,6 +872,32 @@ TEST(Reset, OfCommunicationLeavesTheOtherObjectsAlone) {
   axis.run_ms(1);
   EXPECT_EQ(axis.get(0x6092, 1), 131072);
   EXPECT_EQ(axis.get(0x6083), 1310720);
+}
+
+// CiA 402-2 figure 4.
+TEST(PowerStateNames, AreTheStandards) {
+  EXPECT_STREQ(name(PowerState::not_ready_to_switch_on), "not ready to switch on");
+  EXPECT_STREQ(name(PowerState::switch_on_disabled), "switch on disabled");
+  EXPECT_STREQ(name(PowerState::ready_to_switch_on), "ready to switch on");
+  EXPECT_STREQ(name(PowerState::switched_on), "switched on");
+  EXPECT_STREQ(name(PowerState::operation_enabled), "operation enabled");
+  EXPECT_STREQ(name(PowerState::quick_stop_active), "quick stop active");
+  EXPECT_STREQ(name(PowerState::fault_reaction_active), "fault reaction active");
+  EXPECT_STREQ(name(PowerState::fault), "fault");
+  EXPECT_STREQ(name(PowerState{200}), "unknown");
+}
+
+// A name says one cause, and what says none is none.
+TEST(FaultCauseNames, LeadBackToTheCause) {
+  for (unsigned i = 0; i < static_cast<unsigned>(drive::Cause::count_of_causes); ++i) {
+    const drive::Cause cause{static_cast<std::uint8_t>(i)};
+    EXPECT_EQ(drive::cause_from_name(name(cause)), cause) << name(cause);
+    EXPECT_EQ(drive::cause_from_name((std::string(name(cause)) + "s").c_str()), drive::Cause::none);
+  }
+  EXPECT_STREQ(name(drive::Cause::none), "none");
+  EXPECT_STREQ(name(drive::Cause::over_voltage), "over_voltage");
+  EXPECT_EQ(drive::cause_from_name("over_volt"), drive::Cause::none);
+  EXPECT_EQ(drive::cause_from_name(""), drive::Cause::none);
 }
 
 }  // namespace

@@ -242,6 +242,30 @@ TEST(SetPoints, EndVelocityIsPassedWithAndKept) {
   EXPECT_EQ(axis.demand(), 300000);
 }
 
+// A motion that another mode ended is over: nothing that is written in profile position afterwards takes it up again.
+TEST(SetPoints, AnotherModeEndsTheMotion) {
+  Positioning<Generic402> axis;
+  ASSERT_TRUE(axis.enable());
+  axis.give(2000000);
+  axis.run_ms(600);
+  ASSERT_GT(axis.demand_velocity(), 100000.0);
+  axis.must(0x60FF, 0, 300000);
+  axis.must(0x6060, 0, 3);
+  axis.run_ms(500);
+  axis.must(0x6060, 0, 1);
+  axis.run_ms(1);
+  EXPECT_NEAR(axis.demand_velocity(), 300000.0, 3000.0) << "it comes to rest from there";
+  const std::int64_t there = axis.demand();
+  axis.must(0x607F, 0, 200000);
+  axis.arrive();
+  const std::int64_t rest = axis.demand();
+  EXPECT_GT(rest, there + 10000) << "straight on";
+  axis.must(0x607F, 0, 100000);
+  axis.run_ms(500);
+  EXPECT_EQ(axis.demand(), rest);
+  EXPECT_EQ(axis.demand_velocity(), 0.0);
+}
+
 TEST(SetPoints, EndVelocityAboveTheProfileVelocityIsClipped) {
   Positioning<Generic402> axis;
   ASSERT_TRUE(axis.enable());

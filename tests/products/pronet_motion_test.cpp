@@ -443,6 +443,22 @@ TEST(PronetMotion, TorqueLimitShowsInBit11) {
   EXPECT_NEAR(static_cast<double>(axis.get(0x320D)), 20.0, 1.0);  // Un003, per cent
 }
 
+// Un000 and Un001 in rpm.
+TEST(PronetMotion, MonitorsOfTheSpeed) {
+  Axis axis;
+  axis.run_ms(1);
+  must_set(axis, 0x6060, 0, 3);
+  ASSERT_TRUE(axis.enable());
+  for (const std::int64_t target : {6000, -3000}) {  // 0.1 rpm
+    must_set(axis, 0x60FF, 0, target);
+    axis.run_ms(1500);
+    const auto rpm = [&axis](std::uint16_t index) { return static_cast<std::int16_t>(axis.get(index)); };
+    EXPECT_NEAR(axis.plant.velocity_rpm(), 0.1 * static_cast<double>(target), 3.0);
+    EXPECT_NEAR(rpm(0x320A), axis.plant.velocity_rpm(), 2.0);
+    EXPECT_NEAR(rpm(0x320B), 0.1 * static_cast<double>(target), 1.0);
+  }
+}
+
 // --- Ramps beyond what the motor can do: as steep as the torque limits allow, and no over current.
 
 TEST(PronetMotion, TheSteepestRampsAreNoOverCurrent) {

@@ -82,6 +82,19 @@ TEST_F(Serial10Line, GarbledCharactersSpoilTheFrame) {
   EXPECT_EQ(send(enable.bytes), confirmed);
 }
 
+// A garbled character belongs to the frame before it up to the same pause as any other.
+TEST_F(Serial10Line, GarbledCharactersAfterAPause) {
+  const std::span<const std::uint8_t> bytes(enable.bytes);
+  for (const bool too_late : {false, true}) {
+    server.reset();
+    EXPECT_EQ(send(bytes.first(4)), "");
+    now += Server::partial_frame_timeout + (too_late ? 1ns : 0ns);
+    server.receive_garbled(now);
+    EXPECT_EQ(send(bytes.first(too_late ? 9 : 5)), "") << "the spoilt frame ends here";
+    EXPECT_EQ(send(bytes), confirmed) << too_late;
+  }
+}
+
 TEST_F(Serial10Line, AnAnswerNobodyTookIsGone) {
   for (const std::uint8_t byte : enable.bytes) server.receive(byte, now += 87us);
   server.receive(1, now += 87us);
