@@ -570,7 +570,11 @@ void Watch::speed_limits() {
     return;
   }
   const double ramp = slope();
-  if (over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most || ramp < excess_.slope) {
+  const double least = 0.02 * most + 0.002 * greatest_speed();
+  const bool restarts = most != excess_.most || ramp < excess_.slope;
+  // A demand that is put where the shaft is moves back for a cycle, and goes on as fast.
+  if (!restarts && over <= least && std::abs(static_cast<double>(now.velocity)) - most > least) return;
+  if (over <= least || restarts) {
     const double seconds = ramp > 0.0 ? std::max(over, 0.0) / ramp : 0.0;
     excess_ = {tick_, most, ramp, (objects_.motion_profile_type != 0 ? 2.5 : 1.1) * seconds + lag_s};
     return;
