@@ -678,7 +678,8 @@ void Watch::stops() {
   }
   const double late = static_cast<double>(tick_ - stop_.since) * tick_s - stop_.seconds;
   // A soft loop may swing for long about a demand that rests at the end of its ramp.
-  const bool swings = kind == StopKind::no_target && drive_.axis().demand.velocity == 0.0F;
+  const bool swings =
+      (kind == StopKind::no_target || kind == StopKind::homing) && drive_.axis().demand.velocity == 0.0F;
   if (late > 0.3 && !swings && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
     const char* broken = kind == StopKind::velocity ? "velocity-not-obeyed" : "stop-never-ends";
     fail(broken, fmt::format("{}: still {:.0f} rpm after {:.3f} s; {:.3f} s are enough for it", name, rpm(velocity_),

@@ -125,7 +125,9 @@ TEST_F(LimitedAxis, RoomToTheLimits) {
   EXPECT_EQ(axis.room_from(0).above, endless);
   policy.out_of_limits = OutOfLimits::clip;
   objects.max_position_range_limit = 9999;
-  EXPECT_EQ(axis.room_from(0).below, endless) << "positions wrap";
+  EXPECT_EQ(axis.room_from(500).above, 1500.0);
+  EXPECT_EQ(axis.room_from(10500).above, 1500.0) << "positions wrap";
+  EXPECT_EQ(axis.room_from(-9500).above, 1500.0);
   EXPECT_EQ(axis.nearest_within_software_limits(5000), 5000);
 }
 

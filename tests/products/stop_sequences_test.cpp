@@ -3,10 +3,10 @@
 
 #include "ismk_rig.hpp"
 #include "jmc_bus.hpp"
-#include "products/generic402/generic402.hpp"
 #include "products/generic402/generic402_ec.hpp"
 #include "products/ismc/ismc.hpp"
 #include "products/pronet/pronet.hpp"
+#include "reference_axis.hpp"
 
 // What may come before a stop, and after one: jumps of the target, ramps of zero, limits, loads that lag. The true
 // shaft is measured, not what the drive shows.
@@ -21,19 +21,11 @@ using products::Ismc;
 using products::Pronet;
 using test::IsmkRig;
 using test::JmcBus;
+using test::one_move;
+using test::Reference;
 using test::Rig;
 
 // --- Ramps of zero
-
-template <typename RigType>
-void one_move(RigType& rig, std::int64_t stroke) {
-  rig.set(0x607A, 0, stroke);
-  rig.control(0x0F);
-  rig.run_ms(2);
-  rig.control(0x5F);
-  rig.run_ms(2);
-  rig.control(0x0F);
-}
 
 // A set-point without a profile moves nothing, whatever moved before.
 template <typename RigType>
@@ -445,24 +437,6 @@ TEST(AfterAChangeOfMode, ARelativeSetPointCountsFromTheRest) {
   relative_after_a_change_of_mode(Rig<Pronet>{}, 131072.0);
   relative_after_a_change_of_mode(IsmkRig{}, 65536.0);
 }
-
-struct Reference : Rig<Generic402> {
-  explicit Reference(std::int64_t mode) {
-    set(0x6060, 0, mode);
-    set(0x6081, 0, 131072 * 2);
-    set(0x6083, 0, 131072 * 10);
-    set(0x6084, 0, 131072 * 10);
-    set(0x2030, 1, static_cast<std::int64_t>(Signal::positive_limit));
-    EXPECT_TRUE(enable());
-  }
-  void limit_turns(double least, double greatest) {
-    set(0x607D, 1, std::lround(131072.0 * least));
-    set(0x607D, 2, std::lround(131072.0 * greatest));
-  }
-  double turns() { return static_cast<double>(plant.position_counts()) / 131072.0; }
-  double turns_per_s() { return plant.velocity_rpm() / 60.0; }
-  bool bit(unsigned number) { return (status() >> number & 1U) != 0; }
-};
 
 TEST(SoftwareLimitSetInMotion, EndsAPositioning) {
   Reference axis(1);
