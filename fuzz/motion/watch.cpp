@@ -590,10 +590,13 @@ void Watch::speed_limits() {
 void Watch::stops() {
   StopKind kind = StopKind::none;
   const drive::Command command = drive::command_of(objects_.controlword);
-  if (mode_ != Mode::profile_position || state_ != PowerState::operation_enabled || mode_since_ == tick_) {
+  // A set-point that is given while the DC link charges counts with Operation enabled.
+  const bool operates = state_ == PowerState::operation_enabled;
+  if (mode_ != Mode::profile_position || mode_since_ == tick_ ||
+      (!operates && before_ == PowerState::operation_enabled)) {
     has_target_ = false;
   } else if ((objects_.controlword & controlword::mode_bit_4) != 0 ||
-             (objects_.statusword & drive::statusword::mode_bit_12) != 0) {
+             (operates && (objects_.statusword & drive::statusword::mode_bit_12) != 0)) {
     has_target_ = true;
   }
   const bool resets = (objects_.controlword & controlword::fault_reset) != 0;
