@@ -172,8 +172,8 @@ TEST_F(Monitored, Temperatures) {
                            {&Feedback::winding_temperature_c, 130.0F, Cause::motor_hot},
                            {&Feedback::encoder_temperature_c, 95.0F, Cause::encoder_hot},
                            {&Feedback::ambient_temperature_c, 60.0F, Cause::ambient_hot}})) {
-    const auto warns_at = [&](float celsius) {
-      feedback.*measured = celsius;
+    const auto warns_at = [&, place = measured](float celsius) {
+      feedback.*place = celsius;
       cycle();
       return supervision.warning();
     };

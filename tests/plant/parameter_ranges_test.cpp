@@ -94,10 +94,10 @@ TEST(ParameterRanges, EndWhereTheySay) {
            {"thermal.stage_resistance_ohm", [](Parameters& p) -> double& { return p.thermal.stage_resistance_ohm; },
             0.0, 100.0},
        })) {
-    const auto takes = [&](double value) {
+    const auto takes = [place = of, key = name](double value) {
       Parameters parameters;
-      of(parameters) = value;
-      return !refused(parameters, name);
+      place(parameters) = value;
+      return !refused(parameters, key);
     };
     EXPECT_TRUE(takes(least)) << name;
     EXPECT_FALSE(takes(std::nextafter(least, -endless))) << name;
