@@ -882,7 +882,8 @@ TEST(JmcAlarms, LampsOfTheFront) {
   JmcBus rig;
   const auto lamp = [&rig](std::string_view name) {
     rig.run_ms(2);
-    for (const products::Lamp& one : rig.device.lamps(rig.now()).all()) {
+    const products::Lamps lamps = rig.device.lamps(rig.now());
+    for (const products::Lamp& one : lamps.all()) {
       if (one.name == name) return std::pair{one.light, one.flashes};
     }
     ADD_FAILURE() << name;
@@ -890,7 +891,8 @@ TEST(JmcAlarms, LampsOfTheFront) {
   };
   constexpr std::uint8_t none = 0;
   std::vector<std::string> names;
-  for (const products::Lamp& one : rig.device.lamps(rig.now()).all()) {
+  const products::Lamps lamps = rig.device.lamps(rig.now());
+  for (const products::Lamp& one : lamps.all()) {
     names.push_back(std::string(one.name) + " " + std::string(one.colour));
   }
   EXPECT_EQ(names,
