@@ -106,7 +106,7 @@ TEST(Store, SavedValuesComeBackAndOthersDoNot) {
   EXPECT_EQ(restarted, device);
 }
 
-// What was written is read back: a cell that is worn out is an error, and what was saved before stays.
+// The store reads back each byte that it writes. A worn-out cell is an error, and the previous values stay.
 TEST(Store, AWornOutCellIsAnError) {
   FailingMedium medium(ample);
   const Device before = device_with(3);

@@ -5,8 +5,8 @@
 #include "drive/axis.hpp"
 #include "drive/modes/set_point_follower.hpp"
 
-// Where the software limits 607Dh and the position range 607Bh begin and end, to the count, and what is made of targets
-// beyond them.
+// The tests check the bounds of the software limits 607Dh and of the position range 607Bh to the count. They also check
+// how the axis clips or wraps a target that lies outside.
 namespace servodrome::drive {
 namespace {
 
@@ -339,7 +339,7 @@ TEST(Generator, ARefusedPlanChangesNothing) {
   EXPECT_EQ(generator.position(), 500);
 }
 
-// What is left of the cycle in which a motion ended belongs to the next one.
+// A chained motion starts at the instant the previous one ends, which may lie within a cycle.
 TEST(Generator, ContinuesAtTheMomentTheMotionEnded) {
   const MotionLimits limits{1000.0, 10000.0, 10000.0, 1.0};
   const double cycle_s = 7e-3;  // 0.6 s are 85.7 of them
