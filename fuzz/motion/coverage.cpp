@@ -1,6 +1,8 @@
 #include "coverage.hpp"
 
 #include <fmt/format.h>
+#include <stdexcept>
+#include <sys/mman.h>
 
 namespace servodrome::motion {
 namespace {
@@ -33,6 +35,22 @@ void Coverage::add(const Coverage& other) {
       for (std::size_t m = 0; m < all_modes.size(); ++m) counts[s][k][m] += other.counts[s][k][m];
     }
   }
+}
+
+CoverageBook::CoverageBook(const std::vector<Variant>& variants) {
+  for (const Variant& variant : variants) index_.emplace(variant.product->name, index_.size());
+  void* memory =
+      mmap(nullptr, sizeof(Coverage) * index_.size(), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (memory == MAP_FAILED) throw std::runtime_error("no memory for the coverage");
+  pages_ = static_cast<Coverage*>(memory);  // of zeros
+}
+
+CoverageBook::~CoverageBook() { munmap(pages_, sizeof(Coverage) * index_.size()); }
+
+std::map<std::string, Coverage> CoverageBook::copy() const {
+  std::map<std::string, Coverage> copies;
+  for (const auto& [product, index] : index_) copies[product] = pages_[index];
+  return copies;
 }
 
 std::string report(const std::map<std::string, Coverage>& by_product, const std::vector<Variant>& variants) {

@@ -33,6 +33,22 @@ struct Coverage {
   void add(const Coverage& other);
 };
 
+// Of the products of some variants, in memory that is shared with the processes that are forked later.
+class CoverageBook {
+ public:
+  explicit CoverageBook(const std::vector<Variant>& variants);
+  ~CoverageBook();
+  CoverageBook(const CoverageBook&) = delete;
+  CoverageBook& operator=(const CoverageBook&) = delete;
+
+  Coverage& of(const std::string& product) { return pages_[index_.at(product)]; }
+  std::map<std::string, Coverage> copy() const;
+
+ private:
+  std::map<std::string, std::size_t> index_;
+  Coverage* pages_ = nullptr;
+};
+
 // Tables of all products, and what was never reached of what their modes allow.
 std::string report(const std::map<std::string, Coverage>& by_product, const std::vector<Variant>& variants);
 

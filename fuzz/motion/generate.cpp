@@ -10,12 +10,15 @@ namespace {
 
 using drive::Mode;
 
+constexpr unsigned least_steps = 3;  // of a sequence
+
 // Draws one sequence: mostly what masters do in a sensible order, mixed with what none should do.
 class Generator {
  public:
-  Generator(Random random, const std::vector<Variant>& variants) : random_(random), variants_(variants) {}
+  Generator(std::uint64_t seed, std::uint64_t number, const std::vector<Variant>& variants, Tree tree)
+      : random_(seed, number / tree.leaves()), variants_(variants), seed_(seed), number_(number), tree_(tree) {}
 
-  Sequence draw() {
+  Drawn draw() {
     const Variant& first = random_.of(variants_);
     const int count = random_.chance(85) ? 1 : static_cast<int>(random_.within(2, 3));
     const bool alike = random_.chance(35);
@@ -28,7 +31,8 @@ class Generator {
     sequence_.mapped = random_.chance(first.on_ethercat() ? 85 : 70);
     const auto axes = static_cast<std::uint8_t>(sequence_.axes.size());
     for (std::uint8_t i = 0; i < axes; ++i) begin(i);
-    for (std::int64_t n = random_.within(3, 14); n > 0; --n) {
+    for (std::int64_t n = random_.within(least_steps, 14); n > 0; --n) {
+      if (n <= static_cast<std::int64_t>(tree_.levels)) fork(tree_.levels - static_cast<unsigned>(n));
       axis_ = static_cast<std::uint8_t>(random_.below(axes));
       if (random_.chance(12)) {
         theme();
@@ -39,14 +43,22 @@ class Generator {
     pause();
     now_ += random_.within(20, 300) * ticks_per_ms;
     sequence_.end_tick = now_;
-    return std::move(sequence_);
+    std::stable_sort(sequence_.events.begin(), sequence_.events.end(),
+                     [](const Event& a, const Event& b) { return a.tick < b.tick; });
+    return {std::move(sequence_), std::move(forks_)};
   }
 
  private:
-  struct Drawn {
+  struct DrawnAxis {
     const Variant* variant = nullptr;
     Mode mode = Mode::none;
   };
+
+  // From here on the numbers are those of this part of the tree.
+  void fork(unsigned level) {
+    random_ = Random(seed_ + (level + 1) * 0x9E3779B97F4A7C15ULL, number_ / tree_.leaves(level + 1));
+    forks_.push_back(now_);
+  }
 
   const Variant& variant() const { return *drawn_[axis_].variant; }
   Mode& mode() { return drawn_[axis_].mode; }
@@ -790,19 +802,21 @@ class Generator {
 
   Random random_;
   const std::vector<Variant>& variants_;
+  std::uint64_t seed_;
+  std::uint64_t number_;
+  Tree tree_;
   Sequence sequence_;
-  std::vector<Drawn> drawn_;
+  std::vector<std::int64_t> forks_;
+  std::vector<DrawnAxis> drawn_;
   std::uint8_t axis_ = 0;
   std::int64_t now_ = 16;
 };
 
 }  // namespace
 
-Sequence generate(std::uint64_t seed, std::uint64_t number, const std::vector<Variant>& variants) {
-  Sequence sequence = Generator(Random(seed, number), variants).draw();
-  std::stable_sort(sequence.events.begin(), sequence.events.end(),
-                   [](const Event& a, const Event& b) { return a.tick < b.tick; });
-  return sequence;
+Drawn draw(std::uint64_t seed, std::uint64_t number, const std::vector<Variant>& variants, Tree tree) {
+  tree.levels = std::min(tree.levels, least_steps);
+  return Generator(seed, number, variants, tree).draw();
 }
 
 }  // namespace servodrome::motion

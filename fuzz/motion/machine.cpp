@@ -17,7 +17,9 @@ constexpr std::int64_t enable_limit = 600 * ticks_per_ms;
 constexpr std::int64_t master_period = ticks_per_ms;
 constexpr std::int64_t load_window = 50 * ticks_per_ms;
 
-class Machine final : public FrameListener {
+}  // namespace
+
+class Life::Machine final : public FrameListener {
  public:
   Machine(const Sequence& sequence, const RunOptions& options)
       : sequence_(sequence), options_(options), line_(line_settings(sequence)), axes_(sequence.axes.size()) {
@@ -37,23 +39,30 @@ class Machine final : public FrameListener {
     cycle_ticks_ = std::max<std::int64_t>(1, (sequence.cycle_us * ticks_per_ms + 500) / 1000);
   }
 
-  Outcome run() {
-    std::size_t next = 0;
-    const std::int64_t end = sequence_.end_tick;
-    while (tick_ < end) {
+  bool run_to(std::int64_t end) {
+    while (tick_ < end && !finding_) {
       if (tick_ == set_up_tick) {
         for (std::size_t i = 0; i < axes_.size(); ++i) set_up(i);
       }
-      while (next < sequence_.events.size() && sequence_.events[next].tick <= tick_)
-        carry_out(sequence_.events[next++]);
-      if (!one_tick()) break;
+      while (next_ < sequence_.events.size() && sequence_.events[next_].tick <= tick_)
+        carry_out(sequence_.events[next_++]);
+      one_tick();
     }
-    if (!finding_ && options_.recover) recover();
+    return !finding_;
+  }
+
+  void go_on_with(const Sequence& sequence) { sequence_ = sequence; }
+
+  Outcome end(bool recovers) {
+    run_to(sequence_.end_tick);
+    if (!finding_ && recovers) recover();
     for (const auto& watch : watches_) {
       if (!finding_ && !watch->end()) finding_ = watch->finding();
     }
     return {finding_, fingerprint_, tick_};
   }
+
+  std::int64_t ticks() const { return tick_; }
 
  private:
   struct Stream {
@@ -233,7 +242,7 @@ class Machine final : public FrameListener {
     AxisState& state = axes_[i];
     if (options_.coverage != nullptr && state.around.powered) {
       const drive::Drive& drive = axis(i).device().drive();
-      (*options_.coverage)[sequence_.axes[i].product].count(drive.state(), event.kind, drive.mode());
+      options_.coverage->of(sequence_.axes[i].product).count(drive.state(), event.kind, drive.mode());
     }
     if (options_.story != nullptr) *options_.story += to_text(event) + "\n";
     line_.changed();
@@ -511,8 +520,9 @@ class Machine final : public FrameListener {
     }
   }
 
-  const Sequence& sequence_;
-  const RunOptions& options_;
+  Sequence sequence_;
+  std::size_t next_ = 0;  // event
+  RunOptions options_;
   line::Line line_;
   std::vector<AxisState> axes_;
   std::unique_ptr<Master> master_;
@@ -533,9 +543,17 @@ class Machine final : public FrameListener {
   std::vector<std::pair<std::uint16_t, int>> told_;
 };
 
-}  // namespace
+Life::Life(const Sequence& sequence, const RunOptions& options)
+    : machine_(std::make_unique<Machine>(sequence, options)) {}
+Life::~Life() = default;
+bool Life::run_to(std::int64_t tick) { return machine_->run_to(tick); }
+void Life::go_on_with(const Sequence& sequence) { machine_->go_on_with(sequence); }
+Outcome Life::end(bool recover) { return machine_->end(recover); }
+std::int64_t Life::ticks() const { return machine_->ticks(); }
 
-Outcome run(const Sequence& sequence, const RunOptions& options) { return Machine(sequence, options).run(); }
+Outcome run(const Sequence& sequence, const RunOptions& options) {
+  return Life(sequence, options).end(options.recover);
+}
 
 Outcome run_checked(const Sequence& sequence, const RunOptions& options, bool twice) {
   Outcome outcome = run(sequence, options);

@@ -21,13 +21,31 @@ struct Outcome {
 using Story = std::string;
 
 struct RunOptions {
-  std::map<std::string, Coverage>* coverage = nullptr;
+  CoverageBook* coverage = nullptr;
   Story* story = nullptr;
   std::int64_t story_ticks = 10 * ticks_per_ms;  // between two lines of it, where nothing happens
   bool recover = false;                          // at the end every axis is to be led back to Operation enabled
 };
 
-// Carries a sequence out on a line of its own, in virtual time, and watches every tick.
+// A sequence that is carried out on a line of its own, in virtual time, with every tick watched.
+class Life {
+ public:
+  Life(const Sequence& sequence, const RunOptions& options);
+  ~Life();
+  // Up to this tick of the sequence. False: something was found.
+  bool run_to(std::int64_t tick);
+  // What comes from now on, out of a sequence that is equal up to now.
+  void go_on_with(const Sequence& sequence);
+  // The rest, and the way back to Operation enabled where the options ask for it.
+  Outcome end(bool recover);
+  std::int64_t ticks() const;
+
+ private:
+  class Machine;
+  std::unique_ptr<Machine> machine_;
+};
+
+// A whole sequence.
 Outcome run(const Sequence& sequence, const RunOptions& options = {});
 
 // The same, and once more where that is asked for: nothing may differ.

@@ -39,6 +39,8 @@ what must hold whatever was done. What fails is shrunk to a short sequence and p
   --seconds N       or as many as fit into so many seconds
   --seed N          of the run (1)
   --first N         number of the first sequence (0)
+  --forks N         the last N steps (at most 3) of each beginning are drawn 4 ways each: the beginning is carried out once
+                    for 4^N sequences (0). It belongs to a sequence's number as the seed does
   --product NAME    this product alone; --model NAME its size
   --jobs N          processes (1)
   --sequence N      that one of the seed alone, told tick by tick; --print: only its text
@@ -63,6 +65,7 @@ struct Options {
   double seconds = 0;
   std::uint64_t seed = 1;
   std::uint64_t first = 0;
+  Tree tree;
   std::string product;
   std::string model;
   int jobs = 1;
@@ -136,6 +139,8 @@ Options parse(int argc, char** argv) {
       options.seed = number("--seed", value());
     } else if (option == "--first") {
       options.first = number("--first", value());
+    } else if (option == "--forks") {
+      options.tree.levels = static_cast<unsigned>(std::min<std::uint64_t>(number("--forks", value()), 3));
     } else if (option == "--product") {
       options.product = value();
     } else if (option == "--model") {
@@ -177,9 +182,10 @@ Options parse(int argc, char** argv) {
   return options;
 }
 
-// One in so many is led back to Operation enabled at its end, and one is run twice.
-bool recovers(std::uint64_t number) { return number % 16 == 5; }
-bool runs_twice(std::uint64_t number) { return number % 16 == 9; }
+// One in so many is led back to Operation enabled at its end, and one is run twice. Either takes as long as many leaves
+// of a tree.
+bool recovers(std::uint64_t number, Tree tree) { return number % std::max<std::uint64_t>(16, tree.leaves()) == 5; }
+bool runs_twice(std::uint64_t number, Tree tree) { return number % (16 * tree.leaves()) == 9; }
 
 class Judge {
  public:
@@ -195,9 +201,9 @@ class Judge {
 
 std::string product_of(const Sequence& sequence, const Finding& finding) { return sequence.axes[finding.axis].product; }
 
-Outcome run_number(std::uint64_t number, const Sequence& sequence, RunOptions run_options) {
-  run_options.recover = recovers(number);
-  return run_checked(sequence, run_options, runs_twice(number));
+Outcome run_number(const Options& options, std::uint64_t number, const Sequence& sequence, RunOptions run_options) {
+  run_options.recover = recovers(number, options.tree);
+  return run_checked(sequence, run_options, runs_twice(number, options.tree));
 }
 
 struct Shared {
@@ -207,45 +213,127 @@ struct Shared {
   std::atomic<bool> found{false};
 };
 
-// One process: its share of the numbers. Records as lines: "F number invariant product text", "C product ..." at the
-// end.
-void work(const Options& options, const std::vector<Variant>& variants, int job, int out, std::span<Shared> all,
-          Clock::time_point end) {
-  Shared& shared = all[static_cast<std::size_t>(job)];
-  std::map<std::string, Coverage> coverage;
-  const Judge judge(options);
-  std::FILE* file = fdopen(out, "w");
-  for (std::uint64_t i = static_cast<std::uint64_t>(job); i < options.sequences;
-       i += static_cast<std::uint64_t>(options.jobs)) {
-    if (options.seconds > 0 && Clock::now() >= end) break;
-    if (options.until_found && std::any_of(all.begin(), all.end(), [](const Shared& one) { return one.found.load(); }))
-      break;
-    const std::uint64_t number = options.first + i;
-    shared.current = number;
-    const Sequence sequence = generate(options.seed, number, variants);
-    const Outcome outcome = run_number(number, sequence, {.coverage = &coverage});
-    shared.ticks += static_cast<std::uint64_t>(outcome.ticks);
-    ++shared.done;
-    if (outcome.finding && judge.counts(outcome.finding->invariant)) {
-      std::fprintf(file, "F %llu %s %s %s\n", static_cast<unsigned long long>(number),
-                   outcome.finding->invariant.c_str(), product_of(sequence, *outcome.finding).c_str(),
-                   outcome.finding->text.c_str());
-      std::fflush(file);
-      shared.found = true;
+// The share of one process and of those that it forks. Records as lines: "F number invariant product text", "X number
+// signal" of a process that ended by one, "C product ..." at the end.
+class Worker {
+ public:
+  Worker(const Options& options, const std::vector<Variant>& variants, int job, int out, std::span<Shared> all,
+         Clock::time_point end)
+      : options_(options),
+        variants_(variants),
+        job_(static_cast<std::uint64_t>(job)),
+        out_(out),
+        all_(all),
+        end_(end),
+        shared_(all[static_cast<std::size_t>(job)]),
+        coverage_(variants),
+        judge_(options) {}
+
+  void work() {
+    const std::uint64_t leaves = options_.tree.leaves();
+    const auto jobs = static_cast<std::uint64_t>(options_.jobs);
+    for (std::uint64_t i = job_ * leaves; i < options_.sequences; i += jobs * leaves) {
+      if (is_over()) break;
+      const std::uint64_t number = options_.first + i;
+      shared_.current = number;
+      const Drawn drawn = draw(options_.seed, number, variants_, options_.tree);
+      if (drawn.forks.empty()) {
+        const Outcome outcome = run_number(options_, number, drawn.sequence, {.coverage = &coverage_});
+        shared_.ticks += static_cast<std::uint64_t>(outcome.ticks);
+        judge(number, drawn.sequence, outcome);
+      } else {
+        Life life(drawn.sequence, {.coverage = &coverage_});
+        live(life, number, drawn, 0);
+      }
+    }
+    tell_coverage();
+  }
+
+ private:
+  bool is_over() const {
+    if (options_.seconds > 0 && Clock::now() >= end_) return true;
+    return options_.until_found &&
+           std::any_of(all_.begin(), all_.end(), [](const Shared& one) { return one.found.load(); });
+  }
+
+  // A life that has come to the level's fork, or before it, goes on in each way: in processes of its own, and the last
+  // way in this one.
+  void live(Life& life, std::uint64_t number, const Drawn& drawn, unsigned level) {
+    const std::int64_t began = life.ticks();
+    const bool whole = level < drawn.forks.size();
+    if (!whole) {
+      const Outcome outcome = life.end(recovers(number, options_.tree));
+      shared_.ticks += static_cast<std::uint64_t>(outcome.ticks - began);
+      return judge(number, drawn.sequence, again(number, drawn.sequence, outcome));
+    }
+    const bool well = life.run_to(drawn.forks[level]);
+    shared_.ticks += static_cast<std::uint64_t>(life.ticks() - began);
+    if (!well) return judge(number, drawn.sequence, life.end(false));
+    const std::uint64_t each = options_.tree.leaves(level + 1);
+    for (std::uint64_t way = 0; way < Tree::ways && !is_over(); ++way) {
+      const std::uint64_t next = number + way * each;
+      const bool last = way + 1 == Tree::ways;
+      const pid_t process = last ? 0 : fork();
+      if (process < 0) return tell(fmt::format("X {} cannot fork\n", next));
+      if (process == 0) {
+        shared_.current = next;
+        const Drawn branch = draw(options_.seed, next, variants_, options_.tree);
+        life.go_on_with(branch.sequence);
+        live(life, next, branch, level + 1);
+        if (!last) std::_Exit(0);
+      } else {
+        int status = 0;
+        waitpid(process, &status, 0);
+        if (WIFSIGNALED(status)) tell(fmt::format("X {} {}\n", shared_.current.load(), strsignal(WTERMSIG(status))));
+      }
     }
   }
-  for (const auto& [product, one] : coverage) {
-    for (std::size_t s = 0; s < power_states; ++s) {
-      for (std::size_t k = 0; k < kinds; ++k) {
-        for (std::size_t m = 0; m < all_modes.size(); ++m) {
-          if (one.counts[s][k][m] != 0)
-            std::fprintf(file, "C %s %zu %zu %zu %u\n", product.c_str(), s, k, m, one.counts[s][k][m]);
+
+  // Some leaves are carried out from their beginning as well: both ways have to agree to the last bit.
+  Outcome again(std::uint64_t number, const Sequence& sequence, Outcome outcome) {
+    if (outcome.finding || !runs_twice(number, options_.tree)) return outcome;
+    const Outcome alone = run(sequence, {.recover = recovers(number, options_.tree)});
+    if (alone.fingerprint != outcome.fingerprint || alone.ticks != outcome.ticks)
+      outcome.finding = Finding{"not-deterministic", 0, outcome.ticks, "the same sequence from its beginning differs"};
+    return outcome;
+  }
+
+  void judge(std::uint64_t number, const Sequence& sequence, const Outcome& outcome) {
+    ++shared_.done;
+    if (!outcome.finding || !judge_.counts(outcome.finding->invariant)) return;
+    tell(fmt::format("F {} {} {} {}\n", number, outcome.finding->invariant, product_of(sequence, *outcome.finding),
+                     outcome.finding->text));
+    shared_.found = true;
+  }
+
+  void tell_coverage() {
+    for (const auto& [product, one] : coverage_.copy()) {
+      for (std::size_t s = 0; s < power_states; ++s) {
+        for (std::size_t k = 0; k < kinds; ++k) {
+          for (std::size_t m = 0; m < all_modes.size(); ++m) {
+            if (one.counts[s][k][m] != 0)
+              tell(fmt::format("C {} {} {} {} {}\n", product, s, k, m, one.counts[s][k][m]));
+          }
         }
       }
     }
   }
-  std::fclose(file);
-}
+
+  // A line at once, whichever process writes it.
+  void tell(const std::string& line) const {
+    if (write(out_, line.data(), line.size()) < 0) std::_Exit(1);
+  }
+
+  const Options& options_;
+  const std::vector<Variant>& variants_;
+  std::uint64_t job_;
+  int out_;
+  std::span<Shared> all_;
+  Clock::time_point end_;
+  Shared& shared_;
+  CoverageBook coverage_;
+  Judge judge_;
+};
 
 struct Result {
   Groups groups;
@@ -276,6 +364,8 @@ void take_line(const std::string& line, Result& result) {
       found.number = number;
       found.text = text;
     }
+  } else if (kind == 'X') {
+    result.crashes.push_back("sequence " + line.substr(2));
   } else if (kind == 'C') {
     std::string product;
     std::size_t s = 0;
@@ -306,7 +396,7 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
     if (process < 0) wrong_usage("no process");
     if (process == 0) {
       close(ends[0]);
-      work(options, variants, static_cast<int>(job), ends[1], std::span(shared, jobs), end);
+      Worker(options, variants, static_cast<int>(job), ends[1], std::span(shared, jobs), end).work();
       std::_Exit(0);
     }
     close(ends[1]);
@@ -362,8 +452,8 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
 // A finding as the text of a case that replays it.
 std::string case_text(const Options& options, const std::pair<std::string, std::string>& group, const Found& found,
                       const std::vector<Variant>& variants) {
-  Sequence sequence = generate(options.seed, found.number, variants);
-  const RunOptions run_options{.recover = recovers(found.number)};
+  Sequence sequence = draw(options.seed, found.number, variants, options.tree).sequence;
+  const RunOptions run_options{.recover = recovers(found.number, options.tree)};
   const bool twice = group.first == "not-deterministic";
   if (options.shrinks) {
     sequence = shrink(sequence, [&](const Sequence& candidate) {
@@ -376,9 +466,10 @@ std::string case_text(const Options& options, const std::pair<std::string, std::
   std::string text =
       fmt::format("# {} on {}: {}\n", group.first, group.second, outcome.finding ? outcome.finding->text : found.text);
   if (outcome.finding)
-    text += fmt::format("# at {:.4f} ms, axis a{}; found by motion_fuzz --seed {} --sequence {}{}\n",
+    text += fmt::format("# at {:.4f} ms, axis a{}; found by motion_fuzz --seed {} --sequence {}{}{}\n",
                         static_cast<double>(outcome.finding->tick) / ticks_per_ms, outcome.finding->axis, options.seed,
-                        found.number, options.product.empty() ? "" : " --product " + options.product);
+                        found.number, options.tree.levels == 0 ? "" : fmt::format(" --forks {}", options.tree.levels),
+                        options.product.empty() ? "" : " --product " + options.product);
   if (run_options.recover) text += "# recover\n";
   return text + to_text(sequence);
 }
@@ -424,12 +515,12 @@ int replay(const Options& options) {
 }
 
 int run_one(const Options& options, const std::vector<Variant>& variants) {
-  const Sequence sequence = generate(options.seed, *options.one, variants);
+  const Sequence sequence = draw(options.seed, *options.one, variants, options.tree).sequence;
   std::fputs(to_text(sequence).c_str(), stdout);
   if (options.print) return 0;
   Story story;
   const Outcome outcome =
-      run_number(*options.one, sequence, {.story = &story, .story_ticks = options.each_ms * ticks_per_ms});
+      run_number(options, *options.one, sequence, {.story = &story, .story_ticks = options.each_ms * ticks_per_ms});
   std::fputs(story.c_str(), stdout);
   if (!outcome.finding) return 0;
   std::printf("FAILED %s at %.4f ms, axis a%zu: %s\n", outcome.finding->invariant.c_str(),

@@ -22,9 +22,11 @@ TEST(MotionReplay, WhatWasFoundStaysRepaired) {
   std::size_t cases = 0;
   for (const auto& file : std::filesystem::directory_iterator(folder)) {
     if (file.path().extension() != ".case") continue;
-    const ParsedSequence parsed = parse_sequence(text_of(file.path()));
+    const std::string text = text_of(file.path());
+    const ParsedSequence parsed = parse_sequence(text);
     ASSERT_EQ(parsed.error, "") << file.path();
-    const Outcome outcome = run_checked(parsed.sequence, {}, true);
+    const RunOptions options{.recover = text.find("# recover") != std::string::npos};
+    const Outcome outcome = run_checked(parsed.sequence, options, true);
     EXPECT_FALSE(outcome.finding) << file.path().filename() << ": " << outcome.finding->invariant << ": "
                                   << outcome.finding->text;
     ++cases;
