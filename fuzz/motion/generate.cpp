@@ -76,11 +76,12 @@ class Generator {
     axis.model = variant.model;
     const double turn = variant.units.counts_per_revolution;
     if (random_.chance(60)) axis.start_counts = std::llround(turn * (random_.unit() * 8.0 - 4.0));
-    // A drive that is not told of the load's inertia has loops for one like its own.
+    // A drive that is not told of the load's inertia has loops for one like its own: a much greater one makes them
+    // swing.
     const bool told = variant.model.empty();
     static constexpr std::array<std::int64_t, 6> inertias{100, 100, 100, 20, 300, 1000};
     static constexpr std::array<std::int64_t, 5> frictions{100, 100, 0, 300, 1000};
-    axis.inertia_percent = told ? random_.of(inertias) : std::min<std::int64_t>(random_.of(inertias), 200);
+    axis.inertia_percent = told ? random_.of(inertias) : std::min<std::int64_t>(random_.of(inertias), 150);
     axis.friction_percent = random_.of(frictions);
     if (random_.chance(25)) axis.travel_counts = std::llround(turn * (4.0 + random_.unit() * 8.0));
     sequence_.axes.push_back(axis);
@@ -434,7 +435,8 @@ class Generator {
       }
       case 8: {
         static constexpr std::array<std::int64_t, 4> inertias{100, 50, 150, 200};
-        add({.kind = Kind::inertia, .value = random_.of(inertias)});
+        const std::int64_t most = variant().model.empty() ? 200 : 100;
+        add({.kind = Kind::inertia, .value = std::min(random_.of(inertias), most)});
         return;
       }
       case 9:

@@ -15,6 +15,7 @@ using drive::Mode;
 constexpr std::int64_t set_up_tick = 8;  // a node has booted by then
 constexpr std::int64_t enable_limit = 600 * ticks_per_ms;
 constexpr std::int64_t master_period = ticks_per_ms;
+constexpr int longest_braking = 10'000 * ticks_per_ms;
 constexpr std::int64_t load_window = 50 * ticks_per_ms;
 
 }  // namespace
@@ -401,12 +402,22 @@ class Life::Machine final : public FrameListener {
   bool enable_all(int milliseconds) {
     for (AxisState& state : axes_) {
       state.enabling = true;
-      state.enabling_until = tick_ + (milliseconds + 100) * ticks_per_ms;
+      state.enabling_until = tick_ + (milliseconds + 100) * ticks_per_ms + longest_braking;
     }
+    int braking = 0;  // ticks: a stop takes as long as its ramp
     for (int t = 0; t < milliseconds * ticks_per_ms && !all_enabled(); ++t) {
+      if (brakes() && braking < longest_braking) --t, ++braking;
       if (!one_tick()) return false;
     }
     return true;
+  }
+  bool brakes() {
+    return std::any_of(line_.axes().begin(), line_.axes().end(), [](const auto& one) {
+      const drive::Drive& drive = one->device().drive();
+      const bool stops = drive.state() == drive::PowerState::fault_reaction_active ||
+                         drive.state() == drive::PowerState::quick_stop_active;
+      return stops && drive.axis().demand.velocity != 0.0F;
+    });
   }
 
   // A master that starts the node, takes back its commands and resets the fault. What only the supply takes back is

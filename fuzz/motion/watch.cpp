@@ -194,7 +194,7 @@ double Watch::slope() const {
   take(objects_.max_deceleration);
   take(objects_.max_acceleration);
   take(objects_.profile_acceleration);
-  if (mode_ == Mode::homing) take(objects_.homing_acceleration);
+  if (mode_ == Mode::homing) take(homing_ramp_);  // one of 0 leaves the ramp that homing has begun with
   return least;
 }
 
@@ -232,17 +232,26 @@ std::int64_t Watch::demand_cycle() const {
   return own != 0 ? own : drive_.policy().position_loop_ticks;
 }
 
+// What a change of speed by `speed` (counts/s) takes longer than with a linear ramp, in s. A jerk-limited one goes on
+// with the acceleration that the demand has, and gains speed until the jerk has taken that away.
+double Watch::jerk_delay(double speed, double ramp) const {
+  if (objects_.motion_profile_type == 0) return 0.0;
+  const double jerk = objects_.profile_jerk[0] * drive_.axis().units.jerk;
+  if (jerk <= 0.0) return speed / ramp;  // a sin2 ramp of the same peak
+  const double begun = std::min(std::abs(drive_.axis().generator.acceleration()), std::max(steepest(), ramp));
+  const double gained = 0.5 * begun * begun / jerk;
+  return (speed + 2.0 * gained) / ramp + begun / jerk + std::min(ramp / jerk, 2.0 * std::sqrt((speed + gained) / jerk));
+}
+
 Watch::Stopping Watch::stopping(double velocity, double slope) const {
-  const double speed = std::abs(velocity) + still_rpm / 60.0 * counts_per_revolution_ + overshoot(slope);
+  const double jerk = objects_.motion_profile_type != 0 ? objects_.profile_jerk[0] * drive_.axis().units.jerk : 0.0;
+  const double pushing = std::min(std::abs(drive_.axis().generator.acceleration()), std::max(steepest(), slope));
+  const double speed = std::abs(velocity) + still_rpm / 60.0 * counts_per_revolution_ + overshoot(slope) +
+                       (jerk > 0.0 ? 0.5 * pushing * pushing / jerk : 0.0);
   double braking = acceleration_;
   if (slope > 0.0) braking = std::min(braking, slope);
   if (braking <= 0.0) return {1e18, 1e18};
-  double seconds = speed / braking;
-  if (objects_.motion_profile_type != 0) {
-    seconds *= 2.0;  // a sin2 ramp of the same peak
-    const double jerk = objects_.profile_jerk[0] * drive_.axis().units.jerk;
-    if (jerk > 0.0) seconds += std::min(braking / jerk, 2.0 * std::sqrt(speed / jerk));
-  }
+  double seconds = speed / braking + jerk_delay(speed, braking);
   seconds +=
       0.001 * drive_.configuration().smoothing_ms + 0.003 * static_cast<double>(drive_.configuration().position_lag_ms);
   return {0.5 * speed * seconds + speed * lag_s + place_revolutions * counts_per_revolution_, seconds + lag_s};
@@ -284,6 +293,7 @@ void Watch::look() {
     rest_ = position_;
     first_ = false;
   }
+  if (objects_.homing_acceleration != 0) homing_ramp_ = objects_.homing_acceleration;
   judgeable_ = motion_can_be_judged();
   acceleration_ = torque_acceleration();
   if (mode_ != mode_before_) mode_since_ = tick_;
@@ -319,6 +329,8 @@ void Watch::look() {
     errors();
     error_registers();
   }
+  if (had_pwm_ && !pwm_) switched_off_j_ += magnetic_j_;
+  magnetic_j_ = plant.energy().magnetic_j;
   had_pwm_ = pwm_;
   was_powered_ = around_->powered;
   mode_before_ = mode_;
@@ -339,7 +351,8 @@ void Watch::power() {
                                                  axis_.plant().torque_nm(), rpm(velocity_)));
   }
   // The end of a stop.
-  if (had_pwm_ && !pwm_ && !shorted_ && was_powered_ && judgeable_ && axis_.feedback().hardware_faults == 0) {
+  if (had_pwm_ && !pwm_ && !shorted_ && was_powered_ && judgeable_ && acceleration_ > 0.0 &&
+      axis_.feedback().hardware_faults == 0) {
     const drive::FaultRow* fault = drive_.shown_fault();
     std::int16_t code = 0;
     bool judged = true;
@@ -557,7 +570,8 @@ void Watch::after_halt(const Demand& demand, double seconds) {
 
 void Watch::speed_limits() {
   const drive::LoopDemand& now = drive_.axis().demand;
-  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
+  // Without torque nothing brakes, and the demand goes with the shaft.
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
                       (now.loop == Loop::position || now.loop == Loop::velocity) && mode_ != Mode::homing &&
                       mode_ != Mode::velocity && !drive_.identification().running();
   double most = greatest_speed();
@@ -573,8 +587,9 @@ void Watch::speed_limits() {
   const double ramp = slope();
   if (over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most || ramp < excess_.slope) {
     // A demand that is taken over from the shaft comes down from there.
-    const double seconds = ramp > 0.0 ? std::max({over, std::abs(velocity_) - most, 0.0}) / ramp : 0.0;
-    excess_ = {tick_, most, ramp, (objects_.motion_profile_type != 0 ? 2.5 : 1.1) * seconds + lag_s};
+    const double excess = std::max({over, std::abs(velocity_) - most, 0.0});
+    const double seconds = ramp > 0.0 ? excess / ramp + jerk_delay(excess, ramp) : 0.0;
+    excess_ = {tick_, most, ramp, 1.1 * seconds + lag_s};
     return;
   }
   const double passed = static_cast<double>(tick_ - excess_.since) * tick_s;
@@ -742,7 +757,8 @@ void Watch::software_limits() {
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
   const bool stopped =
       told_to_stop() || axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
-  const bool begins = stopped && !stopped_before_;
+  if (stopped && !stopped_before_) stopped_since_ = tick_;
+  const bool begins = stopped && tick_ - stopped_since_ <= demand_cycle();  // the drive hears of it with its cycle
   stopped_before_ = stopped;
   if (!applies) {
     borders_ = {};
@@ -761,9 +777,9 @@ void Watch::software_limits() {
     const double at = direction * static_cast<double>(axis.units.to_counts(limit));
     const double place = direction * place_now;
     // A demand that is taken over by a stop moves back, and goes on with its velocity.
-    const double speed = std::max(
-        0.0, demanded ? std::max(direction * demand_speed_, direction * static_cast<double>(axis.demand.velocity))
-                      : direction * velocity_);
+    const double shaft = direction * velocity_;
+    const double led = std::max(direction * demand_speed_, direction * static_cast<double>(axis.demand.velocity));
+    const double speed = std::max({0.0, demanded ? led : shaft, begins ? shaft : 0.0});
     const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
     const double reach = place + way + slack;
     if (!border.active || border.at != limit || border.demanded != demanded || slope < border.slope || begins ||
@@ -907,7 +923,12 @@ void Watch::off_limit() {
   const drive::Axis& axis = drive_.axis();
   const bool below = axis.active(drive::Signal::negative_limit);
   const bool above = axis.active(drive::Signal::positive_limit);
-  if (below == above || mode_ != Mode::cyclic_sync_position) {
+  // A switch holds the axis until it is commanded away from it, also when it is gone and the other one is active.
+  if (mode_ != Mode::cyclic_sync_position || state_ != PowerState::operation_enabled || mode_since_ == tick_ ||
+      std::abs(velocity_) > still_rpm / 60.0 * counts_per_revolution_)
+    held_by_ = 0;
+  held_by_ |= (below ? 1u : 0u) | (above ? 2u : 0u);
+  if (below == above || mode_ != Mode::cyclic_sync_position || held_by_ == 3) {
     away_ = {};
     return;
   }
@@ -929,6 +950,10 @@ void Watch::off_limit() {
     return;
   }
   constexpr double least_revolutions = 0.3;
+  if (direction * velocity_ < -still_rpm / 60.0 * counts_per_revolution_) {  // it still brakes before the switch
+    away_.since = tick_;
+    away_.from = position_;
+  }
   const double moved = direction * (position_ - away_.from);
   if (direction * (target - away_.from) < least_revolutions * counts_per_revolution_ || away_.targets < 3) return;
   const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
@@ -944,14 +969,8 @@ void Watch::off_limit() {
 // What a demand at `speed` needs to rest by the ramps alone.
 double Watch::ramp_way(double speed, double ramp) const {
   if (ramp <= 0.0) return speed * 0.1;
-  double seconds = speed / ramp;
-  if (objects_.motion_profile_type != 0) {
-    seconds *= 2.0;
-    const double jerk = objects_.profile_jerk[0] * drive_.axis().units.jerk;
-    if (jerk > 0.0) seconds += std::min(ramp / jerk, 2.0 * std::sqrt(speed / jerk));
-  }
-  seconds += 0.002 + 0.001 * drive_.configuration().smoothing_ms +
-             0.003 * static_cast<double>(drive_.configuration().position_lag_ms);
+  const double seconds = speed / ramp + jerk_delay(speed, ramp) + 0.002 + 0.001 * drive_.configuration().smoothing_ms +
+                         0.003 * static_cast<double>(drive_.configuration().position_lag_ms);
   return 0.55 * speed * seconds;
 }
 
@@ -1032,11 +1051,13 @@ void Watch::bits() {
       double most = greatest_speed();
       if (objects_.max_profile_velocity != 0)
         most = std::min(most, objects_.max_profile_velocity * axis.units.velocity);
-      expected = std::clamp(expected, -most, most);
+      const double clipped = std::clamp(expected, -most, most);
       const double window = std::max(windowed ? objects_.velocity_window * axis.units.velocity : 0.0,
                                      axis.configuration.speed_windows.reached_counts_per_s);
       const double tolerance = window + 0.05 * std::abs(expected) + 3.0 * still_rpm / 60.0 * counts_per_revolution_;
-      lies = windowed && std::abs(velocity_ - expected) > tolerance;
+      // 60FFh itself, or what is left of it: an axis that comes down to a limit has been at the speed that is asked
+      // for.
+      lies = windowed && std::min(std::abs(velocity_ - expected), std::abs(velocity_ - clipped)) > tolerance;
     } else if (mode_ == Mode::profile_position || (mode_ == Mode::profile_velocity && halt)) {
       // With 6067h off bit 10 is the demand's, which a motor without torque does not follow.
       const bool window_off = mode_ == Mode::profile_position && objects_.position_window == 0xFFFFFFFF;
@@ -1286,7 +1307,9 @@ bool Watch::end() {
   const plant::Energy energy = axis_.plant().energy();
   const double taken = energy.copper_j + energy.shaft_j + energy.magnetic_j;
   const double scale = std::abs(energy.to_motor_j) + energy.copper_j + std::abs(energy.shaft_j) + energy.magnetic_j;
-  if (!spoilt_ && std::abs(energy.to_motor_j - taken) > 0.02 * scale + 0.2) {
+  // The plant's current decays at once when the stage goes off, and some of the windings' energy is in no account then.
+  constexpr double lost_share = 0.3;
+  if (!spoilt_ && std::abs(energy.to_motor_j - taken) > 0.02 * scale + 0.2 + lost_share * switched_off_j_) {
     fail("energy", fmt::format("{:.3f} J went into the phases, {:.3f} J are accounted for", energy.to_motor_j, taken));
   }
   return !finding_;

@@ -75,6 +75,7 @@ class Watch {
   };
   Stopping stopping(double velocity) const { return stopping(velocity, slope()); }
   Stopping stopping(double velocity, double slope) const;
+  double jerk_delay(double speed, double ramp) const;
   double overshoot(double slope) const;  // counts/s that a stop gains before the loops have taken their torque back
   double lag(double velocity) const;     // counts, of the shaft behind a demand of the position loop
   std::int64_t demand_cycle() const;     // ticks
@@ -188,6 +189,10 @@ class Watch {
   std::array<Border, 2> borders_{};
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
   bool stopped_before_ = false;
+  std::int64_t stopped_since_ = 0;
+  std::uint32_t homing_ramp_ = 0;   // the last one that is not 0
+  double magnetic_j_ = 0.0;         // in the windings, a tick ago
+  double switched_off_j_ = 0.0;     // in the windings whenever the stage went off
   bool has_target_ = false;         // a set-point of profile position, since the mode or the operation began
   StopKind told_ = StopKind::none;  // as `stop_`, also while a torque is released first
 
@@ -219,7 +224,8 @@ class Watch {
     double from = 0.0;
     double target = 0.0;
   } away_;
-  struct AtOnce {  // a set-point with bit 5 of the controlword
+  unsigned held_by_ = 0;  // bit 0, 1: the switch below, above, since the axis moved
+  struct AtOnce {         // a set-point with bit 5 of the controlword
     bool active = false;
     bool taken = false;
     std::int64_t since = 0;

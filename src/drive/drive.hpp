@@ -252,7 +252,8 @@ class Drive final : public dictionary::Listener {
   PendingTransition pending_{};
   bool stopping_ = false;  // the generator runs a stop instead of the mode
   bool halted_ = false;
-  bool limit_stop_ = false;    // a limit switch is the reason of the stop
+  bool limit_stop_ = false;             // a limit switch is the reason of the stop
+  double set_greatest_velocity_ = 0.0;  // counts/s, of the cycle before
   bool moved_demand_ = false;  // the demand was put elsewhere: the loops' following error is that of the old place
   bool held_by_current_ = false;
   bool releasing_torque_ = false;  // the stop's first part: the torque of profile torque mode goes to zero

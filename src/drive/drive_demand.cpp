@@ -141,14 +141,18 @@ void Drive::update_greatest_velocity() {
   } else if (now > set) [[unlikely]] {
     double ramp = with_mode(*this, [&](const auto& mode) { return mode.deceleration(axis_); });
     if (ramp <= 0.0) ramp = quick_stop_deceleration();
-    // A demand that the shaft does not follow, as that of targets which come less often than 60C2h says, is no speed.
+    // A demand that the shaft does not follow, as that of targets which come less often than 60C2h says, is no speed to
+    // come down from. What follows later follows the limit itself.
     const double shaft = std::abs(axis_.velocity());
-    const double used = axis_.follows_demand() ? std::max(std::abs(axis_.generator.velocity()), shaft) : shaft;
+    const bool lowered = set < set_greatest_velocity_;
+    const bool moves = !lowered || axis_.follows_demand();
+    const double used = moves ? std::max(std::abs(axis_.generator.velocity()), shaft) : shaft;
     const double step = stopping_ ? 0.0 : ramp * axis_.cycle_s;
     now = ramp > 0.0 ? std::max(set, std::min(now, used) - step) : set;
   } else {
     now = set;
   }
+  set_greatest_velocity_ = set;
 }
 
 void Drive::set_limits() {

@@ -57,6 +57,7 @@ Trajectory::Result Generator::continue_to(Counts target, double end_velocity, co
   double remainder = planned_ && finished_ ? elapsed_s_ - trajectory_.duration_s() : 0.0;
   if (remainder < 0.0 || remainder > last_cycle_s_) remainder = 0.0;
   const MotionState from = remainder > 0.0 ? trajectory_.at(trajectory_.duration_s()) : state_;
+  if (from.velocity == 0.0) remainder = 0.0;  // from rest nothing is lost, and no cycle is longer than it is
   return plan_position(from, remainder, target, end_velocity, limits, shape);
 }
 

@@ -21,7 +21,8 @@ class Generator {
   Trajectory::Result move_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
   Trajectory::Result run_at(double velocity, const MotionLimits& limits, RampShape shape);
 
-  // Like move_to, but as if planned at the very moment the running motion ended, somewhere within the cycle just done.
+  // Like move_to, but as if planned at the very moment the running motion ended, somewhere within the cycle just done,
+  // unless it ended at rest.
   Trajectory::Result continue_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
 
   // The demand of a cyclic mode: put there, not planned.

@@ -26,8 +26,17 @@ void CyclicSyncPosition::step(Axis& axis) {
   }
   axis.new_set_point = false;
   follower_.step(axis);
-  axis.demand.velocity += static_cast<float>(axis.units.velocity_to_counts(objects.velocity_offset));
+  if (objects.velocity_offset != 0) add_velocity_offset(axis);
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
+}
+
+// 60B1h goes to the velocity loop as it is, up to the greatest speed. It does not push the axis, which the position
+// loop holds, towards an active limit switch.
+void CyclicSyncPosition::add_velocity_offset(Axis& axis) {
+  const double offset = axis.units.velocity_to_counts(axis.objects.velocity_offset);
+  if (axis.active(offset < 0.0 ? Signal::negative_limit : Signal::positive_limit)) return;
+  const double sum = static_cast<double>(axis.demand.velocity) + offset;
+  axis.demand.velocity = static_cast<float>(std::clamp(sum, -axis.greatest_velocity, axis.greatest_velocity));
 }
 
 // Of products that limit how far a target may be from the one before.

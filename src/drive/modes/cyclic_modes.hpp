@@ -22,6 +22,7 @@ class CyclicSyncPosition {
   std::uint16_t status(const Axis& axis) const;
 
  private:
+  static void add_velocity_offset(Axis& axis);
   std::int64_t within_change(Axis& axis, std::int64_t user) const;
 
   SetPointFollower follower_{};

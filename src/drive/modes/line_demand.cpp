@@ -61,8 +61,12 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     catching_up_ = way.duration_s() > axis.cycle_s;
     velocity_ = line_velocity + next.velocity;
     double from = line.fraction() + next.position;
-    if (std::abs(velocity_) > greatest) {  // the line itself is as fast
-      velocity_ = std::copysign(greatest, velocity_);
+    // Neither faster than the axis may be, which the line itself may be, nor than it can brake before a software limit
+    // at which the line ends.
+    const double most =
+        std::min(greatest, axis.approach_velocity(velocity_, std::max(limits.deceleration, axis.quick_stop_ramp())));
+    if (std::abs(velocity_) > most) {
+      velocity_ = std::copysign(most, velocity_);
       from = static_cast<double>(generator.position() - line.now()) + generator.fraction() + velocity_ * axis.cycle_s;
       catching_up_ = true;
     }
