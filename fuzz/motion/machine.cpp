@@ -16,6 +16,7 @@ constexpr std::int64_t set_up_tick = 8;  // a node has booted by then
 constexpr std::int64_t enable_limit = 600 * ticks_per_ms;
 constexpr std::int64_t master_period = ticks_per_ms;
 constexpr int longest_braking = 10'000 * ticks_per_ms;
+constexpr std::int64_t crowd_window = 4 * ticks_per_ms;
 constexpr std::int64_t load_window = 50 * ticks_per_ms;
 
 }  // namespace
@@ -117,9 +118,19 @@ class Life::Machine final : public FrameListener {
       }
     }
     if (tick_ % ticks_per_ms == 0) take_fingerprint();
+    if (on_can() && tick_ % crowd_window == 0) look_for_crowds();
     if (on_can() && tick_ % load_window == 0 && !look_at_load()) return false;
     if (options_.story != nullptr) tell();
     return true;
+  }
+
+  // A bus with more frames than it can carry, by what the master maps and sends, keeps any frame waiting.
+  void look_for_crowds() {
+    const links::CanBus& bus = line_.buses().front()->bus;
+    const std::uint64_t bits = bus.counters().bits;
+    const bool quiet = static_cast<double>(bits - crowd_bits_) < 0.9 * 62.5e-6 * crowd_window * bus.bit_rate();
+    crowd_bits_ = bits;
+    for (AxisState& one : axes_) one.around.quiet_bus = quiet;
   }
 
   // The master's own frames are few where it maps nothing and sends no SYNC.
@@ -190,6 +201,10 @@ class Life::Machine final : public FrameListener {
   void write(std::size_t i, std::uint16_t index, std::uint8_t sub, std::int64_t value, Via via) {
     dictionary::Dictionary& objects = axis(i).device().bus_dictionary();
     line_.changed();
+    if (index == 0x609A && value > 0) {
+      std::uint32_t& gentlest = axes_[i].around.gentlest_homing_ramp;
+      gentlest = static_cast<std::uint32_t>(gentlest == 0 ? value : std::min<std::int64_t>(gentlest, value));
+    }
     if (via == Via::direct && !(master_->in_process_data(i, index) && !on_can())) {
       master_->values(i).set(index, value);
       objects.set_number(index, sub, value);
@@ -549,6 +564,7 @@ class Life::Machine final : public FrameListener {
   bool cycling_ = true;
   std::uint64_t fingerprint_ = 0;
   std::uint64_t bits_ = 0;
+  std::uint64_t crowd_bits_ = 0;
   bool streamed_ = false;
   std::optional<Finding> finding_;
   std::vector<std::pair<std::uint16_t, int>> told_;

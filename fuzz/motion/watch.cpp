@@ -148,8 +148,7 @@ Watch::Watch(line::Axis& axis, std::size_t number)
       negative_wire_(1u << axis.settings().product->wiring.negative_limit),
       positive_wire_(1u << axis.settings().product->wiring.positive_limit) {
   const drive::MotorData& motor = drive_.configuration().motor;
-  const double peak_ratio = static_cast<double>(motor.peak_current_a) / static_cast<double>(motor.rated_current_a);
-  peak_torque_nm_ = peak_ratio * rated_torque_nm_;
+  peak_torque_share_ = static_cast<double>(motor.peak_current_a) / static_cast<double>(motor.rated_current_a);
   const plant::Motor& built = axis.plant().parameters().motor;
   // Torque per A rms = phases / 2 p flux sqrt(2); the voltage is flux times the electrical speed.
   emf_per_speed_ =
@@ -170,16 +169,15 @@ double Watch::greatest_speed() const {
 }
 
 double Watch::torque_acceleration() const {
-  double share = peak_torque_nm_ / rated_torque_nm_;
-  share = std::min({share, objects_.max_torque * 0.001, objects_.positive_torque_limit * 0.001,
-                    objects_.negative_torque_limit * 0.001});
+  double share = std::min({peak_torque_share_, objects_.max_torque * 0.001, objects_.positive_torque_limit * 0.001,
+                           objects_.negative_torque_limit * 0.001});
   const drive::Configuration& own = drive_.configuration();
   share =
       std::min({share, static_cast<double>(own.torque_limit_positive), static_cast<double>(own.torque_limit_negative)});
   const double left = 0.8 * share - std::abs(around_->load_share) - 0.05;
   if (left <= 0.05) return 0.0;
   const double inertia = inertia_kgm2_ + load_inertia_kgm2_ * around_->inertia_factor;
-  return left * rated_torque_nm_ / inertia / (2.0 * pi) * counts_per_revolution_;
+  return left * rated_torque_nm_ * counts_per_revolution_ / (2.0 * pi * inertia);
 }
 
 double Watch::slope() const {
@@ -194,7 +192,10 @@ double Watch::slope() const {
   take(objects_.max_deceleration);
   take(objects_.max_acceleration);
   take(objects_.profile_acceleration);
-  if (mode_ == Mode::homing) take(homing_ramp_);  // one of 0 leaves the ramp that homing has begun with
+  if (mode_ == Mode::homing) {  // under way it may keep one of before
+    take(objects_.homing_acceleration);
+    take(around_->gentlest_homing_ramp);
+  }
   return least;
 }
 
@@ -293,7 +294,6 @@ void Watch::look() {
     rest_ = position_;
     first_ = false;
   }
-  if (objects_.homing_acceleration != 0) homing_ramp_ = objects_.homing_acceleration;
   judgeable_ = motion_can_be_judged();
   acceleration_ = torque_acceleration();
   if (mode_ != mode_before_) mode_since_ = tick_;
@@ -330,7 +330,7 @@ void Watch::look() {
     error_registers();
   }
   if (had_pwm_ && !pwm_) switched_off_j_ += magnetic_j_;
-  magnetic_j_ = plant.energy().magnetic_j;
+  if (pwm_) magnetic_j_ = plant.energy().magnetic_j;
   had_pwm_ = pwm_;
   was_powered_ = around_->powered;
   mode_before_ = mode_;
@@ -455,7 +455,7 @@ void Watch::demand() {
   const double seconds = static_cast<double>(cycle) * tick_s;
   // Where the shaft is, a position loop's lag before it. The speed that the drive measures is late.
   const double speed = std::abs(velocity_) + overshoot(-1.0);
-  const bool caught = around_->locked && tick_ - around_->disturbed < ms(10);  // from any speed at once
+  const bool caught = tick_ - around_->disturbed < ms(10);  // a locked rotor stands at once, from any speed
   const double near = speed * 4.0 * cycle_ticks * tick_s + lag(speed) + 0.004 * counts_per_revolution_ + 3.0;
   if (demand.loop == Loop::position && before.loop == Loop::position) {
     const double moved = std::abs(demand.position - before.position);
@@ -463,7 +463,9 @@ void Watch::demand() {
     const double most = static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 *
                             counts_per_revolution_ * 1.02 * seconds +
                         2.0;
-    if (moved > most && !caught && std::abs(demand.position - position_) > near) {
+    // What comes half way back to the shaft, or nearer, moves nothing that is faster than it was.
+    const bool back = std::abs(demand.position - position_) < 0.5 * std::abs(before.position - position_);
+    if (moved > most && !caught && !back && std::abs(demand.position - position_) > near) {
       const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
       return fail(cyclic ? "cyclic-demand-jumps" : "demand-jumps",
                   fmt::format("by {:.0f} counts in {:.3f} ms (at most {:.0f}), shaft {:.0f} counts behind, mode {}",
@@ -516,7 +518,10 @@ void Watch::count_targets() {
   const std::uint64_t target =
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.target_position)) << 32 ^
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.position_offset)) * 5 ^
-      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.interpolation_data_record)) * 3;
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.interpolation_data_record)) * 3 ^
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.min_position_limit)) *
+          7 ^  // it is clipped to them
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.max_position_limit)) * 11;
   if (!cyclic || state_ != PowerState::operation_enabled || !pwm_ || stop_.kind != StopKind::none ||
       mode_since_ == tick_) {
     targets_ = 0;
@@ -805,7 +810,8 @@ void Watch::set_points() {
   const std::uint16_t word = objects_.controlword;
   const bool edge = (word & controlword::mode_bit_4) != 0 && (word_before_ & controlword::mode_bit_4) == 0;
   const bool working = state_ == PowerState::operation_enabled && mode_ == Mode::profile_position && pwm_ &&
-                       (word & (controlword::halt | controlword::fault_reset)) == 0 && judgeable_;
+                       (word & (controlword::halt | controlword::fault_reset)) == 0 && judgeable_ &&
+                       drive::command_of(word) == drive::Command::enable_operation;  // any other gives the set-point up
   word_before_ = word;
   const bool ready_before = std::exchange(ready_, (objects_.statusword & drive::statusword::mode_bit_12) == 0);
   const std::uint32_t velocity_before = std::exchange(profile_velocity_before_, objects_.profile_velocity);
@@ -1071,7 +1077,11 @@ void Watch::bits() {
   if (judged && !halt && !lies && mode_ == Mode::profile_position && !drive_.in_motion() && window < 0x7FFFFFFF &&
       (word & drive::statusword::target_reached) != 0 && drive_.axis().demand.loop == Loop::position) {
     const auto most = std::abs(static_cast<double>(drive_.axis().units.to_counts(static_cast<std::int32_t>(window))));
-    const double beside = std::abs(static_cast<double>(drive_.axis().demand.position) - position_);
+    // ... or rests elsewhere after a halt, and the shaft comes by the target.
+    const auto target = static_cast<double>(drive_.axis().units.to_counts(objects_.target_position)) -
+                        static_cast<double>(drive_.position_offset());
+    const double beside = std::min(std::abs(static_cast<double>(drive_.axis().demand.position) - position_),
+                                   std::abs(target - position_));
     lies = beside > 1.1 * most + std::abs(velocity_) * 2.0 * cycle_ticks * tick_s + 3.0;
   }
   if (!lies) lie_since_ = tick_;
@@ -1213,7 +1223,8 @@ void Watch::errors() {
       constexpr std::uint32_t phases = bit(plant::Injection::open_phase_u) | bit(plant::Injection::open_phase_v) |
                                        bit(plant::Injection::open_phase_w) | bit(plant::Injection::short_phase_u) |
                                        bit(plant::Injection::short_phase_v) | bit(plant::Injection::short_phase_w);
-      if ((around_->injected & phases) == 0 && tick_ - around_->disturbed > 0) {
+      // What was seen while one was broken is told a little later.
+      if ((around_->injected & phases) == 0 && tick_ - std::max(spoiled_, around_->disturbed) > ms(20)) {
         fail("false-alarm", fmt::format("motor phase lost ({:04X}h) with all phases whole, {:.0f} rpm, link {:.0f} V",
                                         row->code, rpm(velocity_), axis_.plant().dc_link_v()));
       }
@@ -1292,7 +1303,8 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
     if (shown.statusword == word) return;
     // A command acts when it comes, bit 4, a warning and the bits of the mode follow with the next cycle: between the
     // two a TPDO may have shown what no tick ends with.
-    if (shown.tick >= now - ms(1) && ((shown.statusword ^ word) & 0x006F) == 0) return;
+    const bool lately = std::max(shown.tick, asked_) >= now - ms(1);
+    if (lately && ((shown.statusword ^ word) & 0x006F) == 0) return;
     if (shown.tick < now - ms(3)) {
       return fail(
           "stale-statusword",

@@ -35,8 +35,9 @@ struct Surroundings {
   double load_share = 0.0;              // external torque, of the rated one
   double supply_share = 1.0;
   double inertia_factor = 1.0;
-  std::uint32_t injected = 0;   // bit plant::Injection
-  std::int64_t joined = -1000;  // when its bus was put together again
+  std::uint32_t injected = 0;              // bit plant::Injection
+  std::uint32_t gentlest_homing_ramp = 0;  // 609Ah that was ever written, without those of 0
+  std::int64_t joined = -1000;             // when its bus was put together again
   bool locked = false;
   bool powered = true;
   bool cut = false;
@@ -122,7 +123,7 @@ class Watch {
   double rated_torque_nm_;
   double emf_per_speed_ = 0.0;  // of a phase, V s/count
   double voltage_share_ = 0.0;  // of the DC link, amplitude of a phase
-  double peak_torque_nm_;
+  double peak_torque_share_;    // of the rated one
   double inertia_kgm2_;
   double load_inertia_kgm2_;
   std::uint32_t negative_wire_;
@@ -190,7 +191,6 @@ class Watch {
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
   bool stopped_before_ = false;
   std::int64_t stopped_since_ = 0;
-  std::uint32_t homing_ramp_ = 0;   // the last one that is not 0
   double magnetic_j_ = 0.0;         // in the windings, a tick ago
   double switched_off_j_ = 0.0;     // in the windings whenever the stage went off
   bool has_target_ = false;         // a set-point of profile position, since the mode or the operation began

@@ -285,6 +285,8 @@ void Drive::begin_ramp() {
     return;
   }
   stop_direction_ = axis_.generator.velocity();
+  // A shaft that is faster than it may be comes down with the ramp: the loops follow it from there.
+  axis_.greatest_velocity = std::max(axis_.greatest_velocity, std::abs(stop_direction_));
   axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
 }
 
