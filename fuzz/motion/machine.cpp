@@ -150,15 +150,20 @@ class Life::Machine final : public FrameListener {
     return false;
   }
 
+  void mix(std::uint64_t value) { fingerprint_ = (std::rotl(fingerprint_, 13) ^ value) * 0x9E3779B97F4A7C15ULL; }
+
   void take_fingerprint() {
-    const auto mix = [this](std::uint64_t value) {
-      fingerprint_ = (std::rotl(fingerprint_, 13) ^ value) * 0x9E3779B97F4A7C15ULL;
-    };
     for (const auto& axis : line_.axes()) {
       mix(static_cast<std::uint64_t>(axis->plant().position_counts()));
       mix(std::bit_cast<std::uint64_t>(axis->plant().position_fraction()));
       mix(std::bit_cast<std::uint64_t>(axis->plant().current_a()));
-      mix(axis->device().drive().axis().objects.statusword);
+      const drive::Drive& drive = axis->device().drive();
+      const drive::Objects& objects = drive.axis().objects;
+      mix(std::uint64_t{objects.statusword} << 32 | std::uint64_t{objects.error_code} << 16 |
+          static_cast<std::uint8_t>(objects.modes_of_operation_display));
+      mix(static_cast<std::uint64_t>(drive.axis().demand.position));
+      mix(std::bit_cast<std::uint32_t>(drive.axis().demand.velocity));
+      mix(std::bit_cast<std::uint64_t>(axis->plant().dc_link_v()));
     }
   }
 
@@ -247,6 +252,7 @@ class Life::Machine final : public FrameListener {
   }
 
   void heard(std::size_t i, const canopen::Frame& frame, line::Time at) override {
+    for (std::size_t byte = 0; byte < frame.length; ++byte) mix(std::uint64_t{frame.id} << 8 | frame.data[byte]);
     if (i < watches_.size()) watches_[i]->heard(frame, at);
   }
 

@@ -733,15 +733,18 @@ void Watch::limit_switches() {
                  : direction * position_ + lag(speed);  // a stop may go on in the position loop
     // 605Ah and 605Eh choose the ramp of a quick stop and of a fault.
     const bool chosen = one_of(state_, {PowerState::quick_stop_active, PowerState::fault_reaction_active});
-    const double ramp = chosen && stop_.slope > 0.0 ? std::min(slope(), stop_.slope) : limit_slope();
+    double ramp = chosen && stop_.slope > 0.0 ? std::min(slope(), stop_.slope) : limit_slope();
+    if (limit.slope > 0.0)
+      ramp = ramp > 0.0 ? std::min(ramp, limit.slope) : limit.slope;  // it may have begun with that
     const double reach = place + stopping(speed, ramp).counts;
     const bool unknown = chosen && stop_.kind == StopKind::none;  // which ramp it is
     // Without torque nothing brakes.
     if (!limit.active || (chosen && stop_.since == tick_) || unknown || !judgeable_ || mode_since_ == tick_ ||
         acceleration_ <= 0.0) {
-      limit = {true, reach};
+      limit = {true, reach, ramp};
       continue;
     }
+    limit.slope = ramp;
     limit.furthest = std::min(limit.furthest, reach);
     if (direction * position_ > limit.furthest) {
       fail("limit-switch-passed", fmt::format("{:.2f} revolutions beyond, at {:.0f} rpm, mode {}",
@@ -962,6 +965,7 @@ void Watch::off_limit() {
   }
   const double moved = direction * (position_ - away_.from);
   if (direction * (target - away_.from) < least_revolutions * counts_per_revolution_ || away_.targets < 3) return;
+  if (std::abs(target - away_.from) > 0x40000000) return;  // which way round it is near is the product's choice
   const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
   const double passed = static_cast<double>(tick_ - away_.since) * tick_s;
   if (passed > 0.2 + std::sqrt(0.5 * counts_per_revolution_ / ramp) && moved < 0.05 * counts_per_revolution_) {

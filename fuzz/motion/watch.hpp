@@ -178,6 +178,7 @@ class Watch {
   struct Limit {
     bool active = false;
     double furthest = 0.0;  // times the direction
+    double slope = 0.0;     // the gentlest since the switch is active
   };
   std::array<Limit, 2> limits_{};
   struct Border {
