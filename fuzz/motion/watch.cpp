@@ -741,12 +741,13 @@ void Watch::limit_switches() {
     // Without torque nothing brakes.
     if (!limit.active || (chosen && stop_.since == tick_) || unknown || !judgeable_ || mode_since_ == tick_ ||
         acceleration_ <= 0.0) {
-      limit = {true, reach, ramp};
+      limit = {true, reach, ramp, direction * position_};
       continue;
     }
     limit.slope = ramp;
     limit.furthest = std::min(limit.furthest, reach);
-    if (direction * position_ > limit.furthest) {
+    constexpr double rounding = 0.005;  // of ways of many revolutions
+    if (direction * position_ > limit.furthest + rounding * std::max(0.0, limit.furthest - limit.from)) {
       fail("limit-switch-passed", fmt::format("{:.2f} revolutions beyond, at {:.0f} rpm, mode {}",
                                               (direction * position_ - limit.furthest) / counts_per_revolution_,
                                               rpm(velocity_), static_cast<int>(mode_)));

@@ -179,6 +179,7 @@ class Watch {
     bool active = false;
     double furthest = 0.0;  // times the direction
     double slope = 0.0;     // the gentlest since the switch is active
+    double from = 0.0;      // where the shaft was then, times the direction
   };
   std::array<Limit, 2> limits_{};
   struct Border {
