@@ -52,15 +52,7 @@ WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft,
   const double threshold = dc_link_v * bridge_share_;
   const double source2 = direct * direct + quadrature * quadrature;
   const double margin = source2 - threshold * threshold;
-  // What is left of a current that dies within the tick flows through the diodes meanwhile: its energy, which backward
-  // Euler leaves out, goes back to the link.
-  const auto fed_back_w = [&](double end_d, double end_q) {
-    const double change_d = end_d - direct_a;
-    const double change_q = end_q - quadrature_a;
-    return phase_factor_ * 0.5 / h *
-           (direct_inductance_ * change_d * change_d + quadrature_inductance_ * change_q * change_q);
-  };
-  if (margin <= 0.0) return {.power_w = -fed_back_w(0.0, 0.0)};  // the diodes block
+  if (margin <= 0.0) return {};  // the diodes block
   const double direct_impedance = direct_inductance_ / h + resistance_;
   const double quadrature_impedance =
       quadrature_inductance_ / h + resistance_ + coupling * torque_per_flux_ * effective_flux;
@@ -82,7 +74,7 @@ WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft,
           .mean_quadrature_a = q,
           .end_direct_a = d,
           .end_quadrature_a = q,
-          .power_w = -phase_factor_ * bridge * (d * d + q * q) - fed_back_w(d, q),
+          .power_w = -phase_factor_ * bridge * (d * d + q * q),
           .torque_nm = torque_nm_of(d, q)};
 }
 
