@@ -12,9 +12,9 @@ namespace servodrome::canopen {
 struct Frame {
   std::uint32_t id = 0;  // 11 or 29 bits, without flags
   bool extended = false;
-  bool remote = false;      // RTR: no data, `length` is the requested length
-  std::uint8_t length = 0;  // 0..8
-  std::array<std::uint8_t, 8> data{};
+  bool remote = false;                            // RTR: no data, `length` is the requested length
+  std::uint8_t length = 0;                        // 0..8
+  alignas(8) std::array<std::uint8_t, 8> data{};  // aligned: copied as one word
 
   friend bool operator==(const Frame&, const Frame&) = default;
 };

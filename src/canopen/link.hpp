@@ -25,23 +25,27 @@ class Link {
 
   // Behind all others. False if the ring is full; the frame is lost then.
   bool transmit(const Frame& frame) {
-    if (head_ - tail_ > mask_) {
+    if (full()) {
       overrun_ = true;
       return false;
     }
     ring_[head_++ & mask_] = {frame, now_};
     return true;
   }
-  // For a service of which only the newest frame counts: if the one at `place` still waits, this one waits there
-  // instead; else it waits behind all others. False if the ring is full; the caller tries again.
-  bool transmit_newest(const Frame& frame, Place& place) {
-    if (waits(place)) {
-      ring_[place & mask_].frame = frame;
-      return true;
+  // For a service of which only the newest frame counts: where to put it. If the one at `place` still waits, that is
+  // its place, else one behind all others. nullptr if the ring is full; the caller tries again.
+  Frame* newest(Place& place) {
+    if (!waits(place)) {
+      if (full()) return nullptr;
+      place = head_++;
+      ring_[place & mask_].since = now_;
     }
-    if (head_ - tail_ > mask_) return false;
-    place = head_;
-    return transmit(frame);
+    return &ring_[place & mask_].frame;
+  }
+  bool transmit_newest(const Frame& frame, Place& place) {
+    Frame* to = newest(place);
+    if (to != nullptr) *to = frame;
+    return to != nullptr;
   }
   // The frame at `place` is not sent after all. True if it still waited.
   bool withdraw(Place& place) {
@@ -51,7 +55,6 @@ class Link {
     place = no_place;
     return waited;
   }
-  bool any_waits() const { return head_ != tail_; }
   bool waits(Place place) const { return place - tail_ < head_ - tail_; }
 
   // The frame to be sent next; nullptr: none. It waits on until sent() tells that it is on its way, and may change or
@@ -65,15 +68,10 @@ class Link {
     const WaitingFrame* front = next();
     if (front == nullptr || front->frame.id != frame.id || front->frame.length != frame.length) return;
     const auto data = front->frame.data.begin();
-    if (std::equal(data, data + frame.length, frame.data.begin())) ++tail_;
+    if (std::equal(data, data + frame.length, frame.data.begin())) pop();
   }
-  bool take(Frame& frame) {
-    const WaitingFrame* front = next();
-    if (front == nullptr) return false;
-    frame = front->frame;
-    ++tail_;
-    return true;
-  }
+  // The frame that next() gave is on its way.
+  void pop() { ++tail_; }
   void discard() { tail_ = head_; }
 
   // Nothing is sent before `time` (a bit rate is being switched).
@@ -98,6 +96,8 @@ class Link {
   void clear_wake() { wake_ = never; }
 
  private:
+  bool full() const { return head_ - tail_ > mask_; }
+
   static constexpr std::uint8_t withdrawn = 0xFF;  // as a frame's length
 
   Time now_{0};

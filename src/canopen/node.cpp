@@ -28,7 +28,7 @@ Node::Node(dictionary::Dictionary& dictionary, const Profile& profile, DeviceEve
       emergency_(link_, dictionary, profile),
       rpdos_(link_, dictionary, profile, emergency_, events, memory.rpdos, memory.rpdo_objects, memory.rpdo_pending),
       tpdos_(link_, dictionary, profile, memory.tpdos, memory.tpdo_objects, memory.tpdo_synchronous,
-             memory.tpdo_on_change),
+             memory.tpdo_event_driven),
       sync_(link_, dictionary, profile, emergency_),
       sdo_(link_, dictionary, profile, memory.sdo_buffer),
       error_control_(link_, dictionary, profile),

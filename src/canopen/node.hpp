@@ -38,7 +38,13 @@ class Node final : private dictionary::Listener {
   // When poll() has something to do; may be early, never late. canopen::never: nothing is planned.
   Time next_deadline() const { return link_.wake(); }
   // The next frame to send. False: there is none.
-  bool take(Frame& frame) { return next_frame() != nullptr && link_.take(frame); }
+  bool take(Frame& frame) {
+    const WaitingFrame* next = next_frame();
+    if (next == nullptr) return false;
+    frame = next->frame;
+    link_.pop();
+    return true;
+  }
   // The same for a controller that can take a frame back as long as the wire has not begun with it: look again after
   // each call, for the frame may have got newer data or be dropped, and tell which one was sent.
   const WaitingFrame* next_frame() {

@@ -15,7 +15,7 @@ struct NodeMemory {
   std::span<Tpdo> tpdos;
   std::span<MappedObject> tpdo_objects;
   std::span<std::uint16_t> tpdo_synchronous;
-  std::span<std::uint16_t> tpdo_on_change;
+  std::span<std::uint16_t> tpdo_event_driven;
   std::span<HeartbeatConsumer> heartbeat_consumers;
   std::span<std::byte> sdo_buffer;  // as big as the largest object that is downloaded in segments or blocks
 };
@@ -32,8 +32,16 @@ class NodeStorage {
   static_assert(Rpdos <= 512 && Tpdos <= 512 && MappingEntries <= 64);
 
   NodeMemory memory() {
-    return {transmit_ring_,    rpdos_,          rpdo_objects_,        rpdo_pending_, tpdos_, tpdo_objects_,
-            tpdo_synchronous_, tpdo_on_change_, heartbeat_consumers_, sdo_buffer_};
+    return {transmit_ring_,
+            rpdos_,
+            rpdo_objects_,
+            rpdo_pending_,
+            tpdos_,
+            tpdo_objects_,
+            tpdo_synchronous_,
+            tpdo_event_driven_,
+            heartbeat_consumers_,
+            sdo_buffer_};
   }
 
  private:
@@ -44,7 +52,7 @@ class NodeStorage {
   std::array<Tpdo, Tpdos> tpdos_{};
   std::array<MappedObject, Tpdos * MappingEntries> tpdo_objects_{};
   std::array<std::uint16_t, Tpdos> tpdo_synchronous_{};
-  std::array<std::uint16_t, Tpdos> tpdo_on_change_{};
+  std::array<std::uint16_t, Tpdos> tpdo_event_driven_{};
   std::array<HeartbeatConsumer, HeartbeatConsumers> heartbeat_consumers_{};
   std::array<std::byte, SdoBufferBytes> sdo_buffer_{};
 };

@@ -52,7 +52,7 @@ AbortCode Rpdos::check(const dictionary::Entry& entry, std::uint32_t value) cons
   const PdoConfiguration rules{dictionary_, profile_};
   if (entry.index >= mapping) {
     return rules.check_mapping(Direction::receive, static_cast<std::uint16_t>(entry.index - mapping + parameter), entry,
-                               value, entries());
+                               value, entries_);
   }
   switch (entry.sub) {
     case 1: return rules.check_cob_id(entry.index, value);

@@ -38,6 +38,7 @@ class Rpdos {
         events_(events),
         pdos_(pdos),
         objects_(objects),
+        entries_(pdos.empty() ? 0 : objects.size() / pdos.size()),
         pending_(pending) {}
 
   std::size_t capacity() const { return pdos_.size(); }
@@ -70,8 +71,7 @@ class Rpdos {
   std::span<const MappedObject> mapped(std::uint16_t number);
   void end_length_errors();
   bool check_length(Rpdo& pdo, std::uint8_t length);
-  std::size_t entries() const { return objects_.size() / pdos_.size(); }
-  std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries(), entries()); }
+  std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries_, entries_); }
 
   Link& link_;
   dictionary::Dictionary& dictionary_;
@@ -80,6 +80,7 @@ class Rpdos {
   DeviceEvents& events_;
   std::span<Rpdo> pdos_;
   std::span<MappedObject> objects_;
+  std::size_t entries_;  // mapping entries per PDO
   std::span<std::uint16_t> pending_;
   std::size_t pending_count_ = 0;
   bool operational_ = false;

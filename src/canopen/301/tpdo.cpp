@@ -78,14 +78,14 @@ void Tpdos::configure(std::uint16_t number) {
 
 void Tpdos::rebuild_lists() {
   synchronous_count_ = 0;
-  on_change_count_ = 0;
+  event_driven_count_ = 0;
   for (std::size_t i = 0; i < pdos_.size(); ++i) {
     const Tpdo& pdo = pdos_[i];
     if (!pdo.valid) continue;
     if (pdo.type <= last_synchronous_type || pdo.type == synchronous_remote) {
       synchronous_[synchronous_count_++] = static_cast<std::uint16_t>(i);
     }
-    if (pdo.on_change) on_change_[on_change_count_++] = static_cast<std::uint16_t>(i);
+    if (pdo.type >= manufacturer_event_driven) event_driven_[event_driven_count_++] = static_cast<std::uint16_t>(i);
   }
 }
 
@@ -93,7 +93,7 @@ AbortCode Tpdos::check(const dictionary::Entry& entry, std::uint32_t value) cons
   const PdoConfiguration rules{dictionary_, profile_};
   if (entry.index >= mapping) {
     return rules.check_mapping(Direction::transmit, static_cast<std::uint16_t>(entry.index - mapping + parameter),
-                               entry, value, entries());
+                               entry, value, entries_);
   }
   switch (entry.sub) {
     case 1: return rules.check_cob_id(entry.index, value);
@@ -130,21 +130,21 @@ void Tpdos::set_operational(bool operational) {
 
 void Tpdos::bus_off() {
   for (Tpdo& pdo : pdos_) {
-    if (!link_.withdraw(pdo.place) || !by_event(pdo)) continue;
-    pdo.waiting = true;
-    link_.wake_at(pdo.not_before);
+    if (link_.withdraw(pdo.place) && by_event(pdo)) hold(pdo);
   }
 }
 
 // One that still waits for the bus gets the new data where it waits.
 void Tpdos::send(Tpdo& pdo, std::uint64_t data) {
   const Time now = link_.now();
-  if (!link_.transmit_newest(frame_of(pdo, data), pdo.place)) {
+  Frame* frame = link_.newest(pdo.place);
+  if (frame == nullptr) {
     pdo.waiting = by_event(pdo);
     pdo.not_before = now + retry_time;
     link_.wake_at(pdo.not_before);
     return;
   }
+  *frame = frame_of(pdo, data);
   pdo.data = data;
   pdo.waiting = false;
   pdo.not_before = now + pdo.inhibit_time;
@@ -155,39 +155,25 @@ void Tpdos::send(Tpdo& pdo, std::uint64_t data) {
 }
 
 void Tpdos::send_when_allowed(std::uint16_t number, Tpdo& pdo) {
-  if (may_send(pdo)) {
-    send(pdo, pack_data(number, pdo));
-  } else {
-    pdo.waiting = true;
-    link_.wake_at(pdo.not_before);
-  }
+  may_send(pdo) ? send(pdo, pack_data(number, pdo)) : hold(pdo);
 }
 
-void Tpdos::send_changed() {
-  for (std::size_t i = 0; i < on_change_count_; ++i) {
-    const std::uint16_t number = on_change_[i];
+// What changed is sent. What waits for the bus, because of a timer or of a change that newer ones followed, takes the
+// new data along, those that the mask hides as well.
+void Tpdos::update_event_driven() {
+  for (std::size_t i = 0; i < event_driven_count_; ++i) {
+    const std::uint16_t number = event_driven_[i];
     Tpdo& pdo = pdos_[number];
-    if (pdo.waiting) continue;  // packed anew when its inhibit time is over
+    const bool queued = link_.waits(pdo.place);
+    const bool watched = pdo.on_change && !pdo.waiting;  // else packed anew when its inhibit time is over
+    if (!queued && !watched) continue;
     const std::uint64_t data = pack_data(number, pdo);
-    if (((data ^ pdo.data) & pdo.change_mask) == 0) continue;
-    if (may_send(pdo)) {
-      send(pdo, data);
-    } else {
-      pdo.waiting = true;
-      link_.wake_at(pdo.not_before);
+    if (watched && ((data ^ pdo.data) & pdo.change_mask) != 0) {
+      may_send(pdo) ? send(pdo, data) : hold(pdo);
+    } else if (queued && data != pdo.data) {
+      link_.transmit_newest(frame_of(pdo, data), pdo.place);
+      pdo.data = data;
     }
-  }
-}
-
-// A timer sent it, or a change, or one that the mask hides came after it.
-void Tpdos::refresh_waiting() {
-  for (std::size_t i = 0; i < pdos_.size(); ++i) {
-    Tpdo& pdo = pdos_[i];
-    if (pdo.type < manufacturer_event_driven || !link_.waits(pdo.place)) continue;
-    const std::uint64_t data = pack_data(i, pdo);
-    if (data == pdo.data) continue;
-    link_.transmit_newest(frame_of(pdo, data), pdo.place);
-    pdo.data = data;
   }
 }
 
@@ -248,8 +234,7 @@ void Tpdos::poll() {
     if (due && may_send(pdo)) {
       send(pdo, pack_data(i, pdo));
     } else if (due) {
-      pdo.waiting = true;
-      link_.wake_at(pdo.not_before);
+      hold(pdo);
     } else {
       link_.wake_at(pdo.event_deadline);
     }

@@ -31,14 +31,15 @@ struct Tpdo {
 class Tpdos {
  public:
   Tpdos(Link& link, dictionary::Dictionary& dictionary, const Profile& profile, std::span<Tpdo> pdos,
-        std::span<MappedObject> objects, std::span<std::uint16_t> synchronous, std::span<std::uint16_t> on_change)
+        std::span<MappedObject> objects, std::span<std::uint16_t> synchronous, std::span<std::uint16_t> event_driven)
       : link_(link),
         dictionary_(dictionary),
         profile_(profile),
         pdos_(pdos),
         objects_(objects),
+        entries_(pdos.empty() ? 0 : objects.size() / pdos.size()),
         synchronous_(synchronous),
-        on_change_(on_change) {}
+        event_driven_(event_driven) {}
 
   std::size_t capacity() const { return pdos_.size(); }
   const Tpdo& operator[](std::size_t number) const { return pdos_[number]; }
@@ -55,9 +56,7 @@ class Tpdos {
   // Process data may have changed: asynchronous TPDOs whose data did are sent, and those that wait for the bus,
   // whatever sent them, take the new data along.
   void process_image_updated() {
-    if (!operational_) return;
-    if (on_change_count_ != 0) send_changed();
-    if (link_.any_waits()) refresh_waiting();
+    if (operational_ && event_driven_count_ != 0) update_event_driven();
   }
   // An application event: the TPDO is sent (types 254, 255 at once, type 0 at the next SYNC), changed or not.
   void trigger(std::uint16_t number);
@@ -71,23 +70,26 @@ class Tpdos {
   }
   // Its inhibit time is over, or the frame that began it still waits and can take newer data.
   bool may_send(const Tpdo& pdo) const { return link_.now() >= pdo.not_before || link_.waits(pdo.place); }
+  void hold(Tpdo& pdo) {
+    pdo.waiting = true;
+    link_.wake_at(pdo.not_before);
+  }
   void send(Tpdo& pdo, std::uint64_t data);
   void send_when_allowed(std::uint16_t number, Tpdo& pdo);
-  void send_changed();
-  void refresh_waiting();
+  void update_event_driven();
   void rebuild_lists();
-  std::size_t entries() const { return objects_.size() / pdos_.size(); }
-  std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries(), entries()); }
+  std::span<MappedObject> objects(std::size_t number) const { return objects_.subspan(number * entries_, entries_); }
 
   Link& link_;
   dictionary::Dictionary& dictionary_;
   const Profile& profile_;
   std::span<Tpdo> pdos_;
   std::span<MappedObject> objects_;
-  std::span<std::uint16_t> synchronous_;  // numbers of the TPDOs a SYNC concerns
-  std::span<std::uint16_t> on_change_;    // numbers of those that change sends
+  std::size_t entries_;                    // mapping entries per PDO
+  std::span<std::uint16_t> synchronous_;   // numbers of the TPDOs a SYNC concerns
+  std::span<std::uint16_t> event_driven_;  // numbers of the asynchronous ones
   std::size_t synchronous_count_ = 0;
-  std::size_t on_change_count_ = 0;
+  std::size_t event_driven_count_ = 0;
   bool operational_ = false;
 };
 
