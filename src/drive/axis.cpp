@@ -37,9 +37,13 @@ bool Axis::at_limit(bool positive) const {
   return positive != units.position_inverted ? user >= objects.max_position_limit : user <= objects.min_position_limit;
 }
 
+bool Axis::keeps_software_limits() const {
+  return policy.out_of_limits != OutOfLimits::fault && software_limits_active();
+}
+
 Axis::Room Axis::room_from(Counts place) const {
   constexpr double endless = std::numeric_limits<double>::infinity();
-  if (policy.out_of_limits == OutOfLimits::fault || !software_limits_active()) return {endless, endless};
+  if (!keeps_software_limits()) return {endless, endless};
   if (position_range() != 0) place = units.to_counts(to_user_position(place));
   const auto [low, high] =
       std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
@@ -48,7 +52,7 @@ Axis::Room Axis::room_from(Counts place) const {
 
 bool Axis::near_software_limit(double deceleration) const {
   const double velocity = generator.velocity();
-  if (velocity == 0.0) return false;
+  if (velocity == 0.0 || !keeps_software_limits()) return false;
   const double way = deceleration > 0.0 ? velocity * velocity / (2.0 * deceleration) : 0.0;
   const Room room = room_from(demand.loop == Loop::position ? generator.nearest_position() : position());
   return (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * cycle_s;

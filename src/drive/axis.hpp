@@ -11,6 +11,7 @@
 #include "drive/homing/homing.hpp"
 #include "drive/loops/cascade.hpp"
 #include "drive/loops/gains.hpp"
+#include "drive/modes/windows.hpp"
 #include "drive/policy.hpp"
 #include "drive/shown_velocity.hpp"
 #include "drive/touch_probe.hpp"
@@ -195,6 +196,11 @@ struct Axis {
     return static_cast<std::uint32_t>(std::min(milliseconds * cycles_per_ms + 0.5, 4294967295.0));
   }
 
+  // Whether `condition` has held for so long.
+  bool lasts(bool condition, Dwell& dwell, std::uint32_t milliseconds) const {
+    return dwell.update(condition, condition ? cycles(milliseconds) : 0);
+  }
+
   // Whether the product knows the fault.
   bool monitors(Cause cause) const {
     return std::any_of(policy.faults.begin(), policy.faults.end(),
@@ -357,6 +363,7 @@ struct Axis {
     double below;
     double above;
   };
+  bool keeps_software_limits() const;  // rather than raising a fault at them
   Room room_from(Counts place) const;
   Room room() const { return room_from(position()); }  // of the shaft
   // With this deceleration (counts/s^2; 0: at once) the demand still just comes to rest before the software limit

@@ -174,14 +174,8 @@ void Drive::synchronise() {
 bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   if (feedback.edge_count != 0) capture_edges(feedback);
   const bool cycle_due = cascade_.position_loop_due();
-  if (const std::uint32_t faults = feedback.hardware_faults & comparators_; (tripped_ | faults) != 0) [[unlikely]] {
-    if (tripped_ == 0) tripped_ = faults;  // the first to speak; what follows it is its consequence
-    if (!cycle_due && outputs_.pwm_enabled) {
-      // The comparators do not wait for the end of a cycle.
-      outputs_.pwm_enabled = false;
-      actuation.pwm_enabled = false;
-    }
-  }
+  if ((tripped_ | feedback.hardware_faults) != 0) [[unlikely]]
+    trip(feedback.hardware_faults, cycle_due, actuation);
   if (cascade_.ticks() == look_at_) [[unlikely]]
     look_for_open_phase(feedback, actuation);
   if (cycle_due) {
@@ -192,7 +186,16 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   return cycle_due;
 }
 
-// Apart from the tick, whose registers it would take.
+// Apart from the tick, whose registers it would take, as is the look for an open phase.
+[[gnu::noinline]] void Drive::trip(std::uint32_t faults, bool cycle_due, Actuation& actuation) {
+  if (tripped_ == 0) tripped_ = faults & comparators_;  // the first to speak; what follows it is its consequence
+  if (tripped_ != 0 && !cycle_due && outputs_.pwm_enabled) {
+    // The comparators do not wait for the end of a cycle.
+    outputs_.pwm_enabled = false;
+    actuation.pwm_enabled = false;
+  }
+}
+
 [[gnu::noinline]] void Drive::look_for_open_phase(const Feedback& feedback, const Actuation& actuation) {
   look_at_ += supervision_.open_phase().next_look();
   if (!outputs_.pwm_enabled) return;

@@ -194,6 +194,7 @@ class Drive final : public dictionary::Listener {
 
   // drive.cpp
   void cycle(const Feedback& feedback);
+  void trip(std::uint32_t faults, bool cycle_due, Actuation& actuation);
   void look_for_open_phase(const Feedback& feedback, const Actuation& actuation);
   void update_inputs(const Feedback& feedback);
   void capture_edges(const Feedback& feedback);

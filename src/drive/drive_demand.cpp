@@ -14,6 +14,7 @@ constexpr std::uint32_t lagging_modes =
 // Towards an active limit switch: by the demand's velocity, in torque control by the torque. A position demand that
 // comes back to the shaft, as at the end of a stream of targets, does not push.
 bool Drive::pushes_limit_switch() const {
+  if (!axis_.active(Signal::negative_limit) && !axis_.active(Signal::positive_limit)) return false;
   const LoopDemand& demand = axis_.demand;
   const double towards = demand.loop == Loop::torque ? static_cast<double>(demand.torque) : axis_.generator.velocity();
   const auto ahead = static_cast<double>(axis_.generator.nearest_position() - axis_.position());

@@ -99,15 +99,15 @@ void Supervision::supply(const Axis& axis, const Feedback& feedback, const Situa
   const Monitors& monitors = axis.configuration.monitors;
   if (monitors.over_voltage_v > 0.0F && feedback.dc_link_v > monitors.over_voltage_v) present_.set(Cause::over_voltage);
   const bool low = situation.dc_link_expected && feedback.dc_link_v < monitors.under_voltage_v;
-  if (under_voltage_.update(low, axis.cycles(under_voltage_ms))) present_.set(Cause::under_voltage);
+  if (axis.lasts(low, under_voltage_, under_voltage_ms)) present_.set(Cause::under_voltage);
   if (situation.dc_link_expected && feedback.dc_link_v < monitors.under_voltage_near_v) {
     present_.set(Cause::under_voltage_near);
   }
   if (feedback.dc_link_v > monitors.chopper_on_v) chopper_ = true;
   if (feedback.dc_link_v < monitors.chopper_off_v) chopper_ = false;
   const bool failed = !feedback.supply_present && situation.dc_link_expected;
-  if (power_failure_.update(failed, axis.cycles(monitors.power_failure_ms))) present_.set(Cause::power_failure);
-  if (monitors.brake_resistor_ms != 0 && brake_resistor_.update(chopper_, axis.cycles(monitors.brake_resistor_ms))) {
+  if (axis.lasts(failed, power_failure_, monitors.power_failure_ms)) present_.set(Cause::power_failure);
+  if (monitors.brake_resistor_ms != 0 && axis.lasts(chopper_, brake_resistor_, monitors.brake_resistor_ms)) {
     present_.set(Cause::brake_resistor);
   }
 
@@ -170,7 +170,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
       present_.set(Cause::following_error_near);
     }
   }
-  axis.following_error = following_.update(outside, axis.cycles(objects.following_error_time_out_ms));
+  axis.following_error = axis.lasts(outside, following_, objects.following_error_time_out_ms);
   if (axis.following_error) present_.set(Cause::following_error);
 
   if (monitors.acceleration_clipped && situation.profiled) {
@@ -180,7 +180,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   }
   const bool pushing = situation.energised && !situation.pressing && axis.loops->torque_limited &&
                        (situation.loop == Loop::position || situation.loop == Loop::velocity);
-  if (monitors.jammed_ms != 0 && jammed_.update(pushing && axis.counts_per_ms == 0, axis.cycles(monitors.jammed_ms))) {
+  if (monitors.jammed_ms != 0 && axis.lasts(pushing && axis.counts_per_ms == 0, jammed_, monitors.jammed_ms)) {
     present_.set(Cause::jammed);
   }
 
@@ -197,7 +197,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   if (situation.energised && situation.loop == Loop::velocity && monitors.velocity_error > 0.0) {
     slow = std::abs(axis.generator.velocity() - axis.velocity()) > monitors.velocity_error;
   }
-  if (velocity_.update(slow, axis.cycles(monitors.velocity_error_ms))) present_.set(Cause::velocity_error);
+  if (axis.lasts(slow, velocity_, monitors.velocity_error_ms)) present_.set(Cause::velocity_error);
 
   if (axis.policy.out_of_limits == OutOfLimits::fault && situation.energised && axis.software_limits_active()) {
     // A target at the limit may be overshot by some counts: in the position loop the demand decides.

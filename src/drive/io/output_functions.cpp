@@ -21,9 +21,9 @@ std::uint32_t OutputConditions::update(const Drive& drive, const Settings& setti
   const Loop loop = axis.demand.loop;
   const bool torque =
       settings.torque_current_a > 0.0F && std::abs(drive.loops().current_q_a) >= settings.torque_current_a;
-  const bool zero_speed = zero_speed_.update(std::abs(axis.counts_per_ms) <= settings.zero_speed_counts_per_ms,
-                                             axis.cycles(settings.zero_speed_ms));
-  const bool torque_reached = torque_.update(torque, axis.cycles(settings.torque_ms));
+  const bool zero_speed = axis.lasts(std::abs(axis.counts_per_ms) <= settings.zero_speed_counts_per_ms, zero_speed_,
+                                     settings.zero_speed_ms);
+  const bool torque_reached = axis.lasts(torque, torque_, settings.torque_ms);
 
   std::uint32_t conditions = 0;
   const auto set = [&conditions](OutputCondition condition, bool holds) {

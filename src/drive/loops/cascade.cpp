@@ -41,6 +41,7 @@ constexpr float most_handover = 0.3F;
 // current.
 constexpr float braking_voltage_share = 0.95F;
 constexpr float least_braking_share = 0.1F;
+constexpr float rounding_margin = 1.001F;  // of the first look at whether there is too little voltage
 
 // As far as the position loop looks; beyond, it saturates.
 constexpr Counts largest_position_error = Counts{1} << 30;
@@ -89,6 +90,9 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   torque_per_ampere_ = sense * torque_per_ampere;
   ampere_per_torque_ = 1.0F / torque_per_ampere_;
   peak_torque_ = motor.peak_current_a * torque_per_ampere;
+  const float peak_flux_vs = motor.inductance_q_h * motor.peak_current_a;
+  braking_v_per_rad_s_ = std::sqrt(flux_linkage_vs_ * flux_linkage_vs_ + peak_flux_vs * peak_flux_vs) *
+                         rounding_margin / (braking_voltage_share * voltage_share_);
   const float rad_per_count = 2.0F * pi / counts;
   velocity_kp_ = gains.velocity_kp * torque_per_ampere * rad_per_count;
   velocity_ki_ = gains.velocity_ki * torque_per_ampere * rad_per_count * velocity_period_s;
@@ -378,26 +382,30 @@ void Cascade::observe_disturbance() {
   compensation_ = disturbance_share_ * disturbance_.load;
 }
 
-// The greatest torque that brakes, a fraction of rated. A turning motor drives a braking current by itself, and the
-// current loop holds it only as long as there is voltage against it: (w L i)^2 + (w psi)^2 within that of the DC link.
-// Without that a hard stop from a high speed ends in overcurrent.
-float Cascade::braking_limit(float dc_link_v) const {
+// The torque that brakes is what the DC link can hold: a turning motor drives a braking current by itself, and the
+// current loop needs voltage against it, (w L i)^2 + (w psi)^2 within that of the DC link. Without that a hard stop
+// from a high speed ends in overcurrent.
+[[gnu::noinline]] void Cascade::limit_braking(float dc_link_v) {
   const float available = braking_voltage_share * voltage_share_ * dc_link_v;
   const float emf = electrical_rad_per_s_ * flux_linkage_vs_;
   const float reactance = electrical_rad_per_s_ * quadrature_.inductance_h;
   const float peak_drop = reactance * peak_torque_ * ampere_per_torque_;
   const float room = available * available - emf * emf;
-  if (room >= peak_drop * peak_drop) [[likely]]
-    return peak_torque_;
+  if (room >= peak_drop * peak_drop) return;
   const float share = room > 0.0F ? std::sqrt(room) / std::fabs(peak_drop) : 0.0F;
-  return peak_torque_ * std::max(share, least_braking_share);
+  const float limit = peak_torque_ * std::max(share, least_braking_share);
+  if (state_.velocity_counts_per_s > 0.0F) {
+    torque_low_ = std::max(torque_low_, -limit);
+  } else {
+    torque_high_ = std::min(torque_high_, limit);
+  }
 }
 
 void Cascade::run_velocity_loop(const Feedback& feedback) {
-  const float braking = braking_limit(feedback.dc_link_v);
-  const bool forward = state_.velocity_counts_per_s > 0.0F;
-  torque_low_ = -(forward ? std::min(demand_.torque_limit_negative, braking) : demand_.torque_limit_negative);
-  torque_high_ = forward ? demand_.torque_limit_positive : std::min(demand_.torque_limit_positive, braking);
+  torque_low_ = -demand_.torque_limit_negative;
+  torque_high_ = demand_.torque_limit_positive;
+  if (std::fabs(electrical_rad_per_s_) * braking_v_per_rad_s_ > feedback.dc_link_v) [[unlikely]]
+    limit_braking(feedback.dc_link_v);
   const float controlled = demand_.loop == Loop::torque ? torque_controller() : velocity_controller();
   float torque = controlled;
   if (notch_end_ != 0) {

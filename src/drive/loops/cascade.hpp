@@ -115,7 +115,7 @@ class Cascade {
   void measure_velocity(Counts position);
   void run_position_loop(Counts position);
   void run_velocity_loop(const Feedback& feedback);
-  float braking_limit(float dc_link_v) const;
+  void limit_braking(float dc_link_v);
   float filtered_velocity(float measured);
   void settle_velocity(float velocity);
   // What the present gains make of the present errors, without the integral.
@@ -197,6 +197,7 @@ class Cascade {
   float torque_low_ = 0.0F;   // what the loops may ask for in this velocity period, fractions of rated
   float torque_high_ = 0.0F;
   float voltage_share_ = 0.0F;              // of the DC link, amplitude of a phase
+  float braking_v_per_rad_s_ = 0.0F;        // of the DC link per electrical rad/s, with which the peak current brakes
   float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
   float electrical_rad_per_count_ = 0.0F;
   float half_tick_turns_ = 0.0F;  // electrical turns in half a tick per counts/s

@@ -81,7 +81,7 @@ ProfilePosition::SetPoint ProfilePosition::pop() {
 bool ProfilePosition::may_chain(const Axis& axis) {
   if (!axis.policy.set_points_start_from_rest || running_set_point_.end_velocity > 0.0 || passing_) return true;
   const bool slow = std::abs(axis.velocity()) < axis.rpm_to_counts_per_s(standing_rpm);
-  const bool stands = rest_.update(slow, axis.cycles(standing_ms));
+  const bool stands = axis.lasts(slow, rest_, standing_ms);
   if (!stands && ++rest_wait_cycles_ < axis.cycles(rest_wait_ms)) return false;
   return true;
 }
@@ -269,8 +269,7 @@ void ProfilePosition::step(Axis& axis) {
     const std::uint32_t window = axis.objects.position_window;
     const std::int64_t distance = axis.units.to_user(target_) - axis.units.to_user(axis.position());
     const bool inside = window == 0xFFFFFFFF || (distance < 0 ? -distance : distance) <= window;
-    target_reached_ =
-        window_.update(inside, window == 0xFFFFFFFF ? 0 : axis.cycles(axis.objects.position_window_time_ms));
+    target_reached_ = axis.lasts(inside, window_, window == 0xFFFFFFFF ? 0 : axis.objects.position_window_time_ms);
   } else {
     target_reached_ = false;
     window_.reset();

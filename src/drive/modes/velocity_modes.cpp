@@ -97,12 +97,11 @@ void ProfileVelocity::step(Axis& axis) {
 }
 
 void ProfileVelocity::observe(Axis& axis) {
-  const double goal = axis.generator.velocity();
   windows_.update(axis, wanted_, axis.generator.finished() && !given_up_);
+  if (!axis.policy.slippage_supported) return;
   // Of a ramp, against the demand as it was when what is shown now was measured.
-  const double shown_goal = goal - axis.generator.acceleration() * axis.shown_velocity_lag_s();
-  slipping_ = axis.policy.slippage_supported &&
-              std::abs(axis.shown_velocity() - shown_goal) > axis.objects.max_slippage * axis.units.velocity;
+  const double shown_goal = axis.generator.velocity() - axis.generator.acceleration() * axis.shown_velocity_lag_s();
+  slipping_ = std::abs(axis.shown_velocity() - shown_goal) > axis.objects.max_slippage * axis.units.velocity;
 }
 
 std::uint16_t ProfileVelocity::status(const Axis&) const {
@@ -116,16 +115,16 @@ void VelocityWindows::update(const Axis& axis, double goal, bool arrived) {
   const SpeedWindows& own = axis.configuration.speed_windows;
   if (own.used) {
     target_reached_ = error < own.reached_counts_per_s;  // 60FFh less actual, and nothing else
-    speed_zero_ = zero_.update(std::abs(axis.counts_per_ms) <= own.zero_counts_per_ms, axis.cycles(own.zero_ms));
+    speed_zero_ = axis.lasts(std::abs(axis.counts_per_ms) <= own.zero_counts_per_ms, zero_, own.zero_ms);
     return;
   }
   const bool windowed = objects.velocity_window != 0xFFFF;
   const bool inside = arrived && (!windowed || error <= objects.velocity_window * axis.units.velocity);
-  target_reached_ = window_.update(inside, windowed ? axis.cycles(objects.velocity_window_time_ms) : 0);
+  target_reached_ = axis.lasts(inside, window_, windowed ? objects.velocity_window_time_ms : 0);
   if (std::abs(velocity) < objects.velocity_threshold * axis.units.velocity) {
     zero_.reset();
     speed_zero_ = true;
-  } else if (zero_.update(true, axis.cycles(objects.velocity_threshold_time_ms))) {
+  } else if (axis.lasts(true, zero_, objects.velocity_threshold_time_ms)) {
     speed_zero_ = false;
   }
 }

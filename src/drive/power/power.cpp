@@ -317,7 +317,7 @@ bool Drive::stop_finished() const {
 
 void Drive::watch_standstill() {
   const bool slow = std::abs(axis_.velocity()) < axis_.rpm_to_counts_per_s(standing_rpm);
-  shaft_stands_ = standstill_.update(slow, axis_.cycles(standing_ms));
+  shaft_stands_ = axis_.lasts(slow, standstill_, standing_ms);
 }
 
 void Drive::step_stop() {
@@ -333,7 +333,7 @@ void Drive::step_stop() {
     const float square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
     const float least = standing_current * axis_.configuration.motor.rated_current_a;
     const bool quiet = shaft_stands_ && square < least * least;
-    braked_to_rest_ = braked_.update(quiet, axis_.cycles(standing_ms));
+    braked_to_rest_ = axis_.lasts(quiet, braked_, standing_ms);
   }
   if (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit) {
     axis_.generator.start_from(axis_.position(), 0.0);
