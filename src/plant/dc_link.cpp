@@ -29,12 +29,6 @@ void DcLink::set_supply_v(double volts) {
   if (connected_) source_v_ = volts;
 }
 
-double DcLink::standby_power() {
-  const double energy_j = std::min(standby_w_ * h, stored_j());
-  standby_j_ += energy_j;
-  return energy_j / h;
-}
-
 void DcLink::discharge() {
   volts_ = 0.0;
   set_connected(false);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drive/hardware.hpp"
 #include "plant/parameters.hpp"
 
 // The DC link: a source behind a rectifier and a resistance, the drive's relay with its precharge, a capacitor, brake
@@ -20,7 +21,8 @@ class DcLink {
     if (connected != connected_) [[unlikely]]
       set_connected(connected);
     const double start_v = volts_;
-    if (start_v > source_v_ && standby_w_ > 0.0) power_w += standby_power();
+    if (start_v > source_v_) [[unlikely]]
+      power_w += standby_power();
     const double keep = chopper_on ? chopper_keep_ : bleeder_keep_;
     const double kept_v = start_v * keep;
     chopped_j_ += half_capacitance_ * (start_v - kept_v) * (start_v + kept_v);
@@ -57,7 +59,11 @@ class DcLink {
 
  private:
   void set_connected(bool connected);
-  double standby_power();  // of this tick, W: no more than there is
+  double standby_power() {  // of this tick, W: no more than there is
+    const double energy_j = std::min(standby_w_ * drive::tick_seconds, stored_j());
+    standby_j_ += energy_j;
+    return energy_j / drive::tick_seconds;
+  }
   void end_precharge();
   void set_source_resistance(double resistance_ohm);
 
