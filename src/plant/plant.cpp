@@ -197,8 +197,8 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
 
   dc_link_.step(windings.power_w, actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
-  current_squared_sum_ +=
-      windings.mean_direct_a * windings.mean_direct_a + windings.mean_quadrature_a * windings.mean_quadrature_a;
+  current_squared_sum_ += windings.mean_direct_a * windings.mean_direct_a +
+                          windings.mean_quadrature_a * windings.mean_quadrature_a + windings.more_heat_a2;
   to_motor_j_ += windings.power_w * h;
   shaft_j_ += windings.torque_nm * shaft.mean * h;
   if (--heat_countdown_ == 0) [[unlikely]]

@@ -52,7 +52,14 @@ WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft,
   const double threshold = dc_link_v * bridge_share_;
   const double source2 = direct * direct + quadrature * quadrature;
   const double margin = source2 - threshold * threshold;
-  if (margin <= 0.0) return {};  // the diodes block
+  // What backward Euler leaves out of the energy of a current that falls: half L di^2.
+  const auto left_out_w = [&](double end_d, double end_q) {
+    const double change_d = end_d - direct_a;
+    const double change_q = end_q - quadrature_a;
+    return phase_factor_ * 0.5 / h *
+           (direct_inductance_ * change_d * change_d + quadrature_inductance_ * change_q * change_q);
+  };
+  if (margin <= 0.0) return {.power_w = -left_out_w(0.0, 0.0)};  // it died within the tick, through the diodes
   const double direct_impedance = direct_inductance_ / h + resistance_;
   const double quadrature_impedance =
       quadrature_inductance_ / h + resistance_ + coupling * torque_per_flux_ * effective_flux;
@@ -70,11 +77,18 @@ WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft,
   const double inverse = 1.0 / (a * b + direct_reactance * quadrature_reactance);
   const double d = (direct * b + quadrature_reactance * quadrature) * inverse;
   const double q = (quadrature * a - direct_reactance * direct) * inverse;
+  // The link takes what its voltage takes of the current that flowed more than at the end of the tick, the resistance
+  // the rest.
+  const double square_a = d * d + q * q;
+  const double more_a = std::sqrt(direct_a * direct_a + quadrature_a * quadrature_a) - std::sqrt(square_a);
+  const double left_out = left_out_w(d, q);
+  const double to_link = std::min(left_out, phase_factor_ * 0.5 * threshold * std::max(0.0, more_a));
   return {.mean_direct_a = d,
           .mean_quadrature_a = q,
           .end_direct_a = d,
           .end_quadrature_a = q,
-          .power_w = -phase_factor_ * bridge * (d * d + q * q),
+          .more_heat_a2 = (left_out - to_link) / (phase_factor_ * resistance_),
+          .power_w = -phase_factor_ * bridge * square_a - to_link,
           .torque_nm = torque_nm_of(d, q)};
 }
 

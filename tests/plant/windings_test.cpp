@@ -174,6 +174,51 @@ TEST(Windings, CurrentsDieThroughTheDiodes) {
   EXPECT_LT(rig.plant.energy().to_motor_j, before - 0.2);  // most of 0.34 J went back to the link
 }
 
+// Also of a current that ends in the middle of a tick, again and again.
+TEST(Windings, EnergyOfCurrentsThatDieIsKept) {
+  Parameters p = bare_motor();
+  p.supply.capacitance_f = 0.1;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  const Energy start = rig.plant.energy();
+  for (int times = 0; times < 20; ++times) {
+    rig.actuation.pwm_enabled = true;
+    for (int i = 0; i < 40; ++i) rig.step_voltage(0.0, 1.0 + 2.0 * times);
+    rig.actuation.pwm_enabled = false;
+    rig.run(20);
+    ASSERT_EQ(rig.plant.current_a(), 0.0);
+  }
+  const Energy end = rig.plant.energy();
+  const double kept = end.to_motor_j - end.copper_j - end.shaft_j - (start.to_motor_j - start.copper_j - start.shaft_j);
+  EXPECT_GT(end.copper_j, 1.0e-2);
+  EXPECT_NEAR(kept, 0.0, 2.0e-2 * end.copper_j);
+}
+
+// A link without voltage takes no energy, whatever flows into it: the resistance does.
+TEST(Windings, CurrentsThatDieIntoAnEmptyLinkHeatTheCopper) {
+  Parameters p = bare_motor();
+  p.motor.resistance_ohm = 20.0;
+  p.supply.bleeder_resistance_ohm = 10.0;
+  p.supply.capacitance_f = 1.0e-5;
+  p.supply.bus_overcurrent_a = 5.0;
+  Rig rig(p);
+  rig.plant.lock_rotor(true);
+  for (int i = 0; i < 400; ++i) rig.step_voltage(0.0, 60.0);
+  ASSERT_NEAR(rig.plant.current_a(), 3.0, 0.01);
+  rig.actuation.pwm_enabled = false;
+  rig.actuation.dc_link_connected = false;
+  rig.plant.discharge_dc_link();
+  const Energy start = rig.plant.energy();
+  for (int tick = 0; tick < 400; ++tick) {
+    rig.step();
+    ASSERT_EQ(rig.feedback.hardware_faults, 0u) << tick << ", link " << rig.plant.dc_link_v() << " V";
+  }
+  const Energy end = rig.plant.energy();
+  EXPECT_LT(rig.plant.current_a(), 1.0e-9);
+  EXPECT_NEAR(end.copper_j - start.copper_j, start.magnetic_j, 0.02 * start.magnetic_j);
+  EXPECT_NEAR(end.to_motor_j, start.to_motor_j, 0.02 * start.magnetic_j);
+}
+
 TEST(Windings, BackEmfAboveTheLinkFeedsIt) {
   Parameters p = bare_motor();
   p.supply.volts = 48.0;
