@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -74,17 +75,33 @@ class Watch {
     double position = 0.0;
     double velocity = 0.0;
   };
+  struct Ramp {          // by which a demand comes down
+    double slope = 0.0;  // counts/s^2; 0: none is set
+    double jerk = 0.0;   // counts/s^3; 0: none
+    bool shaped = false;
+
+    static double lower(double a, double b) { return a > 0.0 && b > 0.0 ? std::min(a, b) : std::max(a, b); }
+    Ramp gentler(const Ramp& other) const {
+      return {lower(slope, other.slope), lower(jerk, other.jerk), shaped || other.shaped};
+    }
+  };
+  Ramp gentlest() const;  // that is set
+  void ramps();
   Stopping stopping(double velocity) const { return stopping(velocity, slope()); }
   Stopping stopping(double velocity, double slope) const;
-  double jerk_delay(double speed, double ramp) const;
+  double jerk_delay(double speed, double ramp, double acceleration) const;
+  double jerk_delay(double speed, double ramp) const {
+    return jerk_delay(speed, ramp, drive_.axis().generator.acceleration());
+  }
   double overshoot(double slope) const;  // counts/s that a stop gains before the loops have taken their torque back
   double lag(double velocity) const;     // counts, of the shaft behind a demand of the position loop
   std::int64_t demand_cycle() const;     // ticks
   double torque_acceleration() const;    // counts/s^2 that the motor can give for certain; 0: none
-  double slope() const;                  // the gentlest ramp that a stop may take, counts/s^2; 0: none is set
-  double steepest() const;               // the steepest ramp that is set, counts/s^2
-  double limit_slope() const;            // ... before a limit
-  double greatest_speed() const;         // counts/s
+  // The gentlest ramp that a stop may take, counts/s^2; 0: none is set.
+  double slope() const { return ramp_set_.slope; }
+  double steepest() const;        // the steepest ramp that is set, counts/s^2
+  double limit_slope() const;     // ... before a limit
+  double greatest_speed() const;  // counts/s
   double rpm(double counts_per_s) const { return counts_per_s / counts_per_revolution_ * 60.0; }
 
   void look();
@@ -153,19 +170,22 @@ class Watch {
   std::int64_t pwm_since_ = 0;   // tick of the last change of the stage
   std::int64_t pwm_before_ = 0;  // ... and of the one before
 
-  double slowest_ = 0.0;  // since the stage is off
+  std::int64_t stood_ = -1'000'000;  // when the shaft last rested where it was demanded to
+  double slowest_ = 0.0;             // since the stage is off
   std::int64_t unpowered_ticks_ = 0;
 
   Demand demand_before_;
   bool halted_ = false;                // with the demand of before
   std::int64_t spoiled_ = -1'000'000;  // tick of the last injection that spoils what the encoder says
+  Ramp ramp_set_{};                    // the gentlest that was set since the demand stood
   double ramp_ = 0.0;                  // the steepest that was set since the demand stood
   std::int64_t demand_tick_ = -1;
 
   enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing, no_target };
   struct Stop {
     StopKind kind = StopKind::none;
-    std::int64_t since = 0;
+    std::int64_t began = 0;  // tick
+    std::int64_t since = 0;  // ... from when on it is judged: what disturbs it, or changes its ramp, is a new beginning
     double from = 0.0;
     double counts = 0.0;
     double seconds = 0.0;
@@ -193,8 +213,6 @@ class Watch {
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
   bool stopped_before_ = false;
   std::int64_t stopped_since_ = 0;
-  double magnetic_j_ = 0.0;         // in the windings, a tick ago
-  double switched_off_j_ = 0.0;     // in the windings whenever the stage went off
   bool has_target_ = false;         // a set-point of profile position, since the mode or the operation began
   StopKind told_ = StopKind::none;  // as `stop_`, also while a torque is released first
 
@@ -203,8 +221,9 @@ class Watch {
   struct Excess {                            // of the demand over its greatest speed
     std::int64_t since = 0;
     double most = 0.0;
-    double slope = 0.0;
-    double seconds = 0.0;
+    double over = 0.0;     // counts/s to come down
+    double gaining = 0.0;  // counts/s^2 when it began
+    double done = 0.0;     // share of the time that is enough
   } excess_;
   std::int64_t targets_ = 0;  // of a cyclic mode, since its demand begins anew
   std::uint64_t cyclic_target_ = 0;
