@@ -32,7 +32,7 @@ struct WindingTick {
   double end_direct_a = 0.0;
   double end_quadrature_a = 0.0;
   double more_heat_a2 = 0.0;  // square of the current that heats besides the mean's
-  double power_w = 0.0;  // from the inverter into the motor
+  double power_w = 0.0;       // from the inverter into the motor
   double torque_nm = 0.0;
 };
 
