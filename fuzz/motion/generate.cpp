@@ -34,14 +34,17 @@ class Generator {
     for (std::int64_t n = random_.within(least_steps, 14); n > 0; --n) {
       if (n <= static_cast<std::int64_t>(tree_.levels)) fork(tree_.levels - static_cast<unsigned>(n));
       axis_ = static_cast<std::uint8_t>(random_.below(axes));
-      if (random_.chance(12)) {
+      // Where a beginning is shared, the rest is most of the work: seldom a long story, and a look at what follows.
+      const bool alone = tree_.levels > 0 && n == 1;
+      if (random_.chance(alone ? 4 : 12)) {
         theme();
       } else {
         step();
       }
     }
     pause();
-    now_ += random_.within(20, 300) * ticks_per_ms;
+    const bool looks_long = tree_.levels == 0 || random_.chance(25);
+    now_ += (looks_long ? random_.within(20, 300) : random_.within(10, 80)) * ticks_per_ms;
     sequence_.end_tick = now_;
     std::stable_sort(sequence_.events.begin(), sequence_.events.end(),
                      [](const Event& a, const Event& b) { return a.tick < b.tick; });

@@ -322,7 +322,12 @@ void EthercatMaster::poll() {
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
     lead(i);
     if (slaves_[i].wanted <= 1) continue;
-    // Mails are fetched, so that the mailbox has room again.
+    // A mail that waits is fetched, so that the mailbox has room again.
+    constexpr std::uint16_t mailbox_status = reg::sync_manager + 8 + 5;
+    constexpr std::uint8_t mailbox_full = 0x08;
+    const std::array<std::uint8_t, 1> status{};
+    const bool answers = send(Command::aprd, ethercat::address_of(address(i), mailbox_status), status) != 0;
+    if (!answers || (answer_[0] & mailbox_full) == 0) continue;
     const std::array<std::uint8_t, mailbox_bytes> mail{};
     send(Command::aprd, ethercat::address_of(address(i), 0x1100), mail);
   }

@@ -142,6 +142,7 @@ Watch::Watch(line::Axis& axis, std::size_t number)
       objects_(drive_.axis().objects),
       number_(number),
       counts_per_revolution_(axis.plant().parameters().encoder.counts_per_revolution),
+      counts_per_s_per_rpm_(counts_per_revolution_ / 60.0),
       rated_torque_nm_(axis.plant().parameters().motor.rated_torque_nm),
       inertia_kgm2_(axis.plant().parameters().motor.rotor_inertia_kgm2),
       load_inertia_kgm2_(axis.plant().parameters().load.inertia_kgm2),
@@ -176,14 +177,14 @@ double Watch::torque_acceleration() const {
       std::min({share, static_cast<double>(own.torque_limit_positive), static_cast<double>(own.torque_limit_negative)});
   const double left = 0.8 * share - std::abs(around_->load_share) - 0.05;
   if (left <= 0.05) return 0.0;
-  const double inertia = inertia_kgm2_ + load_inertia_kgm2_ * around_->inertia_factor;
-  return left * rated_torque_nm_ * counts_per_revolution_ / (2.0 * pi * inertia);
+  return left * rated_acceleration_;
 }
 
 Watch::Ramp Watch::gentlest() const {
   const drive::Units& units = drive_.axis().units;
-  double least = 0.0;
-  const auto take = [&least, &units](std::uint32_t value) { least = Ramp::lower(least, value * units.acceleration); };
+  constexpr std::uint32_t none = 0xFFFFFFFF;
+  std::uint32_t least = none;  // less 1, so that 0 is none
+  const auto take = [&least](std::uint32_t value) { least = std::min(least, value - 1); };
   take(objects_.profile_deceleration);
   take(objects_.quick_stop_deceleration);
   take(objects_.max_deceleration);
@@ -193,7 +194,8 @@ Watch::Ramp Watch::gentlest() const {
     take(objects_.homing_acceleration);
     take(around_->gentlest_homing_ramp);
   }
-  return {least, objects_.profile_jerk[0] * units.jerk, objects_.motion_profile_type != 0};
+  const double slope = least == none ? 0.0 : (static_cast<double>(least) + 1.0) * units.acceleration;
+  return {slope, objects_.profile_jerk[0] * units.jerk, objects_.motion_profile_type != 0};
 }
 
 // What moves keeps the ramp that it was planned with, and a set-point the one that it was given with.
@@ -273,8 +275,8 @@ void Watch::look() {
   if (finding_) return;
   const plant::Plant& plant = axis_.plant();
   position_ = static_cast<double>(plant.position_counts()) + plant.position_fraction();
-  velocity_ = plant.velocity_rpm() / 60.0 * counts_per_revolution_;
-  if (!std::isfinite(position_) || !std::isfinite(velocity_) || !std::isfinite(plant.torque_nm())) {
+  velocity_ = plant.velocity_rpm() * counts_per_s_per_rpm_;
+  if (!std::isfinite(position_ + velocity_ + plant.torque_nm())) {
     return fail("not-finite",
                 fmt::format("position {}, velocity {}, torque {}", position_, velocity_, plant.torque_nm()));
   }
@@ -296,12 +298,21 @@ void Watch::look() {
     mode_before_ = mode_;
     rest_ = position_;
     first_ = false;
+    look_up_bits();
+  }
+  if (inertia_factor_ != around_->inertia_factor) {
+    inertia_factor_ = around_->inertia_factor;
+    const double inertia = inertia_kgm2_ + load_inertia_kgm2_ * inertia_factor_;
+    rated_acceleration_ = rated_torque_nm_ * counts_per_revolution_ / (2.0 * pi * inertia);
   }
   judgeable_ = motion_can_be_judged();
   acceleration_ = torque_acceleration();
   if (std::abs(velocity_) < still_rpm / 60.0 * counts_per_revolution_ && drive_.axis().demand.velocity == 0.0F)
     stood_ = tick_;
-  if (mode_ != mode_before_) mode_since_ = tick_;
+  if (mode_ != mode_before_) {
+    mode_since_ = tick_;
+    look_up_bits();
+  }
   if (pwm_ != had_pwm_) pwm_before_ = std::exchange(pwm_since_, tick_);
   coasting();
   if (around_->powered) {
@@ -522,6 +533,10 @@ void Watch::demand() {
 // be far away.
 void Watch::count_targets() {
   const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
+  if (!cyclic) {  // with the mode the count begins anew
+    targets_ = 0;
+    return;
+  }
   const std::uint64_t target =
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.target_position)) << 32 ^
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.position_offset)) * 5 ^
@@ -529,8 +544,7 @@ void Watch::count_targets() {
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.min_position_limit)) *
           7 ^  // it is clipped to them
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.max_position_limit)) * 11;
-  if (!cyclic || state_ != PowerState::operation_enabled || !pwm_ || stop_.kind != StopKind::none ||
-      mode_since_ == tick_) {
+  if (state_ != PowerState::operation_enabled || !pwm_ || stop_.kind != StopKind::none || mode_since_ == tick_) {
     targets_ = 0;
   } else if (target != cyclic_target_) {
     ++targets_;
@@ -585,21 +599,25 @@ void Watch::speed_limits() {
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
                       (now.loop == Loop::position || now.loop == Loop::velocity) && mode_ != Mode::homing &&
                       mode_ != Mode::velocity && !drive_.identification().running();
+  if (!judged) {
+    excess_.most = -1.0;
+    return;
+  }
   double most = greatest_speed();
   if (mode_ == Mode::profile_velocity && objects_.max_profile_velocity != 0)
     most = std::min(most, objects_.max_profile_velocity * drive_.axis().units.velocity);
   if (at_once_.active && at_once_.taken) most = std::min(most, at_once_.speed);
   const double speed = std::abs(now.loop == Loop::position ? demand_speed_ : static_cast<double>(now.velocity));
   const double over = speed - most;
-  const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
-  if (!judged || over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most) {
+  if (over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most) {
     // A demand that is taken over from the shaft comes down from there.
     const double excess = std::max({over, std::abs(velocity_) - most, 0.0});
-    excess_ = {tick_, judged ? most : -1.0, excess, drive_.axis().generator.acceleration(), 0.0};
+    excess_ = {tick_, most, excess, drive_.axis().generator.acceleration(), 0.0};
     return;
   }
   // A motor without the torque for the ramp takes the demand along: then its torque is the ramp, and without any there
   // is no end.
+  const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
   if (ramp <= 0.0) return;
   const drive::Configuration& own = drive_.configuration();
   const double enough = 1.1 * (excess_.over / ramp + jerk_delay(excess_.over, ramp, excess_.gaining)) + lag_s +
@@ -651,6 +669,7 @@ void Watch::stops() {
   told_ = kind;
   // What slows down by a torque slope first goes on being driven meanwhile.
   if (mode_ == Mode::profile_torque && objects_.torque_slope != 0) kind = StopKind::none;
+  if (kind == StopKind::none && stop_.kind == StopKind::none) return;
   // A limit switch releases what it holds, and homing goes on where it was.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
   if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since || !judgeable_) {
@@ -730,6 +749,8 @@ void Watch::stops() {
 void Watch::limit_switches() {
   if (drive_.policy().limit_switches != drive::LimitSwitches::stop) return;
   const std::uint32_t inputs = axis_.feedback().inputs;
+  const bool any = (inputs & (negative_wire_ | positive_wire_)) != 0;
+  if (!any && !limits_[0].active && !limits_[1].active) return;
   for (std::size_t i = 0; i < 2; ++i) {
     const double direction = i == 0 ? -1.0 : 1.0;
     const bool closed = (inputs & (i == 0 ? negative_wire_ : positive_wire_)) != 0;
@@ -946,15 +967,20 @@ void Watch::set_points() {
 
 // A cyclic target that lies away from the one limit switch that is active, and came while it was.
 void Watch::off_limit() {
+  if (mode_ != Mode::cyclic_sync_position) {
+    held_by_ = 0;
+    away_ = {};
+    return;
+  }
   const drive::Axis& axis = drive_.axis();
   const bool below = axis.active(drive::Signal::negative_limit);
   const bool above = axis.active(drive::Signal::positive_limit);
   // A switch holds the axis until it is commanded away from it, also when it is gone and the other one is active.
-  if (mode_ != Mode::cyclic_sync_position || state_ != PowerState::operation_enabled || mode_since_ == tick_ ||
+  if (state_ != PowerState::operation_enabled || mode_since_ == tick_ ||
       std::abs(velocity_) > still_rpm / 60.0 * counts_per_revolution_)
     held_by_ = 0;
   held_by_ |= (below ? 1u : 0u) | (above ? 2u : 0u);
-  if (below == above || mode_ != Mode::cyclic_sync_position || held_by_ == 3) {
+  if (below == above || held_by_ == 3) {
     away_ = {};
     return;
   }
@@ -1002,8 +1028,6 @@ double Watch::ramp_way(double speed, double ramp) const {
 }
 
 void Watch::unasked() {
-  const double away = std::abs(position_ - rest_);
-  const bool moves = away > 0.004 * counts_per_revolution_ + 3.0 || drive_.in_motion();
   const bool open = mode_ == Mode::homing || mode_ == Mode::none || mode_ == Mode::interpolated_position ||
                     mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque ||
                     mode_ == Mode::cyclic_sync_velocity || drive_.identification().running();
@@ -1013,6 +1037,8 @@ void Watch::unasked() {
     rest_since_ = tick_;
     return;
   }
+  const double away = std::abs(position_ - rest_);
+  const bool moves = away > 0.004 * counts_per_revolution_ + 3.0 || drive_.in_motion();
   const std::int64_t rested = tick_ - rest_since_;
   const std::int64_t enough = ms(120.0 + drive_.configuration().brake_release_ms);
   if (rested < enough) {
@@ -1044,14 +1070,17 @@ void Watch::torque() {
     torque_limits_ = limits;
     torque_limits_since_ = tick_;
   }
+  if (!pwm_ || tick_ - torque_limits_since_ <= ms(20)) {
+    torque_over_ = 0;
+    return;
+  }
   const double limit = std::max(std::min(objects_.max_torque, objects_.positive_torque_limit),
                                 std::min(objects_.max_torque, objects_.negative_torque_limit)) *
                        0.001;
   const double share = std::abs(axis_.plant().torque_nm()) / rated_torque_nm_;
   // The current loop overshoots, and the nameplate's torque constant is that of a cold motor.
-  const bool over = pwm_ && share > 1.15 * limit + 0.3 && tick_ - torque_limits_since_ > ms(20) &&
-                    (around_->injected & spoils_motion) == 0 && std::abs(velocity_) < greatest_speed() &&
-                    around_->supply_share >= 0.8;
+  const bool over = share > 1.15 * limit + 0.3 && (around_->injected & spoils_motion) == 0 &&
+                    std::abs(velocity_) < greatest_speed() && around_->supply_share >= 0.8;
   torque_over_ = over && tick_ - voltage_spent_ > ms(50) ? torque_over_ + 1 : 0;
   if (torque_over_ > ms(5)) {
     fail("torque-beyond-limit",
@@ -1060,7 +1089,6 @@ void Watch::torque() {
 }
 
 void Watch::bits() {
-  const drive::Policy& policy = drive_.policy();
   const std::uint16_t word = objects_.statusword;
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
                       tick_ - std::max(state_since_, mode_since_) > ms(20);
@@ -1106,10 +1134,10 @@ void Watch::bits() {
                                                  rpm(expected), static_cast<int>(mode_)));
   }
   // A stop that is under way has reached nothing.
+  const bool reached = (word & drive::statusword::target_reached) != 0;
   const bool stopping = told_ != StopKind::none && told_ < StopKind::velocity && pwm_ && judgeable_ &&
-                        acceleration_ > 0.0 && std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ &&
-                        shows(10, {drive::StatusSource::target_reached});
-  if (!stopping || (word & drive::statusword::target_reached) == 0) stop_lie_since_ = tick_;
+                        acceleration_ > 0.0 && std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
+  if (!stopping || !reached || !shown_bits_.reached) stop_lie_since_ = tick_;
   if (tick_ - stop_lie_since_ > ms(20)) {
     return fail("reached-is-untrue",
                 fmt::format("bit 10 at {:.0f} rpm in a stop, mode {}", rpm(velocity_), static_cast<int>(mode_)));
@@ -1117,37 +1145,36 @@ void Watch::bits() {
   const bool halted = judged && halt && !drive_.in_motion() &&
                       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity) &&
                       std::abs(velocity_) < 2.0 / 60.0 * counts_per_revolution_ &&
-                      drive::command_of(commanded) == drive::Command::enable_operation &&
-                      shows(10, {drive::StatusSource::target_reached});
-  if (!halted || (word & drive::statusword::target_reached) != 0) unsaid_since_ = tick_;
+                      drive::command_of(commanded) == drive::Command::enable_operation;
+  if (!halted || reached || !shown_bits_.reached) unsaid_since_ = tick_;
   if (tick_ - unsaid_since_ > ms(300)) {
     return fail("reached-is-missing",
                 fmt::format("the halted axis rests for 300 ms without bit 10, mode {}", static_cast<int>(mode_)));
   }
-  const bool cia_bit_12 =
-      mode_ == Mode::profile_velocity &&
-      std::any_of(policy.status_bits.begin(), policy.status_bits.end(), [this](const drive::StatusBit& row) {
-        return row.bit == 12 && row.source == drive::StatusSource::mode_bit_12 &&
-               (row.modes & drive::mode_bit(Mode::profile_velocity)) != 0;
-      });
-  const drive::Units& units = drive_.axis().units;
-  const bool zero_lies = judged && mode_ == Mode::profile_velocity && cia_bit_12 &&
-                         !drive_.configuration().speed_windows.used && (word & drive::statusword::mode_bit_12) != 0 &&
-                         std::abs(velocity_) > objects_.velocity_threshold * units.velocity +
-                                                   4.0 * still_rpm / 60.0 * counts_per_revolution_;
+  const bool zero_lies = judged && mode_ == Mode::profile_velocity && (word & drive::statusword::mode_bit_12) != 0 &&
+                         !drive_.configuration().speed_windows.used &&
+                         std::abs(velocity_) > objects_.velocity_threshold * drive_.axis().units.velocity +
+                                                   4.0 * still_rpm / 60.0 * counts_per_revolution_ &&
+                         shown_bits_.zero_speed;
   if (!zero_lies) zero_lie_since_ = tick_;
   if (tick_ - zero_lie_since_ > ms(60.0 + objects_.velocity_threshold_time_ms)) {
     fail("zero-speed-is-untrue", fmt::format("bit 12 at {:.0f} rpm", rpm(velocity_)));
   }
 }
 
-// Whether bit `bit` of the statusword shows one of these in the present mode.
-bool Watch::shows(unsigned bit, std::initializer_list<drive::StatusSource> sources) const {
-  const auto& rows = drive_.policy().status_bits;
-  return std::any_of(rows.begin(), rows.end(), [&](const drive::StatusBit& row) {
-    return row.bit == bit && (row.modes & drive::mode_bit(mode_)) != 0 &&
-           std::find(sources.begin(), sources.end(), row.source) != sources.end();
-  });
+// Which of the judged meanings the bits of the statusword have in the present mode.
+void Watch::look_up_bits() {
+  using enum drive::StatusSource;
+  const auto shows = [this](unsigned bit, drive::StatusSource source) {
+    const auto& rows = drive_.policy().status_bits;
+    return std::any_of(rows.begin(), rows.end(), [&](const drive::StatusBit& row) {
+      return row.bit == bit && row.source == source && (row.modes & drive::mode_bit(mode_)) != 0;
+    });
+  };
+  shown_bits_ = {.reached = shows(10, target_reached),
+                 .limit = shows(11, internal_limit),
+                 .zero_speed = shows(12, mode_bit_12),
+                 .following_error = shows(13, following_error) || shows(13, mode_bit_13)};
 }
 
 void Watch::limit_bit() {
@@ -1155,11 +1182,14 @@ void Watch::limit_bit() {
   const bool judged = state_ == PowerState::operation_enabled && mode_ == Mode::profile_velocity && pwm_ &&
                       judgeable_ && stop_.kind == StopKind::none && !drive_.identification().running() &&
                       (axis.controlword & controlword::halt) == 0 &&  // a word with bit 7 keeps the halt before it
-                      shows(11, {drive::StatusSource::internal_limit}) && acceleration_ > 0.0 &&
-                      !axis.software_limits_active() && !axis.active(drive::Signal::negative_limit) &&
-                      !axis.active(drive::Signal::positive_limit) && objects_.profile_acceleration != 0 &&
-                      (axis.controlword & drive::controlword::halt) == 0 &&
+                      shown_bits_.limit && acceleration_ > 0.0 && !axis.software_limits_active() &&
+                      !axis.active(drive::Signal::negative_limit) && !axis.active(drive::Signal::positive_limit) &&
+                      objects_.profile_acceleration != 0 && (axis.controlword & drive::controlword::halt) == 0 &&
                       tick_ - std::max({state_since_, mode_since_, around_->commanded, asked_}) > ms(300);
+  if (!judged) {
+    limit_lie_since_ = tick_;
+    return;
+  }
   const double wanted = std::abs(axis.units.velocity_to_counts(objects_.target_velocity));
   double most = greatest_speed();
   if (objects_.max_profile_velocity != 0) most = std::min(most, objects_.max_profile_velocity * axis.units.velocity);
@@ -1170,7 +1200,7 @@ void Watch::limit_bit() {
       std::abs(axis_.plant().torque_nm()) < 0.5 * rated_torque_nm_;
   // A switch that has opened again holds the axis until the next command, and bit 11 says so.
   const bool held = axis.demand.velocity == 0.0F && wanted != 0.0;
-  const bool lies = judged && (shown ? wanted < 0.9 * most && steady && !held : wanted > 1.05 * most);
+  const bool lies = shown ? wanted < 0.9 * most && steady && !held : wanted > 1.05 * most;
   if (!lies) limit_lie_since_ = tick_;
   if (tick_ - limit_lie_since_ > ms(50)) {
     fail("limit-is-untrue",
@@ -1183,17 +1213,18 @@ void Watch::following_error_bit() {
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && axis.demand.loop == Loop::position &&
                       (mode_ == Mode::profile_position || mode_ == Mode::cyclic_sync_position) &&
                       (around_->injected & spoils_motion) == 0 && objects_.following_error_window != 0 &&
-                      shows(13, {drive::StatusSource::following_error, drive::StatusSource::mode_bit_13}) &&
-                      tick_ - std::max(state_since_, mode_since_) > ms(20);
+                      shown_bits_.following_error && tick_ - std::max(state_since_, mode_since_) > ms(20);
+  const bool shown = (objects_.statusword & drive::statusword::mode_bit_13) != 0;
+  if (!judged || shown != following_shown_) following_lie_since_ = tick_;
+  following_shown_ = shown;
+  if (!judged) return;
   const double error = std::abs(static_cast<double>(axis.demand.position) - position_);
   const bool off = objects_.following_error_window == 0xFFFFFFFF;
   const auto window = std::abs(static_cast<double>(axis.units.to_counts(objects_.following_error_window)));
-  const bool shown = (objects_.statusword & drive::statusword::mode_bit_13) != 0;
   // As the drive sees it, a cycle late, to a count.
   const double slack = std::abs(velocity_) * 2.0 * cycle_ticks * tick_s + 2.0;
-  const bool lies = judged && (shown ? off || error + slack < 0.9 * window : !off && error > 1.1 * window + slack);
-  if (!lies || shown != following_shown_) following_lie_since_ = tick_;
-  following_shown_ = shown;
+  const bool lies = shown ? off || error + slack < 0.9 * window : !off && error > 1.1 * window + slack;
+  if (!lies) following_lie_since_ = tick_;
   if (tick_ - following_lie_since_ > ms(20.0 + (shown ? 0.0 : objects_.following_error_time_out_ms))) {
     fail("following-error-is-untrue",
          fmt::format("bit 13 is {}, the shaft is {:.0f} counts off, 6065h has {:.0f}", shown ? 1 : 0, error, window));

@@ -123,7 +123,7 @@ class Watch {
   std::uint8_t communication_register();
   void torque();
   void bits();
-  bool shows(unsigned bit, std::initializer_list<drive::StatusSource> sources) const;
+  void look_up_bits();
   void limit_bit();
   void following_error_bit();
   void errors();
@@ -137,10 +137,13 @@ class Watch {
   const Surroundings* around_ = nullptr;
   std::optional<Finding> finding_;
   double counts_per_revolution_;
+  double counts_per_s_per_rpm_;
   double rated_torque_nm_;
   double emf_per_speed_ = 0.0;  // of a phase, V s/count
   double voltage_share_ = 0.0;  // of the DC link, amplitude of a phase
   double peak_torque_share_;    // of the rated one
+  double inertia_factor_ = 0.0;
+  double rated_acceleration_ = 0.0;  // counts/s^2 by the rated torque, with this factor
   double inertia_kgm2_;
   double load_inertia_kgm2_;
   std::uint32_t negative_wire_;
@@ -156,6 +159,12 @@ class Watch {
   bool shorted_ = false;
   drive::PowerState state_{};
   drive::Mode mode_{};
+  struct Bits {  // of the statusword, in this mode
+    bool reached = false;
+    bool limit = false;
+    bool zero_speed = false;
+    bool following_error = false;
+  } shown_bits_;
 
   // As of the one before.
   bool first_ = true;
