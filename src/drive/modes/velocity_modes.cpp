@@ -90,6 +90,7 @@ void ProfileVelocity::step(Axis& axis) {
     windows_.changed();
   }
   request_ = request;
+  if (given_up_ && wanted_ == 0.0) axis.limited = false;  // a switch holds nothing back that stands as it is told to
   if (clipped_) axis.exceed_velocity(Mode::profile_velocity);
   axis.generator.step(axis.cycle_s);
   axis.follow_generator(loop);
