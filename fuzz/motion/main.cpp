@@ -57,6 +57,8 @@ what must hold whatever was done. What fails is shrunk to a short sequence and p
   --json            the result as one JSON document
   --help
 
+An interrupt (Ctrl-C, SIGTERM) ends the run as its time would: what was found is told, and the number to go on with.
+
 Exit status: 0 nothing found, 1 something found, 2 wrong usage.
 )";
 
@@ -206,10 +208,14 @@ Outcome run_number(const Options& options, std::uint64_t number, const Sequence&
   return run_checked(sequence, run_options, runs_twice(number, options.tree));
 }
 
+volatile std::sig_atomic_t interrupted = 0;
+
 struct Shared {
+  std::atomic<bool> ends{false};
   std::atomic<std::uint64_t> done{0};
   std::atomic<std::uint64_t> ticks{0};
   std::atomic<std::uint64_t> current{0};
+  std::atomic<std::uint64_t> next{0};  // all of this job below it are done
   std::atomic<bool> found{false};
 };
 
@@ -232,9 +238,10 @@ class Worker {
   void work() {
     const std::uint64_t leaves = options_.tree.leaves();
     const auto jobs = static_cast<std::uint64_t>(options_.jobs);
-    for (std::uint64_t i = job_ * leaves; i < options_.sequences; i += jobs * leaves) {
-      if (is_over()) break;
+    for (std::uint64_t i = job_ * leaves;; i += jobs * leaves) {
       const std::uint64_t number = options_.first + i;
+      shared_.next = number;
+      if (i >= options_.sequences || is_over()) break;
       shared_.current = number;
       const Drawn drawn = draw(options_.seed, number, variants_, options_.tree);
       if (drawn.forks.empty()) {
@@ -251,6 +258,7 @@ class Worker {
 
  private:
   bool is_over() const {
+    if (shared_.ends) return true;
     if (options_.seconds > 0 && Clock::now() >= end_) return true;
     return options_.until_found &&
            std::any_of(all_.begin(), all_.end(), [](const Shared& one) { return one.found.load(); });
@@ -340,6 +348,7 @@ struct Result {
   std::map<std::string, Coverage> coverage;
   std::uint64_t done = 0;
   std::uint64_t ticks = 0;
+  std::uint64_t next = 0;  // all before it are done
   double seconds = 0;
   std::vector<std::string> crashes;
 };
@@ -396,6 +405,8 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
     if (process < 0) wrong_usage("no process");
     if (process == 0) {
       close(ends[0]);
+      std::signal(SIGINT, SIG_IGN);  // the first process tells the others
+      std::signal(SIGTERM, SIG_DFL);
       Worker(options, variants, static_cast<int>(job), ends[1], std::span(shared, jobs), end).work();
       std::_Exit(0);
     }
@@ -407,7 +418,10 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
   std::size_t open = jobs;
   Clock::time_point told = begin;
   while (open > 0) {
-    poll(pipes.data(), pipes.size(), 1000);
+    if (interrupted != 0) {
+      for (std::size_t i = 0; i < jobs; ++i) shared[i].ends = true;
+    }
+    if (poll(pipes.data(), pipes.size(), 1000) < 0) continue;
     for (std::size_t i = 0; i < pipes.size(); ++i) {
       if (pipes[i].fd < 0 || pipes[i].revents == 0) continue;
       std::array<char, 65536> buffer;
@@ -438,6 +452,7 @@ Result explore(const Options& options, const std::vector<Variant>& variants) {
     waitpid(processes[i], &status, 0);
     result.done += shared[i].done;
     result.ticks += shared[i].ticks;
+    result.next = i == 0 ? shared[i].next.load() : std::min(result.next, shared[i].next.load());
     if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
       result.crashes.push_back(fmt::format("sequence {} of seed {} ends the process ({})", shared[i].current.load(),
                                            options.seed,
@@ -538,10 +553,13 @@ int main(int argc, char** argv) {
   if (!options.model.empty()) std::erase_if(list, [&](const Variant& one) { return one.model != options.model; });
   if (list.empty()) wrong_usage(fmt::format("there is no product \"{}\" {}", options.product, options.model));
   if (options.one) return run_one(options, list);
+  std::signal(SIGINT, [](int) { interrupted = 1; });
+  std::signal(SIGTERM, [](int) { interrupted = 1; });
   const Result result = explore(options, list);
   int status = result.crashes.empty() ? 0 : 1;
   nlohmann::json document{{"seed", options.seed},
                           {"sequences", result.done},
+                          {"next", result.next},
                           {"seconds", result.seconds},
                           {"drive_seconds", static_cast<double>(result.ticks) / 16000.0},
                           {"crashes", result.crashes}};
@@ -572,6 +590,8 @@ int main(int argc, char** argv) {
   }
   for (const std::string& crash : result.crashes) std::printf("CRASH %s\n", crash.c_str());
   if (options.coverage) std::fputs(report(result.coverage, list).c_str(), stdout);
+  if (interrupted != 0)
+    std::printf("ended early: go on with --first %llu\n", static_cast<unsigned long long>(result.next));
   std::printf("%llu sequences, %.0f s of drives' time in %.1f s (%.0f sequences/s): %zu kinds of findings\n",
               static_cast<unsigned long long>(result.done), static_cast<double>(result.ticks) / 16000.0, result.seconds,
               static_cast<double>(result.done) / result.seconds, result.groups.size());
