@@ -1,0 +1,200 @@
+#include <cmath>
+#include <fmt/format.h>
+#include <utility>
+
+#include "watch_terms.hpp"
+
+// What the drive demands of its loops, and how fast.
+namespace servodrome::motion {
+
+void Watch::demand() {
+  const drive::LoopDemand& now = drive_.axis().demand;
+  Demand demand{now.loop, static_cast<double>(now.position) + static_cast<double>(now.position_fraction),
+                static_cast<double>(now.velocity)};
+  if (now.loop != Loop::position) demand.position = demand_before_.position;
+  const bool new_cycle = demand.position != demand_before_.position || demand.velocity != demand_before_.velocity ||
+                         demand.loop != demand_before_.loop;
+  const Demand before = demand_before_;
+  if (!new_cycle) {
+    if (tick_ - demand_tick_ > demand_cycle() && now.loop == Loop::position) demand_speed_ = 0.0;
+    return;
+  }
+  demand_before_ = demand;
+  // A command that comes between two cycles may change the velocity of a demand that moves with the next one only.
+  const bool between = demand_tick_ >= 0 && tick_ - demand_tick_ < demand_cycle();
+  if (between && now.loop == before.loop && demand.position == before.position) return;
+  const std::int64_t passed = demand_tick_ < 0 ? cycle_ticks : std::max(tick_ - demand_tick_, demand_cycle());
+  demand_speed_ = now.loop == Loop::position && before.loop == Loop::position && demand_tick_ >= 0
+                      ? (demand.position - before.position) / (static_cast<double>(passed) * tick_s)
+                      : demand.velocity;
+  const std::int64_t cycle = std::min(passed, cycle_ticks);
+  demand_tick_ = tick_;
+  // An encoder that fails, and the place that it shows again afterwards, moves what begins with the shaft.
+  if ((around_->injected & spoils_motion) != 0) spoiled_ = tick_;
+  if (!pwm_ || !had_pwm_ || tick_ - spoiled_ < ms(150)) {
+    ramp_ = 0.0;
+    return;
+  }
+  const double seconds = static_cast<double>(cycle) * tick_s;
+  // Where the shaft is, a position loop's lag before it. The speed that the drive measures is late.
+  const double speed = std::abs(velocity_) + overshoot(-1.0);
+  const bool caught = tick_ - around_->disturbed < ms(10);  // a locked rotor stands at once, from any speed
+  const double near = speed * 4.0 * cycle_ticks * tick_s + lag(speed) + 0.004 * counts_per_revolution_ + 3.0;
+  if (demand.loop == Loop::position && before.loop == Loop::position) {
+    const double moved = std::abs(demand.position - before.position);
+    // The nameplate's, since a demand comes down to a 6080h that was lowered by its ramps.
+    const double most = static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 *
+                            counts_per_revolution_ * 1.02 * seconds +
+                        2.0;
+    // What comes half way back to the shaft, or nearer, moves nothing that is faster than it was.
+    const bool back = std::abs(demand.position - position_) < 0.5 * std::abs(before.position - position_);
+    if (moved > most && !caught && !back && std::abs(demand.position - position_) > near) {
+      const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
+      return fail(cyclic ? "cyclic-demand-jumps" : "demand-jumps",
+                  fmt::format("by {:.0f} counts in {:.3f} ms (at most {:.0f}), shaft {:.0f} counts behind, mode {}",
+                              moved, 1000.0 * seconds, most, demand.position - position_, static_cast<int>(mode_)));
+    }
+  }
+  if (demand.loop == Loop::position && before.loop == Loop::position)
+    first_target(before.velocity, demand.velocity, seconds);
+  after_halt(demand, seconds);
+  // Profile modes: no speed is gained faster than by the steepest ramp.
+  const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
+                        tick_ - state_since_ > 2 * cycle_ticks && judgeable_ &&
+                        (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
+  const bool loops = demand.loop == before.loop && (demand.loop == Loop::position || demand.loop == Loop::velocity);
+  if (!profiled || !loops) {
+    ramp_ = 0.0;
+    return;
+  }
+  if (before.velocity == 0.0 && demand.velocity == 0.0) ramp_ = 0.0;
+  const drive::Units& units = drive_.axis().units;
+  ramp_ = std::max(ramp_, steepest());
+  const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || demand.velocity * before.velocity < 0.0;
+  if (!gains) return;
+  const bool starts_with_speed = drive_.policy().end_velocity_is_start && objects_.end_velocity != 0;
+  const double change = std::abs(demand.velocity - before.velocity);
+  // The cycle in which a plan begins, and rounding of a float.
+  const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed();
+  // From the shaft's speed, which may brake hard and be known a cycle late, a ramp's step further.
+  const bool taken_over = std::abs(demand.velocity - velocity_) <
+                          0.05 * std::abs(velocity_) + greatest_speed() * 0.02 + overshoot(-1.0) + allowance;
+  const bool smoothed = drive_.configuration().smoothing_ms != 0 || drive_.configuration().position_lag_ms > 0.0F;
+  if (change > allowance && !taken_over && !starts_with_speed && !smoothed) {
+    return fail(
+        "demand-too-steep",
+        fmt::format("from {:.1f} to {:.1f} rpm in {:.3f} ms, the ramps allow {:.2f} rpm, mode {}", rpm(before.velocity),
+                    rpm(demand.velocity), 1000.0 * seconds, rpm(allowance), static_cast<int>(mode_)));
+  }
+  double most = greatest_speed();
+  if (objects_.max_profile_velocity != 0) most = std::min(most, objects_.max_profile_velocity * units.velocity);
+  if (std::abs(demand.velocity) > most * 1.001 + 1e-4 * greatest_speed() && !taken_over &&
+      tick_ - around_->commanded > 2 * cycle_ticks && mode_ == Mode::profile_velocity) {
+    fail("demand-too-fast", fmt::format("{:.1f} rpm and growing, {:.1f} are allowed", rpm(demand.velocity), rpm(most)));
+  }
+}
+
+// Where the demand of a cyclic mode begins, with the mode, with its power, after a halt, the target that is there may
+// be far away.
+void Watch::count_targets() {
+  const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
+  if (!cyclic) {  // with the mode the count begins anew
+    targets_ = 0;
+    return;
+  }
+  const std::uint64_t target =
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.target_position)) << 32 ^
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.position_offset)) * 5 ^
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.interpolation_data_record)) * 3 ^
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.min_position_limit)) *
+          7 ^  // it is clipped to them
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.max_position_limit)) * 11;
+  if (state_ != PowerState::operation_enabled || !pwm_ || stop_.kind != StopKind::none || mode_since_ == tick_) {
+    targets_ = 0;
+  } else if (target != cyclic_target_) {
+    ++targets_;
+  }
+  cyclic_target_ = target;
+}
+
+void Watch::first_target(double from, double to, double seconds) {
+  const bool cyclic = mode_ == Mode::cyclic_sync_position || mode_ == Mode::interpolated_position;
+  const std::uint16_t word = drive_.axis().controlword;
+  const bool runs = state_ == PowerState::operation_enabled && (word & controlword::halt) == 0 &&
+                    drive::command_of(word) == drive::Command::enable_operation && stop_.kind == StopKind::none;
+  if (!cyclic || !runs || targets_ > 0 || !judgeable_) return;
+  constexpr double jump_share = 0.13;
+  const double greatest =
+      static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 * counts_per_revolution_;
+  // From the demand, or from the shaft that a mode takes over.
+  const double gained = std::abs(to) - std::max(std::abs(from), std::abs(velocity_));
+  const drive::MotionLimits limits = drive_.axis().catch_up_limits();
+  const double most =
+      std::max(jump_share * greatest, 1.1 * std::max(limits.acceleration, limits.deceleration) * seconds);
+  if (gained > most && objects_.velocity_offset == 0) {
+    fail("first-target-jumps", fmt::format("from {:.0f} to {:.0f} rpm in {:.3f} ms, mode {}", rpm(from), rpm(to),
+                                           1000.0 * seconds, static_cast<int>(mode_)));
+  }
+}
+
+// With the first demand after a halt, which may have ended anywhere on its ramp.
+void Watch::after_halt(const Demand& demand, double seconds) {
+  const std::uint16_t word = drive_.axis().controlword;
+  const bool runs = state_ == PowerState::operation_enabled && state_ == before_ && mode_since_ != tick_ &&
+                    drive::command_of(word) == drive::Command::enable_operation &&
+                    (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity);
+  const bool halt =
+      (word & controlword::halt) != 0 && (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0;
+  const bool ended = std::exchange(halted_, runs && halt) && runs && !halt;
+  const bool switched =
+      drive_.axis().active(drive::Signal::negative_limit) || drive_.axis().active(drive::Signal::positive_limit);
+  if (!ended || switched || !judgeable_ || acceleration_ <= 0.0) return;
+  // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.
+  const double off = std::abs(demand.velocity - velocity_);
+  const double most = 0.06 * std::abs(velocity_) + 2.0 * still_rpm / 60.0 * counts_per_revolution_ + overshoot(-1.0) +
+                      2.0 * steepest() * seconds;
+  if (off > most && objects_.end_velocity == 0) {
+    fail("halt-ends-with-a-jump", fmt::format("{:.0f} rpm are demanded at {:.0f} rpm, mode {}", rpm(demand.velocity),
+                                              rpm(velocity_), static_cast<int>(mode_)));
+  }
+}
+
+void Watch::speed_limits() {
+  const drive::LoopDemand& now = drive_.axis().demand;
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ &&
+                      (now.loop == Loop::position || now.loop == Loop::velocity) && mode_ != Mode::homing &&
+                      mode_ != Mode::velocity && !drive_.identification().running();
+  if (!judged) {
+    excess_.most = -1.0;
+    return;
+  }
+  double most = greatest_speed();
+  if (mode_ == Mode::profile_velocity && objects_.max_profile_velocity != 0)
+    most = std::min(most, objects_.max_profile_velocity * drive_.axis().units.velocity);
+  if (at_once_.active && at_once_.taken) most = std::min(most, at_once_.speed);
+  const double speed = std::abs(now.loop == Loop::position ? demand_speed_ : static_cast<double>(now.velocity));
+  const double over = speed - most;
+  if (over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most) {
+    // A demand that is taken over from the shaft comes down from there.
+    const double excess = std::max({over, std::abs(velocity_) - most, 0.0});
+    excess_ = {tick_, most, excess, drive_.axis().generator.acceleration(), 0.0};
+    return;
+  }
+  // A motor without the torque for the ramp takes the demand along: then its torque is the ramp, and without any there
+  // is no end.
+  const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
+  if (ramp <= 0.0) return;
+  const drive::Configuration& own = drive_.configuration();
+  const double enough = 1.1 * (excess_.over / ramp + jerk_delay(excess_.over, ramp, excess_.gaining)) + lag_s +
+                        0.001 * own.smoothing_ms + 0.003 * static_cast<double>(own.position_lag_ms);
+  excess_.done += tick_s / enough;  // ramps and torque may change meanwhile
+  if (excess_.done > 1.0) {
+    fail("limit-not-obeyed",
+         fmt::format(
+             "{:.0f} rpm are demanded since {:.3f} s, {:.0f} are allowed, {:.3f} s are enough to come down, mode {}",
+             rpm(speed), static_cast<double>(tick_ - excess_.since) * tick_s, rpm(most), enough,
+             static_cast<int>(mode_)));
+  }
+}
+
+}  // namespace servodrome::motion

@@ -1,0 +1,232 @@
+#include <array>
+#include <cmath>
+#include <fmt/format.h>
+
+#include "watch_terms.hpp"
+
+// Stops, limit switches and software limits: where the shaft may still be.
+namespace servodrome::motion {
+
+void Watch::stops() {
+  StopKind kind = StopKind::none;
+  const drive::Command command = drive::command_of(objects_.controlword);
+  // A set-point that is given while the DC link charges counts with Operation enabled.
+  const bool operates = state_ == PowerState::operation_enabled;
+  if (mode_ != Mode::profile_position || mode_since_ == tick_ ||
+      (!operates && before_ == PowerState::operation_enabled)) {
+    has_target_ = false;
+  } else if ((objects_.controlword & controlword::mode_bit_4) != 0 ||
+             (operates && (objects_.statusword & drive::statusword::mode_bit_12) != 0)) {
+    has_target_ = true;
+  }
+  const bool resets = (objects_.controlword & controlword::fault_reset) != 0;
+  const bool halt = (objects_.controlword & controlword::halt) != 0 &&
+                    (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0 && mode_ != Mode::none;
+  if (state_ == PowerState::quick_stop_active) {
+    kind = StopKind::quick;
+  } else if (state_ == PowerState::fault_reaction_active) {
+    kind = StopKind::fault;
+  } else if (state_ == PowerState::operation_enabled && !resets) {
+    if (command != drive::Command::enable_operation) {
+      kind = StopKind::leave;
+    } else if (halt) {
+      kind = StopKind::halt;
+    } else if (mode_ == Mode::profile_velocity && objects_.target_velocity == 0) {
+      kind = StopKind::velocity;
+    } else if (mode_ == Mode::profile_position && !has_target_) {
+      kind = StopKind::no_target;
+    } else if (mode_ == Mode::homing && (drive_.axis().controlword & controlword::mode_bit_4) == 0) {
+      kind = StopKind::homing;
+    }
+  }
+  if (!pwm_ || mode_ == Mode::velocity || (around_->injected & spoils_motion) != 0 || around_->locked)
+    kind = StopKind::none;
+  told_ = kind;
+  // What slows down by a torque slope first goes on being driven meanwhile.
+  if (mode_ == Mode::profile_torque && objects_.torque_slope != 0) kind = StopKind::none;
+  if (kind == StopKind::none && stop_.kind == StopKind::none) return;
+  // A limit switch releases what it holds, and homing goes on where it was.
+  const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
+  if (kind != stop_.kind || around_->disturbed > stop_.since || mode_since_ > stop_.since || !judgeable_) {
+    if (kind == StopKind::none) {
+      stop_ = {};
+      return;
+    }
+    // A stop that goes on in another mode keeps the ramp that it began with.
+    const bool goes_on = kind == stop_.kind && stop_.slope > 0.0 && slope() > 0.0;
+    const double gentlest = goes_on ? std::min(slope(), stop_.slope) : slope();
+    // A shaft that lags behind the stop's ramp meanwhile may become as fast again.
+    const double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::abs(velocity_);
+    const Stopping stopping = this->stopping(speed, gentlest);
+    const bool turns = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
+    const double direction = turns ? std::copysign(1.0, velocity_) : 0.0;
+    const std::int64_t began = kind == stop_.kind ? stop_.began : tick_;
+    stop_ = {kind,
+             began,
+             tick_,
+             position_,
+             stopping.counts,
+             stopping.seconds,
+             gentlest,
+             speed,
+             direction,
+             direction * position_};
+    return;
+  }
+  if (kind == StopKind::none) return;
+  if (acceleration_ <= 0.0) {  // the torque that a stop needs was taken from it
+    stop_.since = tick_;
+    stop_.from = position_;
+  }
+  if (const double ramp = slope(); ramp != stop_.slope) {
+    // Written while it runs: the stop may have been planned with the one of before, the loops' lag with either.
+    const double gentler = ramp > 0.0 && stop_.slope > 0.0 ? std::min(ramp, stop_.slope) : std::max(ramp, stop_.slope);
+    if (gentler != stop_.slope) {
+      const Stopping stopping = this->stopping(velocity_, gentler);
+      stop_ = {kind,    stop_.began, tick_,           position_,     stopping.counts, stopping.seconds,
+               gentler, stop_.speed, stop_.direction, stop_.furthest};
+      return;
+    }
+  }
+  const double place = stop_.direction * position_;
+  stop_.furthest = std::max(stop_.furthest, place);
+  static constexpr std::array names{"none",           "halt",      "leaving operation", "quick stop",
+                                    "fault reaction", "60FFh = 0", "homing given up",   "no set-point"};
+  const char* name = names[static_cast<std::size_t>(kind)];
+  const double way = std::abs(position_ - stop_.from);
+  constexpr double rounding = 1.005;  // of ways of many revolutions
+  if (way > rounding * stop_.counts) {
+    return fail("stop-runs-away",
+                fmt::format("{}: {:.2f} revolutions after {:.1f} ms, at {:.0f} rpm; {:.2f} are enough for it", name,
+                            way / counts_per_revolution_, static_cast<double>(settled) / ticks_per_ms, rpm(velocity_),
+                            stop_.counts / counts_per_revolution_));
+  }
+  constexpr double swing_revolutions = 0.4;  // of a soft loop
+  // While a brake opens the axis is held where it is, whatever it did before.
+  const bool held = stop_.since - pwm_since_ <= ms(drive_.configuration().brake_release_ms);
+  if (kind < StopKind::velocity && !held && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
+      stop_.furthest - place > swing_revolutions * counts_per_revolution_ + 0.1 * way) {
+    return fail("stop-goes-back", fmt::format("{}: {:.2f} revolutions back, at {:.0f} rpm", name,
+                                              (stop_.furthest - place) / counts_per_revolution_, rpm(velocity_)));
+  }
+  const double late = static_cast<double>(tick_ - stop_.since) * tick_s - stop_.seconds;
+  // A soft loop may swing for long about a demand that rests at the end of its ramp.
+  const bool swings =
+      (kind == StopKind::no_target || kind == StopKind::homing) && drive_.axis().demand.velocity == 0.0F;
+  if (late > 0.3 && !swings && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
+    const char* broken = kind == StopKind::velocity ? "velocity-not-obeyed" : "stop-never-ends";
+    fail(broken, fmt::format("{}: still {:.0f} rpm after {:.3f} s; {:.3f} s are enough for it", name, rpm(velocity_),
+                             static_cast<double>(tick_ - stop_.since) * tick_s, stop_.seconds));
+  }
+  if (late > 2.0 && kind == StopKind::fault) fail("stop-never-ends", "fault reaction active does not end");
+}
+
+void Watch::limit_switches() {
+  if (drive_.policy().limit_switches != drive::LimitSwitches::stop) return;
+  const std::uint32_t inputs = axis_.feedback().inputs;
+  const bool any = (inputs & (negative_wire_ | positive_wire_)) != 0;
+  if (!any && !limits_[0].active && !limits_[1].active) return;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const double direction = i == 0 ? -1.0 : 1.0;
+    const bool closed = (inputs & (i == 0 ? negative_wire_ : positive_wire_)) != 0;
+    const bool signal = drive_.axis().active(i == 0 ? drive::Signal::negative_limit : drive::Signal::positive_limit);
+    const bool active = closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none;
+    Limit& limit = limits_[i];
+    if (!active) {
+      limit = {};
+      continue;
+    }
+    // In the position loop the shaft comes to where the demand stands, though it may have swung back from there.
+    const bool demanded = drive_.axis().demand.loop == Loop::position;
+    const double speed = std::max(
+        {0.0, direction * velocity_, demanded ? direction * static_cast<double>(drive_.axis().demand.velocity) : 0.0});
+    const double place =
+        demanded ? std::max(direction * position_, direction * static_cast<double>(drive_.axis().demand.position))
+                 : direction * position_ + lag(speed);  // a stop may go on in the position loop
+    // 605Ah and 605Eh choose the ramp of a quick stop and of a fault.
+    const bool chosen = one_of(state_, {PowerState::quick_stop_active, PowerState::fault_reaction_active});
+    double ramp = chosen && stop_.slope > 0.0 ? std::min(slope(), stop_.slope) : limit_slope();
+    if (limit.slope > 0.0)
+      ramp = ramp > 0.0 ? std::min(ramp, limit.slope) : limit.slope;  // it may have begun with that
+    const double reach = place + stopping(speed, ramp).counts;
+    const bool unknown = chosen && stop_.kind == StopKind::none;  // which ramp it is
+    // Without torque nothing brakes.
+    if (!limit.active || (chosen && stop_.since == tick_) || unknown || !judgeable_ || mode_since_ == tick_ ||
+        acceleration_ <= 0.0) {
+      limit = {true, reach, ramp, direction * position_};
+      continue;
+    }
+    limit.slope = ramp;
+    limit.furthest = std::min(limit.furthest, reach);
+    constexpr double rounding = 0.005;  // of ways of many revolutions
+    if (direction * position_ > limit.furthest + rounding * std::max(0.0, limit.furthest - limit.from)) {
+      fail("limit-switch-passed", fmt::format("{:.2f} revolutions beyond, at {:.0f} rpm, mode {}",
+                                              (direction * position_ - limit.furthest) / counts_per_revolution_,
+                                              rpm(velocity_), static_cast<int>(mode_)));
+    }
+  }
+}
+
+// What a demand at `speed` needs to rest by the ramps alone.
+double Watch::ramp_way(double speed, double ramp) const {
+  if (ramp <= 0.0) return speed * 0.1;
+  const double seconds = speed / ramp + jerk_delay(speed, ramp) + 0.002 + 0.001 * drive_.configuration().smoothing_ms +
+                         0.003 * static_cast<double>(drive_.configuration().position_lag_ms);
+  return 0.55 * speed * seconds;
+}
+
+void Watch::software_limits() {
+  const drive::Axis& axis = drive_.axis();
+  // A demand that the motor has no torque to follow is taken along by the shaft.
+  const bool applies =
+      pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() && acceleration_ > 0.0 &&
+      objects_.min_position_limit < objects_.max_position_limit && !axis.units.position_inverted &&
+      (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
+       mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
+  // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
+  const bool stopped =
+      told_to_stop() || axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
+  if (stopped && !stopped_before_) stopped_since_ = tick_;
+  const bool begins = stopped && tick_ - stopped_since_ <= demand_cycle();  // the drive hears of it with its cycle
+  stopped_before_ = stopped;
+  if (!applies) {
+    borders_ = {};
+    return;
+  }
+  const double slope = limit_slope();
+  const auto offset = static_cast<double>(drive_.position_offset());
+  // In the position loop the demand is judged, which has no lag; else the shaft.
+  const bool demanded = axis.demand.loop == Loop::position;
+  const double place_now = offset + (demanded ? static_cast<double>(axis.demand.position) : position_);
+  const double slack = demanded ? 0.02 * counts_per_revolution_ : place_revolutions * counts_per_revolution_;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const double direction = i == 0 ? -1.0 : 1.0;
+    const std::int32_t limit = i == 0 ? objects_.min_position_limit : objects_.max_position_limit;
+    Border& border = borders_[i];
+    const double at = direction * static_cast<double>(axis.units.to_counts(limit));
+    const double place = direction * place_now;
+    // A demand that is taken over by a stop moves back, and goes on with its velocity.
+    const double shaft = direction * velocity_;
+    const double led = std::max(direction * demand_speed_, direction * static_cast<double>(axis.demand.velocity));
+    const double speed = std::max({0.0, demanded ? led : shaft, begins ? shaft : 0.0});
+    const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
+    const double reach = place + way + slack;
+    if (!border.active || border.at != limit || border.demanded != demanded || slope < border.slope || begins ||
+        !judgeable_ || tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
+      border = {true, demanded, limit, slope, std::max(at + slack, reach)};
+      continue;
+    }
+    // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
+    const double tolerance = demanded ? slack + 0.002 * speed : way + slack;
+    border.bound = std::max(at + tolerance, std::min(border.bound, reach));
+    // A demand that comes to a shaft which is already there leads it nowhere.
+    const bool leads = !demanded || place > direction * (offset + position_);
+    if (place > border.bound && leads) {
+      return fail("software-limit-passed",
+                  fmt::format("{:.2f} revolutions beyond 607Dh, at {:.0f} rpm, mode {}",
+                              (place - at) / counts_per_revolution_, rpm(velocity_), static_cast<int>(mode_)));
+    }
+  }
+}
+
+}  // namespace servodrome::motion

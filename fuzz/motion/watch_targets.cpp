@@ -1,0 +1,220 @@
+#include <cmath>
+#include <fmt/format.h>
+#include <limits>
+#include <utility>
+
+#include "watch_terms.hpp"
+
+// Set-points and cyclic targets that have to be met, and motion that was not asked for.
+namespace servodrome::motion {
+
+// A set-point of profile position that stood alone: from its edge to rest.
+void Watch::set_points() {
+  const std::uint16_t word = objects_.controlword;
+  const bool edge = (word & controlword::mode_bit_4) != 0 && (word_before_ & controlword::mode_bit_4) == 0;
+  const bool working = state_ == PowerState::operation_enabled && mode_ == Mode::profile_position && pwm_ &&
+                       (word & (controlword::halt | controlword::fault_reset)) == 0 && judgeable_ &&
+                       drive::command_of(word) == drive::Command::enable_operation;  // any other gives the set-point up
+  word_before_ = word;
+  const bool ready_before = std::exchange(ready_, (objects_.statusword & drive::statusword::mode_bit_12) == 0);
+  const std::uint32_t velocity_before = std::exchange(profile_velocity_before_, objects_.profile_velocity);
+  if (!working) {
+    at_once_.active = set_point_.active = set_point_.leaves = false;
+    set_point_.alone = tick_;
+    return;
+  }
+  const drive::Axis& axis = drive_.axis();
+  const auto offset = static_cast<double>(drive_.position_offset());
+  const bool changed = objects_.target_position != target_before_;
+  target_before_ = objects_.target_position;
+  const bool at_switch = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
+  const bool bounded = axis.software_limits_active() && drive_.policy().out_of_limits != drive::OutOfLimits::fault;
+  const bool limited = at_switch || (axis.software_limits_active() && !bounded);
+  if (edge) {
+    // Its 6081h counts from the next cycle on, whatever was under way before.
+    const double asked = std::max(velocity_before, objects_.profile_velocity) * axis.units.velocity;
+    const bool at_once = (word & controlword::mode_bit_5) != 0 && ready_before;
+    at_once_ = {at_once && !drive_.policy().end_velocity_is_start, false, tick_, asked};
+    const bool relative = (word & controlword::mode_bit_6) != 0;
+    const bool usual = (word & controlword::mode_bit_9) == 0 && objects_.positioning_option_code == 0 &&
+                       objects_.polarity == 0 && objects_.end_velocity == 0 && objects_.profile_velocity != 0 &&
+                       objects_.profile_acceleration != 0 && objects_.profile_deceleration != 0 &&
+                       objects_.min_position_range_limit == objects_.max_position_range_limit;
+    const bool standing = ready_before && tick_ - set_point_.alone > ms(30) && !drive_.in_motion() &&
+                          std::abs(velocity_) < still_rpm / 60.0 * counts_per_revolution_;
+    double target = static_cast<double>(axis.units.to_counts(objects_.target_position));
+    if (bounded && !relative)
+      target = static_cast<double>(axis.units.to_counts(
+          std::clamp(objects_.target_position, objects_.min_position_limit, objects_.max_position_limit)));
+    set_point_.active = usual && standing && !relative && !limited && !changed && acceleration_ > 0.0;
+    set_point_.taken = false;
+    // Away from the one switch that holds it.
+    const bool below = axis.active(drive::Signal::negative_limit);
+    const bool above = axis.active(drive::Signal::positive_limit);
+    const double least = 0.3 * counts_per_revolution_;
+    set_point_.leaves = usual && standing && relative && !changed && below != above && !axis.software_limits_active() &&
+                        (drive_.policy().limit_switches == drive::LimitSwitches::stop) && acceleration_ > 0.0 &&
+                        (below ? target > least : target < -least);
+    set_point_.from = position_;
+    set_point_.direction = below ? 1.0 : -1.0;
+    set_point_.since = tick_;
+    set_point_.target = target - offset;
+    set_point_.alone = tick_;
+    const double way = std::abs(set_point_.target - position_);
+    double speed = objects_.profile_velocity * axis.units.velocity;
+    if (objects_.max_profile_velocity != 0)
+      speed = std::min(speed, objects_.max_profile_velocity * axis.units.velocity);
+    speed = std::min(speed, greatest_speed());
+    const Stopping stopping = this->stopping(speed);
+    set_point_.seconds = way / speed + 4.0 * stopping.seconds + 0.3;
+    if (way > 1000.0 * counts_per_revolution_) set_point_.active = false;
+    return;
+  }
+  if (at_once_.active) {  // until something else is commanded
+    if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) at_once_.taken = true;
+    if (around_->commanded > at_once_.since + ms(10)) at_once_.active = false;
+  }
+  if (set_point_.leaves) {
+    if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) set_point_.taken = true;
+    const double moved = set_point_.direction * (position_ - set_point_.from);
+    const bool again = around_->commanded > set_point_.since + ms(10);
+    if (again || moved > 0.1 * counts_per_revolution_ || (!set_point_.taken && tick_ - set_point_.since > ms(10)) ||
+        axis.active(set_point_.direction > 0.0 ? drive::Signal::positive_limit : drive::Signal::negative_limit)) {
+      set_point_.leaves = false;
+    } else if (const double acceleration = std::min(slope(), acceleration_);
+               static_cast<double>(tick_ - set_point_.since) * tick_s >
+               0.2 + std::sqrt(0.5 * counts_per_revolution_ / std::max(acceleration, 1.0)) +
+                   0.3 * counts_per_revolution_ / (objects_.profile_velocity * axis.units.velocity) +
+                   0.001 * drive_.configuration().brake_release_ms) {
+      fail("no-way-off-limit",
+           fmt::format("{:.2f} revolutions away {:.0f} ms after the set-point", moved / counts_per_revolution_,
+                       static_cast<double>(tick_ - set_point_.since) / ticks_per_ms));
+    }
+  }
+  if (!set_point_.active) {
+    if (drive_.in_motion()) set_point_.alone = tick_;
+    return;
+  }
+  // Anything else that is written may change the plan.
+  if (limited || around_->commanded > set_point_.since + ms(10)) {
+    set_point_.active = false;
+    set_point_.alone = tick_;
+    return;
+  }
+  if ((objects_.statusword & drive::statusword::mode_bit_12) != 0) set_point_.taken = true;
+  if (!set_point_.taken) {  // not acknowledged
+    if (tick_ - set_point_.since > ms(10)) set_point_.active = false;
+    return;
+  }
+  const double seconds = static_cast<double>(tick_ - set_point_.since) * tick_s;
+  const bool reached = (objects_.statusword & drive::statusword::target_reached) != 0 && !drive_.in_motion();
+  const double beside = std::abs(position_ - set_point_.target);
+  set_point_.reached = reached ? set_point_.reached + 1 : 0;
+  if (set_point_.reached > ms(80) || seconds > set_point_.seconds) {
+    set_point_.active = false;
+    const bool arrived = beside < 2.0 * place_revolutions * counts_per_revolution_;
+    if (!arrived) {
+      fail(set_point_.reached > ms(80) ? "target-missed" : "never-arrives",
+           fmt::format("{:.2f} revolutions beside the target {:.3f} s after the set-point, at {:.0f} rpm",
+                       beside / counts_per_revolution_, seconds, rpm(velocity_)));
+    } else if (!reached &&
+               beside + 1.0 < static_cast<double>(axis.units.to_counts(std::min<std::int64_t>(
+                                  objects_.position_window, std::numeric_limits<std::int32_t>::max()))) &&
+               objects_.position_window_time_ms < 50 && std::abs(velocity_) < 2.0 / 60.0 * counts_per_revolution_) {
+      fail("reached-is-missing",
+           fmt::format("no bit 10 {:.3f} s after the set-point, {:.0f} counts beside the target", seconds, beside));
+    }
+  }
+}
+
+// A cyclic target that lies away from the one limit switch that is active, and came while it was.
+void Watch::off_limit() {
+  if (mode_ != Mode::cyclic_sync_position) {
+    held_by_ = 0;
+    away_ = {};
+    return;
+  }
+  const drive::Axis& axis = drive_.axis();
+  const bool below = axis.active(drive::Signal::negative_limit);
+  const bool above = axis.active(drive::Signal::positive_limit);
+  // A switch holds the axis until it is commanded away from it, also when it is gone and the other one is active.
+  if (state_ != PowerState::operation_enabled || mode_since_ == tick_ ||
+      std::abs(velocity_) > still_rpm / 60.0 * counts_per_revolution_)
+    held_by_ = 0;
+  held_by_ |= (below ? 1u : 0u) | (above ? 2u : 0u);
+  if (below == above || held_by_ == 3) {
+    away_ = {};
+    return;
+  }
+  const double slowest_rpm = 4.0 * still_rpm;
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
+                      stop_.kind == StopKind::none && drive_.policy().limit_switches == drive::LimitSwitches::stop &&
+                      !axis.software_limits_active() && objects_.polarity == 0 &&
+                      (axis.controlword & controlword::halt) == 0 &&
+                      objects_.min_position_range_limit == objects_.max_position_range_limit &&
+                      rpm(greatest_speed()) > slowest_rpm && mode_since_ != tick_;
+  const double direction = below ? 1.0 : -1.0;
+  const double target =
+      static_cast<double>(axis.units.to_counts(std::int64_t{objects_.target_position} + objects_.position_offset)) -
+      static_cast<double>(drive_.position_offset());
+  if (!judged || std::exchange(away_.target, target) != target) {
+    away_.targets = judged ? away_.targets + 1 : 0;
+    away_.since = tick_;
+    away_.from = position_;
+    return;
+  }
+  constexpr double least_revolutions = 0.3;
+  if (direction * velocity_ < -still_rpm / 60.0 * counts_per_revolution_) {  // it still brakes before the switch
+    away_.since = tick_;
+    away_.from = position_;
+  }
+  const double moved = direction * (position_ - away_.from);
+  if (direction * (target - away_.from) < least_revolutions * counts_per_revolution_ || away_.targets < 3) return;
+  if (std::abs(target - away_.from) > 0x40000000) return;  // which way round it is near is the product's choice
+  const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
+  const double passed = static_cast<double>(tick_ - away_.since) * tick_s;
+  if (passed > 0.2 + std::sqrt(0.5 * counts_per_revolution_ / ramp) && moved < 0.05 * counts_per_revolution_) {
+    fail("no-way-off-limit",
+         fmt::format("{:.2f} revolutions away {:.0f} ms after a target {:.2f} revolutions away, mode {}",
+                     moved / counts_per_revolution_, 1000.0 * passed,
+                     direction * (target - away_.from) / counts_per_revolution_, static_cast<int>(mode_)));
+  }
+}
+
+void Watch::unasked() {
+  const bool open = mode_ == Mode::homing || mode_ == Mode::none || mode_ == Mode::interpolated_position ||
+                    mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque ||
+                    mode_ == Mode::cyclic_sync_velocity || drive_.identification().running();
+  if (!judgeable_ || !pwm_ || open || state_ != PowerState::operation_enabled ||
+      tick_ - std::max(pwm_since_, mode_since_) < ms(50)) {
+    rest_ = position_;
+    rest_since_ = tick_;
+    return;
+  }
+  const double away = std::abs(position_ - rest_);
+  const bool moves = away > 0.004 * counts_per_revolution_ + 3.0 || drive_.in_motion();
+  const std::int64_t rested = tick_ - rest_since_;
+  const std::int64_t enough = ms(120.0 + drive_.configuration().brake_release_ms);
+  if (rested < enough) {
+    if (moves) {
+      rest_ = position_;
+      rest_since_ = tick_;
+    }
+    return;
+  }
+  if (away > 0.15 * counts_per_revolution_) {
+    if (std::max(around_->commanded, asked_) < rest_since_ && around_->disturbed < rest_since_) {
+      fail("moves-unasked",
+           fmt::format("{:.2f} revolutions from where it rested {:.1f} ms, mode {}", away / counts_per_revolution_,
+                       static_cast<double>(rested) / ticks_per_ms, static_cast<int>(mode_)));
+    }
+    rest_ = position_;
+    rest_since_ = tick_;
+  }
+  if (std::max(around_->commanded, asked_) >= rest_since_) {  // asked for something
+    rest_ = position_;
+    rest_since_ = tick_;
+  }
+}
+
+}  // namespace servodrome::motion
