@@ -491,8 +491,11 @@ class Life::Machine final : public FrameListener {
   bool lasts(std::size_t i, drive::Cause cause) {
     const drive::Drive& drive = axis(i).device().drive();
     switch (cause) {
-      case drive::Cause::over_voltage:
-        return axis(i).plant().dc_link_v() > static_cast<double>(drive.configuration().monitors.over_voltage_v);
+      case drive::Cause::over_voltage: {  // or it has only just gone
+        constexpr double just_gone = 0.98;
+        return axis(i).plant().dc_link_v() >
+               just_gone * static_cast<double>(drive.configuration().monitors.over_voltage_v);
+      }
       case drive::Cause::i2t:
       case drive::Cause::stage_i2t:
       case drive::Cause::motor_hot:

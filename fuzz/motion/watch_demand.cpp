@@ -76,9 +76,11 @@ void Watch::demand() {
   const double change = std::abs(demand.velocity - before.velocity);
   // The cycle in which a plan begins, and rounding of a float.
   const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed();
-  // From the shaft's speed, which may brake hard and be known a cycle late, a ramp's step further.
+  // From the shaft's speed, which may brake hard and be known late, a ramp's step further: a share of the motor's
+  // nameplate speed, whatever 6080h makes of it.
+  const double unsure = 0.02 * static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0;
   const bool taken_over = std::abs(demand.velocity - velocity_) <
-                          0.05 * std::abs(velocity_) + greatest_speed() * 0.02 + overshoot(-1.0) + allowance;
+                          0.05 * std::abs(velocity_) + unsure * counts_per_revolution_ + overshoot(-1.0) + allowance;
   const bool smoothed = drive_.configuration().smoothing_ms != 0 || drive_.configuration().position_lag_ms > 0.0F;
   if (change > allowance && !taken_over && !starts_with_speed && !smoothed) {
     return fail(
