@@ -125,7 +125,10 @@ Watch::Ramp Watch::gentlest() const {
 // What moves keeps the ramp that it was planned with, and a set-point the one that it was given with.
 void Watch::ramps() {
   const bool stands = drive_.axis().demand.velocity == 0.0F && mode_ != Mode::profile_position;
-  ramp_set_ = !pwm_ || stands || mode_ != mode_before_ ? gentlest() : ramp_set_.gentler(gentlest());
+  const Ramp now = gentlest();
+  // The drive may have begun with what was written a tick ago.
+  ramp_set_ = !pwm_ || stands || mode_ != mode_before_ ? now.gentler(gentlest_before_) : ramp_set_.gentler(now);
+  gentlest_before_ = now;
 }
 
 double Watch::steepest() const {

@@ -187,7 +187,8 @@ class Watch {
   bool halted_ = false;                // with the demand of before
   std::int64_t spoiled_ = -1'000'000;  // tick of the last injection that spoils what the encoder says
   Ramp ramp_set_{};                    // the gentlest that was set since the demand stood
-  double ramp_ = 0.0;                  // the steepest that was set since the demand stood
+  Ramp gentlest_before_{};
+  double ramp_ = 0.0;  // the steepest that was set since the demand stood
   std::int64_t demand_tick_ = -1;
 
   enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing, no_target };

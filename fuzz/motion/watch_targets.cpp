@@ -138,9 +138,11 @@ void Watch::off_limit() {
   const bool below = axis.active(drive::Signal::negative_limit);
   const bool above = axis.active(drive::Signal::positive_limit);
   // A switch holds the axis until it is commanded away from it, also when it is gone and the other one is active.
-  if (state_ != PowerState::operation_enabled || mode_since_ == tick_ ||
-      std::abs(velocity_) > still_rpm / 60.0 * counts_per_revolution_)
-    held_by_ = 0;
+  const double still = still_rpm / 60.0 * counts_per_revolution_;
+  const auto led = static_cast<double>(axis.demand.velocity);
+  if (state_ != PowerState::operation_enabled || mode_since_ == tick_) held_by_ = 0;
+  if (led > 0.0 && velocity_ > still) held_by_ &= ~1u;
+  if (led < 0.0 && velocity_ < -still) held_by_ &= ~2u;
   held_by_ |= (below ? 1u : 0u) | (above ? 2u : 0u);
   if (below == above || held_by_ == 3) {
     away_ = {};

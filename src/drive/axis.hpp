@@ -351,10 +351,18 @@ struct Axis {
   bool at_position_limit() const;
   // ... and the demand does not lead away from it.
   bool held_by_position_limit() const;
-  // The demand moves towards an active limit switch.
-  bool runs_into_limit_switch() const {
+  // The direction in which the demand moves. The last step of a line has no velocity, and leads the shaft on all the
+  // same, from where the demand was `before` it.
+  double demand_direction(Counts before) const {
     const double velocity = generator.velocity();
-    return (active(Signal::negative_limit) && velocity < 0.0) || (active(Signal::positive_limit) && velocity > 0.0);
+    if (velocity != 0.0 || demand.loop != Loop::position) return velocity;
+    const auto moved = static_cast<double>(generator.nearest_position() - before);
+    const auto ahead = static_cast<double>(generator.nearest_position() - position());
+    return moved * ahead > 0.0 ? moved : 0.0;
+  }
+  // Towards an active limit switch.
+  bool runs_into_limit_switch(double direction) const {
+    return (active(Signal::negative_limit) && direction < 0.0) || (active(Signal::positive_limit) && direction > 0.0);
   }
   // The ways in counts to the software limits, where a mode without a target position has to keep to them: negative
   // beyond a limit. Infinite while they are off, or a fault where they are crossed.

@@ -203,7 +203,7 @@ class Drive final : public dictionary::Listener {
   void change_mode();
   void run_mode();
   void limit_switches(Counts before);
-  bool pushes_limit_switch() const;
+  bool pushes_limit_switch(Counts before) const;
   void finish_identification();
   void smooth_demand();
   float known_load();  // torque, fraction of rated

@@ -13,14 +13,14 @@ constexpr std::uint32_t lagging_modes =
 
 // Towards an active limit switch: by the demand's velocity, in torque control by the torque. A position demand that
 // comes back to the shaft, as at the end of a stream of targets, does not push.
-bool Drive::pushes_limit_switch() const {
+bool Drive::pushes_limit_switch(Counts before) const {
   if (!axis_.active(Signal::negative_limit) && !axis_.active(Signal::positive_limit)) return false;
   const LoopDemand& demand = axis_.demand;
-  const double towards = demand.loop == Loop::torque ? static_cast<double>(demand.torque) : axis_.generator.velocity();
+  const double towards =
+      demand.loop == Loop::torque ? static_cast<double>(demand.torque) : axis_.demand_direction(before);
   const auto ahead = static_cast<double>(axis_.generator.nearest_position() - axis_.position());
   if (demand.loop == Loop::position && ahead * towards <= 0.0) return false;
-  return (axis_.active(Signal::negative_limit) && towards < 0.0) ||
-         (axis_.active(Signal::positive_limit) && towards > 0.0);
+  return axis_.runs_into_limit_switch(towards);
 }
 
 // Outside homing a limit switch ends every motion towards it; away from it the axis may move. So does a software limit
@@ -29,20 +29,21 @@ bool Drive::pushes_limit_switch() const {
 void Drive::limit_switches(Counts before) {
   if (mode_ == Mode::homing) return;
   if (policy_.limit_switches == LimitSwitches::fault) {
-    if (pushes_limit_switch()) axis_.raise(Cause::position_limit);
+    if (pushes_limit_switch(before)) axis_.raise(Cause::position_limit);
     return;
   }
   if (axis_.demand.loop == Loop::torque) return;
   const double velocity = axis_.generator.velocity();
   const double quick = quick_stop_deceleration();
-  bool blocked = axis_.runs_into_limit_switch();
+  const double moves = axis_.demand_direction(before);
+  bool blocked = axis_.runs_into_limit_switch(moves);
   if (axis_.demand.loop == Loop::velocity && velocity != 0.0) {
     const bool near = axis_.near_software_limit(quick);
     axis_.stopped_at = !near ? 0 : velocity < 0.0 ? -1 : 1;
     blocked |= near;
   }
   if (!blocked) return;
-  const int direction = velocity < 0.0 ? -1 : 1;
+  const int direction = moves < 0.0 ? -1 : 1;
   if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
   if (std::abs(axis_.velocity()) > 4.0 * quick * axis_.cycle_s) {
     begin_stop(Stop::quick_stop_ramp);

@@ -300,7 +300,8 @@ void Drive::keep_stop_within_limits() {
   const bool operating = state_ == PowerState::operation_enabled && mode_ != Mode::homing;
   if (!operating || stop_ != Stop::slow_down_ramp || releasing_torque_) return;
   const double quick = deceleration_of(Stop::quick_stop_ramp);
-  const bool at_switch = policy_.limit_switches == LimitSwitches::stop && axis_.runs_into_limit_switch();
+  const bool at_switch =
+      policy_.limit_switches == LimitSwitches::stop && axis_.runs_into_limit_switch(axis_.generator.velocity());
   if (!at_switch && !axis_.near_software_limit(quick)) return;
   if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
   if (quick <= deceleration_of(stop_)) return;
