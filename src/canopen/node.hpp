@@ -77,6 +77,8 @@ class Node final : private dictionary::Listener {
   void raise(std::uint16_t code, std::uint8_t error_register_bits, const std::array<std::uint8_t, 5>& vendor = {}) {
     emergency_.raise(code, error_register_bits, vendor);
   }
+  // A device error that the node's own EMCY has told: its bits of 1001h stay until they are cleared.
+  void hold(std::uint8_t error_register_bits) { emergency_.hold(error_register_bits); }
   // Errors went; `remaining` are the bits of 1001h of those still there. Sends EMCY 0000h if the profile has it.
   void clear(std::uint8_t remaining = 0, const std::array<std::uint8_t, 5>& vendor = {}) {
     emergency_.clear(remaining, vendor);

@@ -91,6 +91,17 @@ std::int64_t Axis::position_range() const {
   return high - low + 1;
 }
 
+bool Axis::limits_bound_range() const {
+  return software_limits_active() && (objects.min_position_limit > objects.min_position_range_limit ||
+                                      objects.max_position_limit < objects.max_position_range_limit);
+}
+
+std::int64_t Axis::within_limits_of_turn(std::int64_t user) const {
+  const Counts demand_now = generator.nearest_position();
+  const std::int64_t turn = units.to_user(demand_now) - to_user_position(demand_now);  // 0 without a range
+  return turn + std::clamp<std::int64_t>(user - turn, objects.min_position_limit, objects.max_position_limit);
+}
+
 std::int64_t Axis::to_user_position(Counts application) const {
   const std::int64_t user = units.to_user(application);
   const std::int64_t range = position_range();

@@ -317,6 +317,10 @@ struct Axis {
     return demand.loop == Loop::velocity ||
            std::abs(static_cast<double>(loops->following_error_counts)) <= lag(velocity());
   }
+  // After a shaft that is held by a constant current: it may have been turned away by whole steps.
+  void take_over_slipped() {
+    if (std::abs(static_cast<double>(generator.nearest_position() - position())) > lag(0.0)) take_over_actual();
+  }
   // As take_over_actual, for an axis in the position loop: keeps of the lag what its speed explains, so that the loop
   // goes on without a step.
   void take_over_lagging() {
@@ -340,6 +344,10 @@ struct Axis {
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
   bool software_limits_active() const;
+  // Whether 607Dh leaves less than the whole range 607Bh.
+  bool limits_bound_range() const;
+  // The nearest to a position in user units that the software limits allow, in the turn of the range the demand is in.
+  std::int64_t within_limits_of_turn(std::int64_t user) const;
   bool beyond_software_limits() const;  // command, demand or position
   bool at_software_limit(std::int64_t user) const {
     return software_limits_active() && (user <= objects.min_position_limit || user >= objects.max_position_limit);

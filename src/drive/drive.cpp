@@ -247,6 +247,7 @@ void Drive::cycle(const Feedback& feedback) {
   step_dc_link();
   if (axis_.active(Signal::quick_stop) && state_ == PowerState::operation_enabled) handle_command(Command::quick_stop);
   step_power();
+  const std::optional<std::int64_t> stood_at = standing_demand();
   if (stage_ == Stage::on) {
     run_mode();
   } else if (zero_speed_) {
@@ -263,7 +264,7 @@ void Drive::cycle(const Feedback& feedback) {
     raise(axis_.raised);
     axis_.raised = Cause::none;
   }
-  smooth_demand();
+  smooth_demand(stood_at);
   hold_by_current();
   set_limits();
   write_actuation();
@@ -298,6 +299,7 @@ void Drive::set_mode(Mode mode) {
 void Drive::change_mode() {
   const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
   if (wanted == mode_ || (wanted == Mode::none && policy_.mode_zero_keeps)) return;
+  const bool pressed = mode_ == Mode::homing && homing_mode_.pressing();
   homing_mode_.abort();
   homing_mode_.forget_error(axis_);
   identification_.abort();
@@ -306,8 +308,9 @@ void Drive::change_mode() {
   word_before_wait_ = axis_.controlword;  // an edge of bit 4 was meant for the mode before
   if (!running) return;
   // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: take the
-  // actual.
+  // actual. So does what pressed against a hard stop, which would go on pressing.
   take_over_shaft();
+  if (pressed) axis_.take_over_actual();
   if (axis_.demand.loop == Loop::velocity) {
     axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 
 #include "dictionary/dictionary.hpp"
@@ -205,7 +206,15 @@ class Drive final : public dictionary::Listener {
   void limit_switches(Counts before);
   bool pushes_limit_switch(Counts before) const;
   void finish_identification();
-  void smooth_demand();
+  struct Smoothing {
+    std::size_t cycles = 0;  // of the moving average; 0: none
+    float lag_ms = 0.0F;     // of a low pass; 0: none
+    bool any() const { return cycles > 0 || lag_ms > 0.0F; }
+    friend bool operator==(const Smoothing&, const Smoothing&) = default;
+  };
+  Smoothing smoothing_asked_for() const;
+  std::optional<std::int64_t> standing_demand() const;
+  void smooth_demand(std::optional<std::int64_t> from);
   float known_load();  // torque, fraction of rated
   void hold_by_current();
   void update_greatest_velocity();
@@ -284,11 +293,13 @@ class Drive final : public dictionary::Listener {
 
   MovingAverage smoothing_{};
   LagFilter lag_{};
-  Loop smoothed_loop_ = Loop::off;   // of the demand that is averaged
-  std::int64_t smoothed_value_ = 0;  // the mean, 2^-16 counts or counts/s
-  float smoothed_velocity_ = 0.0F;   // counts/s
-  bool smoothing_pending_ = false;   // the smoothed demand is still on its way
-  int friction_direction_ = 0;       // of the last motion in the position loop
+  Loop smoothed_loop_ = Loop::off;  // of the demand that is averaged
+  Smoothing smoothing_by_{};
+  static constexpr std::int64_t smoothed_unit = 65536;  // of a count, or of a count per second
+  std::int64_t smoothed_value_ = 0;                     // the mean
+  float smoothed_velocity_ = 0.0F;                      // counts/s
+  bool smoothing_pending_ = false;                      // the smoothed demand is still on its way
+  int friction_direction_ = 0;                          // of the last motion in the position loop
 
   Actuation outputs_{};  // everything but the phase voltages, set once per cycle
   std::uint32_t last_inputs_ = 0;

@@ -66,42 +66,64 @@ void Drive::hold_by_current() {
   axis_.demand.lock_current_a = current_a;
 }
 
-// The moving average of the demand in the modes that have a profile, or the lag of a position command.
-void Drive::smooth_demand() {
+// What the demand is smoothed by: the moving average in the modes that have a profile, or the lag of a position
+// command.
+Drive::Smoothing Drive::smoothing_asked_for() const {
   const Configuration& configuration = axis_.configuration;
-  LoopDemand& demand = axis_.demand;
   const std::uint32_t mode = mode_bit(mode_);
+  const Loop loop = axis_.demand.loop;
   const std::uint32_t cycles = axis_.cycles(configuration.smoothing_ms);
-  const bool averaged =
-      cycles > 1 && (mode & averaged_modes) != 0 && (demand.loop == Loop::position || demand.loop == Loop::velocity);
-  const bool lagging =
-      configuration.position_lag_ms > 0.0F && (mode & lagging_modes) != 0 && demand.loop == Loop::position;
-  if (stage_ != Stage::on || short_circuit_ || (!averaged && !lagging)) {
+  if (cycles > 1 && (mode & averaged_modes) != 0 && (loop == Loop::position || loop == Loop::velocity))
+    return {std::min<std::size_t>(cycles, MovingAverage::longest), 0.0F};
+  if (loop == Loop::position && (mode & lagging_modes) != 0) return {0, configuration.position_lag_ms};
+  return {};
+}
+
+// Where the demand is, in units of the smoothed one, if it stands.
+std::optional<std::int64_t> Drive::standing_demand() const {
+  const Generator& generator = axis_.generator;
+  if (!generator.standing()) return {};
+  return (generator.position() - axis_.offset) * smoothed_unit +
+         std::llround(generator.fraction() * static_cast<double>(smoothed_unit));
+}
+
+// A filter delays a demand and never moves it by itself: it begins where the demand stands, and so does what is written
+// of it in motion. A stop is not delayed, and what takes the shaft over goes on from the smoothed demand
+// (take_over_shaft). `from`: of the demand, if it stood before this cycle.
+void Drive::smooth_demand(std::optional<std::int64_t> from) {
+  LoopDemand& demand = axis_.demand;
+  const bool runs = smoothed_loop_ == demand.loop && smoothing_pending_;
+  const Smoothing asked = smoothing_asked_for();
+  if (stage_ != Stage::on || stopping_ || (!runs && !asked.any())) {
     smoothed_loop_ = Loop::off;
     smoothing_pending_ = false;
     return;
   }
   const bool position = demand.loop == Loop::position;
-  constexpr double unit = 65536.0;  // of a count, or of a count per second
+  constexpr double unit = smoothed_unit;
   const std::int64_t value =
-      position ? demand.position * 65536 + std::llround(static_cast<double>(demand.position_fraction) * unit)
+      position ? demand.position * smoothed_unit + std::llround(static_cast<double>(demand.position_fraction) * unit)
                : std::llround(static_cast<double>(demand.velocity) * unit);
-  const std::size_t length = averaged ? std::min<std::size_t>(cycles, MovingAverage::longest) : 0;
-  if (smoothed_loop_ != demand.loop || (averaged && smoothing_.length() != length)) {
-    if (averaged) smoothing_.begin(value, length);
-    lag_.begin(value);
-    smoothed_value_ = value;
-    smoothed_velocity_ = demand.velocity;
+  if (!runs && (smoothed_loop_ != demand.loop || !(asked == smoothing_by_))) {
+    if (!from) {
+      smoothed_loop_ = Loop::off;
+      return;
+    }
+    smoothing_by_ = asked;
+    if (asked.cycles > 0) smoothing_.begin(position ? *from : 0, asked.cycles);
+    lag_.begin(position ? *from : 0);
+    smoothed_value_ = position ? *from : 0;
+    smoothed_velocity_ = 0.0F;
     smoothed_loop_ = demand.loop;
   }
   const float before = smoothed_velocity_;
   std::int64_t mean = 0;
-  if (averaged) {
+  if (smoothing_by_.cycles > 0) {
     mean = smoothing_.update(value);
     const std::int64_t velocity = position ? mean - smoothed_value_ : mean;
     smoothed_velocity_ = static_cast<float>(static_cast<double>(velocity) / unit / (position ? axis_.cycle_s : 1.0));
   } else {
-    lag_.configure(static_cast<double>(configuration.position_lag_ms) * axis_.cycles_per_ms);
+    lag_.configure(static_cast<double>(smoothing_by_.lag_ms) * axis_.cycles_per_ms);
     mean = lag_.update(value);
     // The same lag, so that what a mode adds to the velocity is kept.
     smoothed_velocity_ += static_cast<float>(lag_.gain()) * (demand.velocity - smoothed_velocity_);

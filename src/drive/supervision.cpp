@@ -61,7 +61,9 @@ void Supervision::configure(const Axis& axis) {
 void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& situation) {
   present_.clear();
   warning_ = false;
+  if (encoder_cycles_ > 0) --encoder_cycles_;
   if (feedback.encoder_faults != 0) {
+    encoder_cycles_ = axis.cycles(encoder_return_ms);
     for (const FlagCause& row : encoder_causes) {
       if ((feedback.encoder_faults & row.flag) == 0) continue;
       present_.set(row.cause == Cause::encoder_connection ? axis.configuration.encoder_loss : row.cause);
@@ -155,9 +157,11 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
     return std::abs(axis.velocity()) > axis.rpm_to_counts_per_s(static_cast<double>(speed_rpm));
   };
   if (over_speed_rpm >= over_speed_rpm_ || !above(over_speed_rpm)) over_speed_rpm_ = over_speed_rpm;
-  if (above(over_speed_rpm_)) present_.set(Cause::over_speed);
+  // An encoder that was away shows the way of meanwhile as a speed.
+  if (above(over_speed_rpm_) && encoder_cycles_ == 0) present_.set(Cause::over_speed);
 
-  const bool position_loop = situation.energised && situation.loop == Loop::position && !situation.pressing;
+  const bool position_loop = situation.energised && !situation.pressing &&
+                             (situation.loop == Loop::position || situation.loop == Loop::locked);
   std::uint32_t window = objects.following_error_window;
   if (window == 0) window = monitors.window_of_zero;
   bool outside = false;

@@ -42,7 +42,10 @@ class Supervision {
   void motion(Axis& axis, const Situation& situation);
   void limit_switches(const Axis& axis, const Situation& situation);
 
+  static constexpr std::uint32_t encoder_return_ms = 20;  // until the speed that is measured is the shaft's again
+
   CauseSet present_{};
+  std::uint32_t encoder_cycles_ = 0;  // still to go of that
   I2t i2t_{};
   I2t stage_i2t_{};
   bool warning_ = false;

@@ -130,6 +130,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
       node_.raise(fault.code, fault.error_register);
     } else {
       drive_objects().error_code = reported_by_node_;  // 603Fh tells what the EMCY tells
+      node_.hold(fault.error_register);
     }
   }
   void warning_raised(const drive::FaultRow& warning) override { node_.raise(warning.code, warning.error_register); }

@@ -48,6 +48,11 @@ void Emergency::raise(std::uint16_t code, std::uint8_t bits, const std::array<st
   queue(code, vendor);
 }
 
+void Emergency::hold(std::uint8_t bits) {
+  device_bits_ = static_cast<std::uint8_t>(device_bits_ | bits | generic_error);
+  update_register();
+}
+
 void Emergency::clear(std::uint8_t remaining, const std::array<std::uint8_t, 5>& vendor) {
   if (device_bits_ == 0) return;
   device_bits_ = remaining;

@@ -38,6 +38,8 @@ class Emergency {
   // A device error appears: `bits` of 1001h are set, bit 0 in any case. The history keeps the code and vendor bytes
   // 0, 1.
   void raise(std::uint16_t code, std::uint8_t bits, const std::array<std::uint8_t, 5>& vendor);
+  // A device error that an EMCY of the communication tells: its bits stay when the communication is back.
+  void hold(std::uint8_t bits);
   // Device errors went: `remaining` are the bits of those still there. Sends an error-reset EMCY.
   void clear(std::uint8_t remaining, const std::array<std::uint8_t, 5>& vendor);
 

@@ -55,12 +55,15 @@ HomingCommand Homing::step(const HomingInputs& inputs) {
       if (!inputs.standing) break;
       if (config_.end == HomingEnd::as_method ? method_.returns_to_latch : true) {
         phase_ = Phase::return_to;
-        const Counts end = config_.end == HomingEnd::offset ? latch_ + config_.end_offset : latch_;
-        return {.kind = Kind::position, .velocity = config_.slow, .position = end};
+        end_ = config_.end == HomingEnd::offset ? latch_ + config_.end_offset : latch_;
+        return {.kind = Kind::position, .velocity = config_.slow, .position = end_};
       }
       [[fallthrough]];
     case Phase::return_to:
-      if (!inputs.standing) break;
+      if (!inputs.standing) {
+        if (offset_leads_into_limit(inputs)) return fail(HomingError::wrong_limit);
+        break;
+      }
       finished_ = true;
       phase_ = Phase::idle;
       break;
@@ -79,11 +82,18 @@ std::uint8_t Homing::first_leg(const HomingInputs& inputs) const {
   return is_active(Signal::home, inputs) ? method_.start_active : std::uint8_t{0};
 }
 
+// A home offset may lie beyond a limit switch; the way back to a latch at the switch itself does not.
+bool Homing::offset_leads_into_limit(const HomingInputs& inputs) const {
+  if (end_ == latch_ || (end_ > latch_) != (end_ > inputs.position)) return false;
+  return is_active(limit_ahead(), inputs);
+}
+
 bool Homing::pressing() const { return phase_ == Phase::run && leg().until == Until::stalled; }
 
 Direction Homing::travel() const { return config_.reversed ? opposite(leg().direction) : leg().direction; }
 
 Signal Homing::limit_ahead() const {
+  if (latched_ && end_ != latch_) return end_ > latch_ ? Signal::positive_limit : Signal::negative_limit;
   return travel() == Direction::negative ? Signal::negative_limit : Signal::positive_limit;
 }
 
@@ -184,7 +194,7 @@ HomingCommand Homing::stop_before(std::uint8_t leg) {
 
 HomingCommand Homing::take_latch(Counts position) {
   latched_ = true;
-  latch_ = position;
+  latch_ = end_ = position;
   phase_ = Phase::settle;
   return {.kind = Kind::stop};
 }

@@ -107,7 +107,7 @@ class Homing {
     wait,       // ramp to zero before the leg
     run,        // the leg runs
     settle,     // latched, ramp to zero
-    return_to,  // latched, on the way back to the latch
+    return_to,  // latched, on the way back to the latch or on to the offset
   };
 
   const Leg& leg() const { return method_.legs[leg_]; }
@@ -122,6 +122,7 @@ class Homing {
   std::uint8_t first_leg(const HomingInputs& inputs) const;
   HomingCommand begin_leg(const HomingInputs& inputs);
   HomingCommand run_leg(const HomingInputs& inputs);
+  bool offset_leads_into_limit(const HomingInputs& inputs) const;
   HomingCommand meet_limit();
   HomingCommand stop_before(std::uint8_t leg);
   HomingCommand take_latch(Counts position);
@@ -140,6 +141,7 @@ class Homing {
   std::uint32_t stall_count_ = 0;
   Counts leg_start_ = 0;
   Counts latch_ = 0;
+  Counts end_ = 0;  // of the way after it
   Counts switch_edge_ = 0;
   bool switch_seen_ = false;
   Counts index_distance_ = -1;

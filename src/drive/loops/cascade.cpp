@@ -292,6 +292,7 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
     torque_sum_ = 0.0F;
   }
   if (active && demand_.loop == Loop::locked) [[unlikely]] {
+    state_.following_error_counts = demand_.position - feedback.position_counts;
     run_locked<Phases>(feedback, phase, actuation);
   } else if (active) {
     // The voltage acts until the next sample: turn it to where the rotor is half-way there.

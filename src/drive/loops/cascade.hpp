@@ -46,7 +46,7 @@ struct CascadeState {
   float mean_torque = 0.0F;                      // likewise, mean of the position-loop cycle just over
   float current_d_a = 0.0F;                      // measured, amplitude
   float current_q_a = 0.0F;                      // positive with the torque
-  Counts following_error_counts = 0;             // position demand minus actual position; 0 out of the position loop
+  Counts following_error_counts = 0;             // position demand minus actual position; 0 without a position demand
   bool torque_limited = false;
   bool velocity_limited = false;  // the velocity reference is clipped, or the torque loop's speed limiter acts
   bool voltage_limited = false;   // the DC link does not give the voltage the current loop asks for

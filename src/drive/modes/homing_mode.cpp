@@ -1,5 +1,7 @@
 #include "drive/modes/homing_mode.hpp"
 
+#include <utility>
+
 #include "drive/power/power_state.hpp"
 
 namespace servodrome::drive {
@@ -69,6 +71,7 @@ void HomingMode::controlword(Axis& axis, std::uint16_t before, std::uint16_t now
     standing_ = false;
   }
   if (!is && was && (active_ || start_requested_)) {
+    pressed_ = homing_.pressing();
     abort();
     given_up_ = true;
   }
@@ -90,7 +93,7 @@ HomingInputs HomingMode::inputs(const Axis& axis) const {
 
 void HomingMode::fail(Axis& axis, Cause cause) {
   error_ = true;
-  active_ = false;
+  active_ = attained_ = false;
   if (axis.policy.homing_errors_are_faults) axis.raise(cause);
   shown_code_ = error_code(axis, cause);
   if (shown_code_ != 0) axis.objects.error_code = shown_code_;
@@ -174,7 +177,11 @@ void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
 
 // To rest from where the shaft is: pressed against a stop, or out of torque, it does not follow the demand.
 void HomingMode::give_up(Axis& axis) {
-  if (!axis.follows_demand()) axis.take_over_lagging();
+  if (std::exchange(pressed_, false)) {
+    axis.take_over_actual();
+  } else if (!axis.follows_demand()) {
+    axis.take_over_lagging();
+  }
   axis.generator.run_at(0.0, motion(axis, axis.max_velocity(false)), RampShape::linear);
 }
 

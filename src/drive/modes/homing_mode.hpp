@@ -17,7 +17,11 @@ class HomingMode {
   void halt(Axis&) { halted_ = true; }
   void resume(Axis& axis);
   void interrupt(Axis&, int) {}
-  void abort() { homing_.abort(), active_ = start_requested_ = halted_ = false; }
+  void abort() {
+    if (active_) attained_ = false;  // the way to home is part of it
+    homing_.abort();
+    active_ = start_requested_ = halted_ = false;
+  }
   // A fault ends it: that is a homing error.
   void fault() {
     error_ = error_ || active_ || start_requested_;
@@ -49,6 +53,7 @@ class HomingMode {
   double allowed_ = 0.0;  // the greatest speed when the leg was planned, counts/s
   bool start_requested_ = false;
   bool given_up_ = false;  // the start bit was taken away: ramp to zero
+  bool pressed_ = false;   // ... while the axis pressed against a hard stop
   bool active_ = false;
   bool halted_ = false;
   bool attained_ = false;

@@ -20,6 +20,7 @@ constexpr std::uint32_t rest_wait_ms = 2000;
 
 void ProfilePosition::enter(Axis& axis) {
   axis.commanded.reset();
+  axis.new_set_point = false;  // a target of before is no command of this mode
   head_ = count_ = 0;
   immediate_pending_ = false;
   running_ = false;
@@ -138,7 +139,8 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
       return low + (within < 0 ? within + range : within);
     };
     std::int64_t distance = wrapped(user) - wrapped(now);
-    const unsigned direction = (set_point.option >> 6) & 3u;
+    // Round the other way lies what 607Dh forbids.
+    const unsigned direction = axis.limits_bound_range() ? 0u : (set_point.option >> 6) & 3u;
     if (direction == 1 && distance > 0) distance -= range;  // negative only
     if (direction == 2 && distance < 0) distance += range;  // positive only
     if (direction == 3) {                                   // the shortest way; half a turn goes positive
@@ -154,8 +156,7 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
   axis.limited = false;
   axis.commanded = user;
   if (axis.software_limits_active()) {
-    const std::int64_t clipped =
-        std::clamp<std::int64_t>(user, axis.objects.min_position_limit, axis.objects.max_position_limit);
+    const std::int64_t clipped = axis.within_limits_of_turn(user);
     if (clipped != user) {
       if (axis.policy.out_of_limits == OutOfLimits::fault) {
         axis.raise(Cause::position_limit);
@@ -209,11 +210,14 @@ bool ProfilePosition::start_at_speed(Axis& axis, const SetPoint& set_point, Coun
 }
 
 void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target, bool chained) {
+  if (axis.demand.loop == Loop::locked) axis.take_over_slipped();
   const MotionLimits limits =
       axis.limits(set_point.velocity, set_point.acceleration, set_point.deceleration, set_point.jerk);
   allowed_ = axis.max_velocity(true);
   // A target at a software limit is the end of the way.
-  const double end_velocity = axis.at_software_limit(target_user_) ? 0.0 : set_point.end_velocity;
+  const double end_velocity = axis.at_software_limit(axis.to_user_position(target)) ? 0.0 : set_point.end_velocity;
+  const auto way = static_cast<double>(target - axis.generator.nearest_position());
+  direction_ = std::copysign(1.0, way != 0.0 ? way : axis.generator.velocity());
   const bool from_rest = start_at_speed(axis, set_point, target, limits);
   const Trajectory::Result result = chained && !from_rest
                                         ? axis.generator.continue_to(target, end_velocity, limits, set_point.shape)
@@ -288,11 +292,10 @@ void ProfilePosition::halt(Axis& axis) {
 
 // 607Dh was changed under way: the motion ends at the limit, or, where that is too near or behind, as soon as it can.
 void ProfilePosition::keep_to_limits(Axis& axis) {
-  const Objects& objects = axis.objects;
   if (!axis.software_limits_active()) return;
   if (!running_) return axis.rest_within_limits();
   // With its end velocity, or on a way that leads past the limit and back, as a new set-point under way may plan it.
-  const double ramp = axis.ramp(running_set_point_.deceleration, objects.max_deceleration);
+  const double ramp = axis.ramp(running_set_point_.deceleration, axis.objects.max_deceleration);
   const bool passes =
       !axis.generator.standing() && (axis.generator.finished() ? axis.near_software_limit(axis.quick_stop_ramp())
                                                                : axis.too_fast_for_software_limit(ramp));
@@ -301,8 +304,7 @@ void ProfilePosition::keep_to_limits(Axis& axis) {
     axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
     return interrupt(axis, 0);
   }
-  const std::int64_t clipped =
-      std::clamp<std::int64_t>(target_user_, objects.min_position_limit, objects.max_position_limit);
+  const std::int64_t clipped = axis.within_limits_of_turn(target_user_);
   if (clipped == target_user_) return;
   if (axis.policy.out_of_limits == OutOfLimits::fault) return axis.raise(Cause::position_limit);
   axis.limited = true;
@@ -340,7 +342,12 @@ void ProfilePosition::interrupt(Axis&, int) {
 void ProfilePosition::resume(Axis& axis) {
   if (!running_) return;
   const SetPoint rest = running_set_point_;
-  plan(axis, rest, target_, false);
+  const auto way = static_cast<double>(target_ - axis.generator.nearest_position());
+  if (rest.end_velocity <= 0.0 || way * direction_ > 0.0) return plan(axis, rest, target_, false);
+  // The halt came to rest beyond a target that is passed with a velocity: on with that.
+  allowed_ = axis.max_velocity(true);
+  axis.generator.run_at(std::copysign(std::min(rest.end_velocity, allowed_), direction_),
+                        axis.limits(allowed_, rest.acceleration, rest.deceleration, rest.jerk), rest.shape);
 }
 
 std::uint16_t ProfilePosition::status(const Axis& axis) const {

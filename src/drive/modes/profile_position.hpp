@@ -66,7 +66,8 @@ class ProfilePosition {
   bool target_reached_ = true;
   Counts target_ = 0;  // of the running or last motion, application counts
   std::int64_t target_user_ = 0;
-  double allowed_ = 0.0;  // the greatest speed when the motion was planned, counts/s
+  double direction_ = 1.0;  // in which that leads
+  double allowed_ = 0.0;    // the greatest speed when the motion was planned, counts/s
   Dwell window_{};
   Dwell rest_{};  // of the shaft, between two set-points
   std::uint32_t rest_wait_cycles_ = 0;

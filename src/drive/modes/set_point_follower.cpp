@@ -39,7 +39,7 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
   axis.limited = false;
   axis.commanded = user;
   const bool limits = axis.software_limits_active();
-  if (limits) {
+  if (limits) {  // as positions in the range 607Bh, if there is one
     const std::int64_t clipped =
         std::clamp<std::int64_t>(user, axis.objects.min_position_limit, axis.objects.max_position_limit);
     if (clipped != user && axis.policy.out_of_limits == OutOfLimits::fault) axis.raise(Cause::position_limit);
@@ -53,6 +53,7 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
     std::int64_t distance = (user - now) % range;
     if (distance > range / 2) distance -= range;
     if (distance < -(range / 2)) distance += range;
+    if (axis.limits_bound_range()) distance = user - axis.to_user_position(last);  // the other way is forbidden
     user = now + distance;
   } else if (!limits) {
     user = now + wrap_to_32_bits(user - now);

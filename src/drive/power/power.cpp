@@ -216,10 +216,18 @@ void Drive::switch_power(bool on) {
 // is stopped without a ramp, and not after a demand that no motor follows, such as a cyclic set-point that jumps.
 void Drive::take_over_shaft() {
   const Loop loop = axis_.demand.loop;
-  if (loop == Loop::off || loop == Loop::locked) return;
+  if (loop == Loop::off) return;
+  if (loop == Loop::locked) return axis_.take_over_slipped();
   const bool without_ramp = stopping_ && (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit);
-  if (!without_ramp && axis_.follows_demand()) return;
-  without_ramp ? axis_.take_over_actual() : axis_.take_over_lagging();
+  const bool follows = !without_ramp && axis_.follows_demand();
+  if (follows && !(smoothing_pending_ && smoothed_loop_ == loop)) return;
+  if (follows) {  // the smoothed demand, which is behind the generator
+    const Counts place =
+        loop == Loop::position ? (smoothed_value_ >> 16) + axis_.offset : axis_.generator.nearest_position();
+    axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
+  } else {
+    without_ramp ? axis_.take_over_actual() : axis_.take_over_lagging();
+  }
   moved_demand_ = true;
   smoothed_loop_ = Loop::off;
 }
