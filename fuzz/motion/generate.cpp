@@ -63,6 +63,9 @@ class Generator {
     forks_.push_back(now_);
   }
 
+  bool is_ismk() const { return std::string_view(variant().product->name).starts_with("ismk"); }
+  std::uint8_t low_limit() const { return is_ismk() ? 2 : 1; }  // sub-index of 607Dh
+  std::uint8_t high_limit() const { return is_ismk() ? 1 : 2; }
   const Variant& variant() const { return *drawn_[axis_].variant; }
   Mode& mode() { return drawn_[axis_].mode; }
 
@@ -162,6 +165,7 @@ class Generator {
   void begin(std::uint8_t axis) {
     axis_ = axis;
     now_ = std::max<std::int64_t>(now_, 16);
+    if (is_ismk()) wire_switches();
     if (random_.chance(92)) {  // quick enough to see something
       write(0x6081, to_u32(variant().velocity(variant().max_speed_rpm / 60.0 * (0.1 + 0.5 * random_.unit()))));
       const double acceleration = 100.0 + 900.0 * random_.unit();
@@ -184,6 +188,17 @@ class Generator {
       add({.kind = Kind::enable});
       now_ += random_.chance(70) ? random_.within(120, 260) * ticks_per_ms : random_.within(4, 60) * ticks_per_ms;
     }
+  }
+
+  // The iSMK's inputs have no function from the factory, and its limit switches are active when open.
+  void wire_switches() {
+    struct Row {
+      std::uint8_t sub;
+      std::int64_t value;
+    };
+    static constexpr std::array rows{Row{1, 0xFFFC}, Row{3, 0x20}, Row{4, 0x10}, Row{5, 0x40}};
+    for (const Row& row : rows)
+      add({.kind = Kind::write, .via = Via::direct, .index = 0x2010, .sub = row.sub, .value = row.value});
   }
 
   // 60C2h as it is right for the master's cycle; one of 3.333 ms is rounded.
@@ -378,8 +393,8 @@ class Generator {
         const bool swapped = random_.chance(8);
         const std::int64_t low = swapped ? std::max(one, other) : std::min(one, other);
         const std::int64_t high = swapped ? std::min(one, other) : std::max(one, other);
-        add({.kind = Kind::write_here, .via = Via::sdo, .index = 0x607D, .sub = 1, .value = low});
-        add({.kind = Kind::write_here, .via = Via::sdo, .index = 0x607D, .sub = 2, .value = high});
+        add({.kind = Kind::write_here, .via = Via::sdo, .index = 0x607D, .sub = low_limit(), .value = low});
+        add({.kind = Kind::write_here, .via = Via::sdo, .index = 0x607D, .sub = high_limit(), .value = high});
         return;
       }
       case 10: return write(0x60C5, ramp());
@@ -601,12 +616,12 @@ class Generator {
         add({.kind = Kind::write_here,
              .via = Via::sdo,
              .index = 0x607D,
-             .sub = 1,
+             .sub = low_limit(),
              .value = to_i32(variant().position(-room))});
         add({.kind = Kind::write_here,
              .via = Via::sdo,
              .index = 0x607D,
-             .sub = 2,
+             .sub = high_limit(),
              .value = to_i32(variant().position(room))});
         if (random_.chance(40)) {  // and a gentle stop before them
           write(0x6084, std::max<std::int64_t>(1, to_u32(variant().acceleration(10.0 + 90.0 * random_.unit()))));

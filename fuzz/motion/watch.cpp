@@ -208,10 +208,12 @@ void Watch::look() {
                 fmt::format("position {}, velocity {}, torque {}", position_, velocity_, plant.torque_nm()));
   }
   if ((around_->injected & spoils_motion) != 0) spoilt_ = true;
-  // A motor whose own voltage is that of the DC link is out of the current loop's hands.
+  // A motor whose own voltage is that of the DC link is out of the current loop's hands, unless a stop made it so fast.
   constexpr double spent_share = 0.9;
   const double available = axis_.plant().dc_link_v() * voltage_share_;
-  if (std::abs(velocity_) * emf_per_speed_ > spent_share * available) voltage_spent_ = tick_;
+  const bool runs_away =
+      told_to_stop() && judgeable_ && std::abs(velocity_) > 1.5 * stop_.speed + 4.0 * still_rpm * counts_per_s_per_rpm_;
+  if (std::abs(velocity_) * emf_per_speed_ > spent_share * available && !runs_away) voltage_spent_ = tick_;
   pwm_ = axis_.actuation().pwm_enabled;
   shorted_ = axis_.actuation().short_circuit;
   state_ = around_->powered ? drive_.state() : PowerState::not_ready_to_switch_on;

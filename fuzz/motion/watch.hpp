@@ -282,6 +282,7 @@ class Watch {
   std::int64_t following_lie_since_ = 0;
   bool following_shown_ = false;
   std::int64_t register_since_ = 0;
+  std::int64_t failed_since_ = 0;
   std::int64_t obey_since_ = 0;
 
   // The wire.

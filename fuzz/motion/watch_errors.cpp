@@ -27,7 +27,8 @@ void Watch::error_registers() {
                   fmt::format("error {}, code {:04X}h", slave->error(), static_cast<unsigned>(slave->status_code())));
     }
   }
-  if (!failed || state_since_ == tick_ || tick_ - state_since_ != ms(3) || nmt_since_ >= state_since_) return;
+  if (!failed) failed_since_ = tick_;
+  if (!failed || tick_ - failed_since_ != ms(3) || nmt_since_ >= failed_since_) return;
   if (objects.find(0x1003, 1) == nullptr || objects_.error_code == 0) return;
   const std::int64_t entries = objects.number(0x1003, 0);
   for (std::uint8_t entry = 1; entry <= entries; ++entry) {

@@ -125,15 +125,19 @@ void Watch::limit_switches() {
   if (drive_.policy().limit_switches != drive::LimitSwitches::stop) return;
   const std::uint32_t inputs = axis_.feedback().inputs;
   const bool any = (inputs & (negative_wire_ | positive_wire_)) != 0;
-  if (!any && !limits_[0].active && !limits_[1].active) return;
+  const bool moves = drive_.axis().demand.velocity != 0.0F;
+  if (!any && !moves) {
+    limits_ = {};
+    return;
+  }
   for (std::size_t i = 0; i < 2; ++i) {
     const double direction = i == 0 ? -1.0 : 1.0;
     const bool closed = (inputs & (i == 0 ? negative_wire_ : positive_wire_)) != 0;
     const bool signal = drive_.axis().active(i == 0 ? drive::Signal::negative_limit : drive::Signal::positive_limit);
     const bool active = closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none;
     Limit& limit = limits_[i];
-    if (!active) {
-      limit = {};
+    if (!active) {  // a bounce lets a stop go on with the ramp that it has
+      limit = {.slope = moves ? limit.slope : 0.0};
       continue;
     }
     // In the position loop the shaft comes to where the demand stands, though it may have swung back from there.

@@ -23,6 +23,7 @@ struct World {
   Counts low_stop = -200000;  // the count the axis cannot leave downwards
   Counts high_stop = 200000;
 
+  bool lies_between_limits(Counts count) const { return count >= negative_limit && count < positive_limit; }
   bool has_index_at(Counts count) const {
     const Counts phase = (count - index) % revolution;
     return (phase < 0 ? phase + revolution : phase) < index_width;

@@ -306,7 +306,7 @@ TEST(JmcPowerState, DigitalInputs) {
 
 // Homing with 607Ch: home is travelled away from at 6099h:02, and is 0 there (L4087, D-25).
 TEST(JmcPowerState, HomeOffsetIsTravelled) {
-  for (const std::int32_t offset : {0, 2000, -1500}) {
+  for (const std::int32_t offset : {0, 2000, 1500}) {
     plant::Parameters parameters = test::jmc_plant();
     parameters.encoder.start_position_counts = 10000;
     parameters.switches[0] = {.wire = 2, .from_counts = plant::no_low_limit, .to_counts = 5000};  // CCW

@@ -233,8 +233,9 @@ void Drive::take_over_shaft() {
 }
 
 // An axis that cannot brake as its ramp asks for goes past the demand. It is not pulled back afterwards. On a way back
-// the demand does not go along: there it holds the axis.
+// the demand does not go along: from there on it holds the axis, which may swing about it.
 void Drive::keep_near_shaft() {
+  if (axis_.velocity() * stop_direction_ < 0.0 && axis_.generator.standing()) stop_direction_ = 0.0;
   if (moved_demand_) return;  // what the loops saw is not where the demand is now
   const auto error = static_cast<double>(cascade_.state().following_error_counts);
   const double most = axis_.lag(axis_.velocity());
