@@ -101,7 +101,6 @@ void Watch::stops() {
                             way / counts_per_revolution_, static_cast<double>(settled) / ticks_per_ms, rpm(velocity_),
                             stop_.counts / counts_per_revolution_));
   }
-  constexpr double swing_revolutions = 0.4;  // of a soft loop
   // While a brake opens the axis is held where it is, whatever it did before.
   const bool held = stop_.since - pwm_since_ <= ms(drive_.configuration().brake_release_ms);
   if (kind < StopKind::velocity && !held && acceleration_ > 0.0 && drive_.axis().demand.loop == Loop::position &&
@@ -111,8 +110,10 @@ void Watch::stops() {
   }
   const double late = static_cast<double>(tick_ - stop_.since) * tick_s - stop_.seconds;
   // A soft loop may swing for long about a demand that rests at the end of its ramp.
-  const bool swings =
-      (kind == StopKind::no_target || kind == StopKind::homing) && drive_.axis().demand.velocity == 0.0F;
+  const drive::LoopDemand& demand = drive_.axis().demand;
+  const bool near = demand.loop == Loop::position && std::abs(position_ - static_cast<double>(demand.position)) <
+                                                         swing_revolutions * counts_per_revolution_;
+  const bool swings = (near || kind == StopKind::no_target || kind == StopKind::homing) && demand.velocity == 0.0F;
   if (late > 0.3 && !swings && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
     const char* broken = kind == StopKind::velocity ? "velocity-not-obeyed" : "stop-never-ends";
     fail(broken, fmt::format("{}: still {:.0f} rpm after {:.3f} s; {:.3f} s are enough for it", name, rpm(velocity_),
@@ -163,7 +164,12 @@ void Watch::limit_switches() {
     limit.slope = ramp;
     limit.furthest = std::min(limit.furthest, reach);
     constexpr double rounding = 0.005;  // of ways of many revolutions
-    if (direction * position_ > limit.furthest + rounding * std::max(0.0, limit.furthest - limit.from)) {
+    const drive::LoopDemand& demand = drive_.axis().demand;
+    const bool swings =
+        demanded && demand.velocity == 0.0F && direction * static_cast<double>(demand.position) <= limit.furthest;
+    const double beyond = rounding * std::max(0.0, limit.furthest - limit.from) +
+                          (swings ? swing_revolutions * counts_per_revolution_ : 0.0);
+    if (direction * position_ > limit.furthest + beyond) {
       fail("limit-switch-passed", fmt::format("{:.2f} revolutions beyond, at {:.0f} rpm, mode {}",
                                               (direction * position_ - limit.furthest) / counts_per_revolution_,
                                               rpm(velocity_), static_cast<int>(mode_)));

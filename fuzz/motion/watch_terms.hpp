@@ -19,6 +19,7 @@ constexpr std::int64_t ms(double milliseconds) { return static_cast<std::int64_t
 inline constexpr double pi = 3.14159265358979323846;
 
 // Tolerances, and where they come from.
+inline constexpr double swing_revolutions = 0.4;  // of a soft loop about a demand that rests
 inline constexpr double lag_s = 0.08;  // a loop follows its demand so late: 1/Kp of the softest factory gains, twice
 inline constexpr double place_revolutions =
     0.05;                                  // and stops so far beside: friction under a soft integral, and cogging
