@@ -203,7 +203,6 @@ std::size_t write_sii_image(const SiiDescription& description, const Profile& pr
   const Defaults defaults{table};
   Strings strings;
   Writer nowhere{{}};
-  nowhere.begin(category_strings);
   put_categories(nowhere, description, profile, defaults, strings);
 
   std::fill_n(image.begin(), categories_word * 2, std::uint8_t{0});
