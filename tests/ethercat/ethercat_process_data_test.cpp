@@ -525,6 +525,8 @@ TEST_F(Synchronous, TheCountersAreSetBack) {
   cycle();
   run(2ms);
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{1, 0}));
+  EXPECT_EQ(download(0x1C32, 8, 1, 2), AbortCode::none);
+  EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{1, 0})) << "bit 0 measures, and sets nothing back";
   EXPECT_EQ(download(0x1C32, 8, 2, 2), AbortCode::none);
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{0, 0}));
   EXPECT_EQ(upload(0x1C33, 0x0B), (Bytes{0, 0}));
