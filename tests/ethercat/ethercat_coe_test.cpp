@@ -217,7 +217,7 @@ TEST_F(Sdo, SegmentsOutOfStep) {
   EXPECT_EQ(code_of(sdo(join({Bytes{0x01}, counting(7)}))), AbortCode::length_too_low);
   // Too long for the object is said at once.
   EXPECT_EQ(code_of(sdo(join({head(0x21, 0x2002, 0), bytes_of(3001U), counting(112)}))), AbortCode::length_too_high);
-  // A request for something else ends a transfer (ETG.1000.6, 5.6.2).
+  // A request for something else ends a transfer.
   sdo(join({head(0x21, 0x2002, 0), bytes_of(120U), counting(112)}));
   EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
   EXPECT_EQ(code_of(sdo(join({Bytes{0x01}, counting(8)}))), AbortCode::command_specifier_unknown);
