@@ -95,6 +95,20 @@ TEST(LifeGuarding, IsLostOnceHoweverOftenTheNodeIsPolled) {
   EXPECT_EQ(emergencies, 1U);
 }
 
+// A reset forgets a loss: the first request after it brings nothing back.
+TEST(LifeGuarding, AResetBeginsAnew) {
+  auto device = make_device();
+  device->start();
+  ASSERT_EQ(device->write(0x100C, 0, 100, 2), AbortCode::none);
+  ASSERT_EQ(device->write(0x100D, 0, 1, 1), AbortCode::none);
+  device->send("701 RTR 1");
+  EXPECT_EQ(device->advance(100ms), (Frames{lost_8130}));
+  device->send("000 # 82 01");
+  device->events.log.clear();
+  EXPECT_EQ(device->send("701 RTR 1"), (Frames{"701 # 7F"}));
+  EXPECT_FALSE(device->events.saw("restored 0"));
+}
+
 // Writing its objects again does not end a life guarding that runs.
 TEST(LifeGuarding, GoesOnWhenItsTimeIsWrittenAgain) {
   auto device = make_device();
@@ -143,6 +157,17 @@ TEST(HeartbeatConsumer, SeveralNodes) {
   EXPECT_EQ(device->send("77F # 00"), (Frames{no_error}));
   EXPECT_TRUE(device->events.saw("restored 1"));
   EXPECT_TRUE(device->events.saw("heartbeat 127 0"));
+}
+
+TEST(HeartbeatConsumer, ABrokenCommandIsNoHeartbeat) {
+  auto device = make_device();
+  device->start();
+  ASSERT_EQ(device->write(0x1016, 1, 0x007F0064, 4), AbortCode::none);
+  device->send("77F # 05");
+  device->advance(60ms);
+  device->send("000 # 05");  // NMT commands have two bytes
+  device->advance(40ms);
+  EXPECT_TRUE(device->events.saw("lost 1 33072 0"));
 }
 
 TEST(HeartbeatConsumer, RewritingTheEntryEndsTheError) {

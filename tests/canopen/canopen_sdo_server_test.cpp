@@ -258,6 +258,16 @@ TEST(SdoServer, BlockDownloadUpToTheLastByte) {
   EXPECT_EQ(download(39), "581 # A1 00 00 00 00 00 00 00");
 }
 
+// One segment more than was announced is too long for the object, even where it is too long for the buffer too.
+TEST(SdoServer, BlockDownloadOfMoreThanWasAnnounced) {
+  auto device = make_device<4, 8, 14>();
+  device->start();
+  EXPECT_EQ(device->send("601 # C2 01 20 00 0E 00 00 00"), (Frames{"581 # A4 01 20 00 02 00 00 00"}));
+  device->send("601 # 01 41 41 41 41 41 41 41");
+  EXPECT_EQ(device->send("601 # 02 41 41 41 41 41 41 41"), (Frames{"581 # A2 02 02 00 00 00 00 00"}));
+  EXPECT_EQ(device->send("601 # 01 41 41 41 41 41 41 41"), (Frames{"581 # 80 01 20 00 12 00 07 06"}));
+}
+
 // Half of the time-out, and never longer than half a second.
 TEST(SdoServer, BlockDownloadAsksAgainInTime) {
   for (const auto& [timeout, after] : {std::pair{100ms, 50ms}, {999ms, 499ms}, {1000ms, 500ms}, {10000ms, 500ms}}) {

@@ -4,6 +4,7 @@
 
 #include "drive/axis.hpp"
 #include "drive/modes/set_point_follower.hpp"
+#include "drive/modes/velocity_modes.hpp"
 
 // The tests check the bounds of the software limits 607Dh and of the position range 607Bh to the count. They also check
 // how the axis clips or wraps a target that lies outside.
@@ -50,6 +51,40 @@ TEST_F(LimitedAxis, LimitsAreOffUnlessTheyAreARange) {
   EXPECT_FALSE(axis.software_limits_active());
   axis.homed = true;
   EXPECT_TRUE(axis.software_limits_active());
+}
+
+// A target beyond the greatest speed, here 10 rpm or 1000 counts/s, is held at it and told.
+TEST_F(LimitedAxis, ImmediateVelocityIsClippedAtTheGreatestSpeed) {
+  axis.configuration.motor.max_speed_rpm = 10.0F;
+  axis.units.velocity = 1.0;
+  ImmediateVelocity mode;
+  for (const std::int32_t target : {0, 999, 1000, 1001, -1000, -1001}) {
+    objects.target_velocity = target;
+    mode.step(axis);
+    EXPECT_EQ(axis.limited, target > 1000 || target < -1000) << target;
+    EXPECT_EQ(axis.generator.velocity(), std::clamp(target, -1000, 1000));
+  }
+  mode.interrupt(axis, -1);
+  mode.step(axis);
+  EXPECT_EQ(axis.generator.velocity(), 0.0) << "stopped until there is another target";
+  EXPECT_TRUE(axis.limited);
+  objects.target_velocity = 500;
+  mode.step(axis);
+  EXPECT_EQ(axis.generator.velocity(), 500.0);
+}
+
+// What held the axis, as a limit switch does, is forgotten when the mode begins anew, its ramp still locked (bit 5).
+TEST_F(LimitedAxis, VelocityModeBeginsAnew) {
+  VelocityMode mode;
+  mode.enter(axis);
+  mode.step(axis);
+  mode.interrupt(axis, 1);
+  mode.step(axis);
+  EXPECT_TRUE(axis.limited);
+  axis.controlword = 0x1F;
+  mode.enter(axis);
+  mode.step(axis);
+  EXPECT_FALSE(axis.limited);
 }
 
 TEST_F(LimitedAxis, AtTheLimitAndBeyond) {

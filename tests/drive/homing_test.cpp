@@ -74,6 +74,21 @@ TEST(Homing, HardStopNeedsTheTorqueForTheWholeTime) {
   EXPECT_TRUE(homing.finished());
 }
 
+// Halted on the way to a hard stop (605Dh): the torque that brakes the axis is not that of a stop.
+TEST(Homing, TheTorqueOfAHaltIsNoHardStop) {
+  HomingConfig config = plain_config();
+  Homing homing;
+  HomingInputs inputs;
+  homing.start(*find_method(cia402_methods, -2), config, inputs);
+  homing.step(inputs);
+  inputs.standing = false;
+  inputs.torque = 3.0F;
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(homing.step_halted(inputs).kind, HomingCommand::Kind::keep);
+  EXPECT_TRUE(homing.pressing());
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
+  EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
+}
+
 TEST(Homing, PresentPositionNeedsNoMotion) {
   for (const std::int8_t number : {std::int8_t{35}, std::int8_t{37}}) {
     Homing homing;

@@ -304,6 +304,42 @@ TEST(VelocityLoop, WithoutPowerIsMeasuredFromTheFirstCountAfterALongRest) {
   }
 }
 
+// So is the way back from a rest to the count at which it stood when the drive began.
+TEST(VelocityLoop, WithoutPowerIsMeasuredBackToWhereItBegan) {
+  Axis axis(frictionless(1 << 17));
+  axis.cascade.disable();
+  Feedback shaft = axis.feedback;
+  const Counts began = shaft.position_counts;
+  const auto stands_for = [&](Counts position, int ticks) {
+    shaft.position_counts = position;
+    float fastest = 0.0F;
+    for (int tick = 0; tick < ticks; ++tick) {
+      axis.cascade.tick(shaft, axis.actuation);
+      const float velocity = axis.cascade.state().velocity_counts_per_s;
+      if (std::abs(velocity) > std::abs(fastest)) fastest = velocity;
+    }
+    return fastest;
+  };
+  stands_for(began, 16);
+  EXPECT_GT(stands_for(began + 20, 16000), 0.0F);
+  EXPECT_EQ(axis.cascade.state().velocity_counts_per_s, 0.0F);
+  EXPECT_LT(stands_for(began, 16), 0.0F);
+}
+
+// 0 switches the filter of the command off, and nothing else does: the lowest corner filters most.
+TEST(VelocityLoop, ACommandFilterMayBeAsSlowAsItLikes) {
+  Axis axis(frictionless(1 << 17));
+  axis.gains.velocity_command_filter_hz = 0.5F;
+  axis.configure();
+  axis.demand.loop = Loop::velocity;
+  axis.demand.velocity = static_cast<float>(axis.counts_per_s(300.0));
+  axis.run_seconds(0.5);
+  const double expected = 300.0 * (1.0 - std::exp(-2.0 * pi * 0.5 * 0.5));
+  const auto reference = static_cast<double>(axis.cascade.state().velocity_reference_counts_per_s);
+  EXPECT_NEAR(reference, axis.counts_per_s(expected), axis.counts_per_s(1.0));
+  EXPECT_NEAR(axis.plant.velocity_rpm(), expected, 3.0);
+}
+
 // It rested with its loops off; what the current of a torque showed is forgotten when that has gone.
 TEST(VelocityLoop, ATorqueBetweenTwoRestsIsNotShownForEver) {
   Axis axis(frictionless(1 << 17));

@@ -247,6 +247,17 @@ TEST(Resonance, OfARigidAxisThereIsNone) {
   EXPECT_EQ(axis.analyse().count(), 0U);
 }
 
+// Where nothing answers at all there is no noise either to be above of: no line is believed.
+TEST(Resonance, OfAnAxisThatDoesNotMoveThereIsNone) {
+  ResonanceAnalysis analysis;
+  analysis.begin({});
+  float torque = 0.0F;
+  while (analysis.exciting()) torque = analysis.exchange({.position = 4711, .torque = torque});
+  while (analysis.running()) analysis.compute(100);
+  EXPECT_EQ(analysis.state(), ResonanceAnalysis::State::done);
+  EXPECT_EQ(analysis.count(), 0U);
+}
+
 // A mechanism with three masses has two resonances; here as two modes in parallel with the rigid body.
 TEST(Resonance, TwoAreTheMost) {
   constexpr double sample_s = 125.0e-6;

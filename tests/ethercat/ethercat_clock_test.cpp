@@ -417,6 +417,14 @@ TEST_F(SyncUnit, SingleShotAndAcknowledge) {
   EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync0_status), 0);
 }
 
+TEST_F(SyncUnit, Sync1SwitchedOnAfterTheSingleShotGivesNoPulse) {
+  activate(system() + 1000, 0, 500, 0x03);
+  EXPECT_EQ(pulses(1ms).size(), 1U);
+  line.put<std::uint8_t>(0, reg::sync_activation, 0x07);
+  EXPECT_TRUE(pulses(10ms).empty());
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sync_activation_status), 0x00);
+}
+
 // 0982h in units of 10 ns.
 TEST_F(SyncUnit, APulseIsAsLongAsItsLength) {
   store_u16(&line.sii[0][4], 500);

@@ -146,6 +146,7 @@ TEST_F(Sdo, BytesOfEachService) {
       {"download i16", {0x2B, 0x06, 0x20, 0x00, 0x9C, 0xFF, 0, 0}, {0x60, 0x06, 0x20, 0x00, 0, 0, 0, 0}},
       {"download without size", {0x22, 0x06, 0x20, 0x00, 0x10, 0x00, 0, 0}, {0x60, 0x06, 0x20, 0x00, 0, 0, 0, 0}},
       {"download normal", {0x21, 0x06, 0x20, 0x00, 2, 0, 0, 0, 0x11, 0x00}, {0x60, 0x06, 0x20, 0x00, 0, 0, 0, 0}},
+      {"unknown service", {0xE0, 0x06, 0x20, 0x05, 0, 0, 0, 0}, {0x80, 0x06, 0x20, 0x05, 0x01, 0x00, 0x04, 0x05}},
       {"too high", {0x2B, 0x06, 0x20, 0x00, 101, 0, 0, 0}, {0x80, 0x06, 0x20, 0x00, 0x31, 0x00, 0x09, 0x06}},
       {"too low", {0x2B, 0x06, 0x20, 0x00, 0x9B, 0xFF, 0, 0}, {0x80, 0x06, 0x20, 0x00, 0x32, 0x00, 0x09, 0x06}},
       {"too long", {0x23, 0x06, 0x20, 0x00, 1, 0, 0, 0}, {0x80, 0x06, 0x20, 0x00, 0x12, 0x00, 0x07, 0x06}},
@@ -216,6 +217,10 @@ TEST_F(Sdo, SegmentsOutOfStep) {
   EXPECT_EQ(code_of(sdo(join({Bytes{0x01}, counting(7)}))), AbortCode::length_too_low);
   // Too long for the object is said at once.
   EXPECT_EQ(code_of(sdo(join({head(0x21, 0x2002, 0), bytes_of(3001U), counting(112)}))), AbortCode::length_too_high);
+  // A request for something else ends a transfer.
+  sdo(join({head(0x21, 0x2002, 0), bytes_of(120U), counting(112)}));
+  EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
+  EXPECT_EQ(code_of(sdo(join({Bytes{0x01}, counting(8)}))), AbortCode::command_specifier_unknown);
   // An abort ends a transfer without an answer.
   sdo({0x40, 0x02, 0x20, 0, 0, 0, 0, 0});
   EXPECT_TRUE(sdo({0x80, 0x02, 0x20, 0, 0, 0, 0, 0}).empty());
@@ -470,6 +475,10 @@ TEST_F(Information, EveryEntryFitsTheSmallestMailbox) {
     ASSERT_GE(answer.size(), 14U);
     EXPECT_LE(answer.size(), 26U);
   }
+  // Default, least and greatest value of an UNSIGNED32 fill it to the last byte; of the name nothing is left.
+  const Bytes answer = ask(5, {0x00, 0x16, 1, 0x70});
+  EXPECT_EQ(answer.size(), 26U);
+  EXPECT_EQ(answer[7], 0x70);
 }
 
 }  // namespace

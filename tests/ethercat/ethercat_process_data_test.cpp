@@ -331,6 +331,47 @@ TEST_F(TooFast, WithoutAControlLoopThatIsKnownTheyAreSampledAsEver) {
   EXPECT_EQ(events.cycles, before + 9);
 }
 
+// Synchronous with the sync manager, the inputs are those of the last frame when no more come, whatever a message and a
+// control loop do.
+TEST_F(TooFast, AMessageLeavesNoInputsBehind) {
+  ASSERT_EQ(request(2), good(2));
+  EXPECT_EQ(download(0x1C32, 1, 1, 2), AbortCode::none);
+  set_process_data(7, 7);
+  ASSERT_EQ(request(4), good(4));
+  cycle();
+  ASSERT_EQ(request(8), good(8));
+  run(50us - line.now % 50us);
+  learn_loop();
+  for (int target = 1; target < 9; ++target) {
+    send_target(target);
+    run(50us);
+  }
+  objects.position_actual = 77;
+  loop();
+  EXPECT_EQ(input(), 77);
+  to(100us);
+  EXPECT_EQ(upload(0x607A, 0), (Bytes{8, 0, 0, 0}));
+  objects.position_actual = 88;
+  to(400us);
+  loop();
+  EXPECT_EQ(input(), 77);
+}
+
+TEST_F(TooFast, AControlLoopOfBeforeAPowerCycleIsNotKnown) {
+  learn_loop();
+  line.escs[0]->power_on(line.now);
+  slave.start(line.now);
+  to_operational();
+  run(50us - line.now % 50us);
+  const unsigned before = events.cycles;
+  for (int target = 1; target < 10; ++target) {
+    send_target(target);
+    run(50us);
+    EXPECT_EQ(objects.target_position, target);
+  }
+  EXPECT_EQ(events.cycles, before + 9);
+}
+
 TEST_F(ProcessData, ThatAreSampledDoNotDelayTheWatchdog) {
   to_operational();
   slave.sample_process_data_every(100us);
@@ -525,6 +566,8 @@ TEST_F(Synchronous, TheCountersAreSetBack) {
   cycle();
   run(2ms);
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{1, 0}));
+  EXPECT_EQ(download(0x1C32, 8, 1, 2), AbortCode::none);
+  EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{1, 0})) << "bit 0 measures, and sets nothing back";
   EXPECT_EQ(download(0x1C32, 8, 2, 2), AbortCode::none);
   EXPECT_EQ(upload(0x1C32, 0x0B), (Bytes{0, 0}));
   EXPECT_EQ(upload(0x1C33, 0x0B), (Bytes{0, 0}));

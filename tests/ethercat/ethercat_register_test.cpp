@@ -316,6 +316,8 @@ TEST_F(SiiOwner, OfferedIsGiven) {
 
 TEST_F(SiiOwner, WhatTheApplicationTookItHoldsUntilItIsForced) {
   using Side = SiiInterface::Side;
+  EXPECT_FALSE(sii.byte_written(0, 1, Side::application, line.now)) << "it cannot offer it to itself";
+  EXPECT_EQ(line.get<std::uint8_t>(0, reg::sii_configuration), 0);
   line.put<std::uint8_t>(0, reg::sii_configuration, 1);
   sii.byte_written(1, 1, Side::application, line.now);
   line.put<std::uint8_t>(0, reg::sii_configuration, 0);

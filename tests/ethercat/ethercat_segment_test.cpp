@@ -43,8 +43,10 @@ TEST(Segment, PowerCycleOfOneSlave) {
   line.put<std::uint16_t>(2, reg::station_address, 0x1003);
   line.segment->set_powered(1, false, line.now);
   EXPECT_EQ(count(line), 1U);
+  line.now += 1s;
   line.segment->set_powered(1, true, line.now);
   EXPECT_EQ(count(line), 3U);
+  EXPECT_LT(line.get<std::uint64_t>(1, reg::system_time), 1'000'000U) << "its clock begins with its power";
   EXPECT_EQ(line.get<std::uint16_t>(1, reg::station_address), 0);
   EXPECT_EQ(line.get<std::uint16_t>(2, reg::station_address), 0x1003);
 }
@@ -245,6 +247,10 @@ TEST(Segment, PortReceiveTimesByBroadcastAndStationOnly) {
   line.now += 1us;
   EXPECT_EQ(line.send(Command::fpwr, address_of(5, reg::receive_time_port), Bytes(4)).counter, 1U);
   EXPECT_EQ(port0(), first + 2000);
+  line.set_fmmu(0, 0, 0x09000000, 4, reg::receive_time_port, 2);
+  line.now += 1us;
+  EXPECT_EQ(line.send(Command::lwr, 0x09000000, Bytes(4)).counter, 1U);
+  EXPECT_EQ(port0(), first + 2000) << "by a logical address";
 }
 
 }  // namespace

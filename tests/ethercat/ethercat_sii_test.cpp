@@ -112,6 +112,18 @@ TEST_F(Image, General) {
   EXPECT_EQ(load_u16(&general[16]), 0x0011);
 }
 
+TEST_F(Image, ATextIsCutWhereItsLengthEnds) {
+  const std::string name(300, 'x');
+  SiiDescription description = device_description();
+  description.name = name.c_str();
+  Bytes large(4096);
+  ASSERT_GT(write_sii_image(description, profile, device_table, large), 0U);
+  const Parsed parsed(large);
+  const unsigned number = parsed.of(30)[3];
+  ASSERT_LT(number, parsed.strings.size());
+  EXPECT_EQ(parsed.strings[number], std::string(255, 'x'));
+}
+
 TEST_F(Image, FmmusAndSyncManagers) {
   const Parsed parsed(image);
   EXPECT_EQ(parsed.of(40), (Bytes{1, 2, 3, 0}));

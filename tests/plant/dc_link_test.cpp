@@ -22,6 +22,18 @@ TEST(DcLink, PrechargesAfterTheRelayCloses) {
   EXPECT_NEAR(rig.plant.dc_link_v(), 310.0, 0.1);
 }
 
+// Charged at the start its relay is closed since long: a supply that rises charges it through its own resistance, 0.3
+// ohm, and not through that of the precharge.
+TEST(DcLink, ChargedAtTheStartItFollowsTheSupplyAtOnce) {
+  Rig rig(bare_motor());
+  rig.plant.set_supply_v(350.0);
+  for (int tick = 1; tick <= 16; ++tick) {
+    rig.step();
+    const double tau = bare_motor().supply.source_resistance_ohm * bare_motor().supply.capacitance_f;
+    ASSERT_NEAR(rig.plant.dc_link_v(), 350.0 - 40.0 * std::exp(-tick * h / tau), 0.1);
+  }
+}
+
 TEST(DcLink, BleederDischargesItWithTheRelayOpen) {
   Parameters p = bare_motor();
   Rig rig(p);

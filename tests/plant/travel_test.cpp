@@ -60,6 +60,25 @@ TEST(Encoder, OddResolutionDoesNotDriftOverABillionCounts) {
   EXPECT_NEAR(static_cast<double>(rising), 1.0e9 / 99991, 1.0);
 }
 
+TEST(Encoder, StartingOnTheIndexItsEndComesFirst) {
+  for (const int direction : {1, -1}) {
+    Parameters p = bare_motor();
+    p.encoder.counts_per_revolution = 1000;
+    p.encoder.index_position_counts = 77;
+    p.encoder.index_width_counts = 3;
+    p.encoder.start_position_counts = 78;
+    Mover rig(p);
+    std::vector<drive::Edge> edges;
+    while (edges.size() < 2) {
+      rig.set_speed(direction * 300.0);
+      for (int i = 0; i < rig.feedback.edge_count; ++i)
+        edges.push_back(rig.feedback.edges[static_cast<std::size_t>(i)]);
+    }
+    EXPECT_TRUE(edges[0] == (drive::Edge{index_source, false, direction > 0 ? 80 : 76}));
+    EXPECT_TRUE(edges[1] == (drive::Edge{index_source, true, direction > 0 ? 1077 : -921}));
+  }
+}
+
 TEST(Encoder, QuantisesDownwards) {
   Parameters p = bare_motor();
   p.encoder.counts_per_revolution = 10;

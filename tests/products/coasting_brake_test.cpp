@@ -67,6 +67,22 @@ TEST(CoastingBrake, OpensAgainWithPower) {
   EXPECT_EQ(rig.run_until([&rig] { return !rig.actuation.brake_released; }, 300), -1);
 }
 
+// It closes already, and a load takes the axis along beyond the speed: losing its power does not open it again.
+TEST(CoastingBrake, ThatClosesStaysClosed) {
+  CoastingRig rig(300.0F, 2000, 0.005);
+  rig.control(0x07);
+  ASSERT_GE(rig.run_until([&rig] { return !rig.actuation.brake_released; }, 2000), 0);
+  EXPECT_TRUE(rig.actuation.pwm_enabled);
+  rig.plant.set_external_torque_nm(-20.0);
+  ASSERT_GE(rig.run_until([&rig] { return std::abs(rig.plant.velocity_rpm()) > 500.0; }, 15), 0);
+  rig.run_ms(1);  // until it is measured
+  EXPECT_TRUE(rig.actuation.pwm_enabled);
+  rig.plant.set_external_torque_nm(0.0);
+  rig.control(0x00);
+  EXPECT_EQ(rig.run_until([&rig] { return rig.actuation.brake_released; }, 100), -1);
+  EXPECT_FALSE(rig.actuation.pwm_enabled);
+}
+
 // While the brake opens the drive holds its position: the statusword says neither that a cyclic mode follows nor that a
 // target is reached, in any mode.
 TEST(OpeningBrake, NothingIsFollowedOrReachedMeanwhile) {

@@ -258,5 +258,22 @@ TEST(Generic402Faults, WarningsComeBeforeHotFaults) {
   EXPECT_EQ(axis.status() & 0x80, 0);
 }
 
+// 2060h counts to the fault: 100 % is what the motor bears.
+TEST(Generic402Faults, TheOverloadIsShownOnItsWay) {
+  Axis axis;
+  axis.plant.lock_rotor(true);
+  standing(4)(axis);
+  EXPECT_EQ(axis.get(0x2060), 0);
+  must_set(axis, 0x6071, 0, 2000);
+  std::int64_t before = 0;
+  while (axis.get(0x603F) == 0) {
+    ASSERT_LE(before, 100);
+    before = axis.get(0x2060);
+    axis.run_ms(10);
+    ASSERT_GE(axis.get(0x2060), before);
+  }
+  EXPECT_EQ(before, 100);
+}
+
 }  // namespace
 }  // namespace servodrome

@@ -295,6 +295,19 @@ TEST(IsmkStorage, WhatIsStoredAndWhatIsNot) {
   for (const int command : {2, 9}) EXPECT_EQ(rig.set(0x2FF0, 1, command), AbortCode::value_invalid);
 }
 
+// The shape of the ramps follows 60FBh sub 4, back to the factory's as well.
+TEST(IsmkStorage, InitialisingTakesBackTheSCurve) {
+  IsmkRig rig;
+  rig.run_ms(5);
+  rig.set(0x6060, 0, 1);
+  const drive::Axis& axis = rig.device.drive().axis();
+  rig.set(0x60FB, 4, 3);
+  EXPECT_EQ(axis.shape(), drive::RampShape::sin2);
+  EXPECT_EQ(rig.set(0x2FF0, 1, 10), AbortCode::none);
+  EXPECT_EQ(rig.get(0x60FB, 4), 1);
+  EXPECT_EQ(axis.shape(), drive::RampShape::linear);
+}
+
 // 100Bh and 2F81h: save and restart (L2275, L2927).
 TEST(IsmkStorage, AddressAndBitRateActAfterSaveAndRestart) {
   IsmkRig rig;

@@ -188,6 +188,21 @@ TEST(IsmkRecognition, AndRigidityOnEveryRating) {
   }
 }
 
+// The loops have the new gains at once, not from the next parameter on; a kvi of before is not left beside kvi/32.
+TEST(IsmkRecognition, RigidityActsAtOnce) {
+  TuningRig rig(loaded(1.0));
+  rig.set(0x60F9, 2, 7);
+  rig.set(0x60F9, 1, 20);
+  const drive::Gains before = rig.device.drive().configuration().gains;
+  rig.device.set_rigidity(90.0);
+  const drive::Gains& now = rig.device.drive().configuration().gains;
+  EXPECT_EQ(rig.get(0x60F9, 2), 0);
+  EXPECT_NEAR(static_cast<double>(now.velocity_kp / before.velocity_kp), static_cast<double>(rig.get(0x60F9, 1)) / 20.0,
+              1e-3);
+  EXPECT_NEAR(static_cast<double>(now.velocity_ki / before.velocity_ki),
+              static_cast<double>(rig.get(0x60F9, 7)) / 32.0 / (7.0 + 2.0 / 32.0), 1e-3);
+}
+
 // Disabled while it recognises the inertia: the axis rests, the gains stay, and it can be asked again.
 TEST(IsmkRecognition, DisableEndsIt) {
   for (const int word : {0x07, 0x06, 0x00, 0x02}) {

@@ -126,6 +126,11 @@ TEST(JmcMotion, PositionChangeLimitation) {
   rig.cycles(40, [&](int) { rig.put<std::int32_t>(Out::position, 1200); });
   rig.settle();
   EXPECT_NEAR(rig.position(), 1200, 3) << "at -100 each, the default of sub 1";
+  ASSERT_EQ(rig.download(0x607B, 1, -50, 4), AbortCode::none);
+  rig.cycles(10, [&](int) { rig.put<std::int32_t>(Out::position, 200); });
+  before = demand();
+  rig.cycles(5, [&](int) { rig.put<std::int32_t>(Out::position, 200); });
+  EXPECT_NEAR(demand() - before, -5 * 50, 2.0) << "the other limit alone was changed";
 }
 
 // --- Cyclic synchronous velocity

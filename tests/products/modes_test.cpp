@@ -420,6 +420,16 @@ TEST(CyclicOffsets, AddUp) {  // 60B0h, 60B1h, 60B2h
   torque.must(0x6071, 0, 300);
   torque.run_ms(50);
   EXPECT_NEAR(static_cast<double>(torque.get(0x6077)), 200.0, 3.0);
+
+  // The torque that is added in the velocity mode acts in the direction that 607Eh bit 6 makes the user's.
+  for (const int polarity : {0x00, 0x40}) {
+    Reference added(9);
+    added.must(0x607E, 0, polarity);
+    ASSERT_TRUE(added.enable());
+    added.must(0x60B2, 0, 150);
+    added.run_ms(1);
+    EXPECT_FLOAT_EQ(added.device.drive().axis().demand.torque, polarity == 0 ? 0.15F : -0.15F);
+  }
 }
 
 // Targets in a synchronous RPDO, one each SYNC: the demand is on the straight line between the last two at every cycle,

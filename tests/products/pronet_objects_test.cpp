@@ -198,6 +198,11 @@ TEST_F(Storage, WithoutCanopenTheNodeIsSilent) {
   EXPECT_TRUE(axis.sent.empty());
 }
 
+TEST(PronetObjects, TellTheSerialNumber) {
+  test::Rig<products::Pronet> axis(test::default_plant(), {.serial_number = 4711});
+  EXPECT_EQ(axis.get(0x1018, 4), 4711);
+}
+
 // The factor group is back at Pn201 and Pn202 after NMT 81h as well; parameters stay.
 TEST_F(Storage, ResetNodeRestoresTheObjects) {
   axis.run_ms(1);

@@ -69,6 +69,67 @@ TEST(ReferenceTable, BitRatesOfLss) {
   }
 }
 
+// 2F00h is a node-ID or that of CiA 305 for none, 2F01h a rate of CiA 305.
+TEST(ReferenceTable, NodeIdAndBitRateAreThoseOfTheBus) {
+  using dictionary::AbortCode;
+  Rig rig;
+  for (const auto& [value, answer] : {std::pair{127, AbortCode::none},
+                                      {255, AbortCode::none},
+                                      {128, AbortCode::value_invalid},
+                                      {254, AbortCode::value_invalid}}) {
+    EXPECT_EQ(rig.set(0x2F00, 0, value), answer) << value;
+  }
+  EXPECT_EQ(rig.set(0x2F01, 0, 250'000), AbortCode::none);
+  EXPECT_EQ(rig.set(0x2F01, 0, 100'000), AbortCode::value_invalid) << "reserved";
+}
+
+// ---- CiA 303-3: RUN tells the NMT state, ERR what is wrong with the bus ----
+
+TEST(ReferenceTable, LampsOfTheBus) {
+  using canopen::BusState;
+  using products::Light;
+  Rig rig;
+  rig.set(0x1016, 1, 0x050032);  // node 5, 50 ms
+  const auto is = [&rig](std::size_t lamp, Light light, int flashes = 0) {
+    const products::Lamp now = rig.device.lamps(rig.now()).all()[lamp];
+    return now.light == light && now.flashes == flashes;
+  };
+  constexpr std::size_t run = 0;
+  constexpr std::size_t error = 1;
+  EXPECT_TRUE(is(run, Light::blinking)) << "pre-operational";
+  rig.send(0, {1, 0});
+  EXPECT_TRUE(is(run, Light::on)) << "operational";
+  rig.send(0, {2, 0});
+  EXPECT_TRUE(is(run, Light::flashes, 1)) << "stopped";
+  rig.send(0, {1, 0});
+  EXPECT_TRUE(is(error, Light::off));
+  rig.send(0x705, {5});
+  rig.run_ms(100);
+  EXPECT_TRUE(is(error, Light::flashes, 2)) << "error control event";
+  rig.device.can_node()->bus_state(BusState::error_passive, rig.now());
+  EXPECT_TRUE(is(error, Light::flashes, 1)) << "warning limit";
+  rig.device.can_node()->bus_state(BusState::bus_off, rig.now());
+  EXPECT_TRUE(is(error, Light::on));
+}
+
+// 1021h: the text that the drive was given, by SDO.
+TEST(ReferenceTable, CarriesItsDescription) {
+  constexpr std::string_view text = "[FileInfo]";
+  Rig rig(test::default_plant(), {.description = std::as_bytes(std::span(text))});
+  rig.sent.clear();
+  rig.send(0x602, {0x40, 0x21, 0x10, 0, 0, 0, 0, 0});
+  rig.send(0x602, {0x60, 0, 0, 0, 0, 0, 0, 0});
+  rig.send(0x602, {0x70, 0, 0, 0, 0, 0, 0, 0});
+  std::vector<canopen::Frame> answers;
+  for (const canopen::Frame& frame : rig.sent) {
+    if (frame.id == 0x582) answers.push_back(frame);
+  }
+  ASSERT_EQ(answers.size(), 3U);
+  EXPECT_EQ(answers[0].data[4], text.size());
+  EXPECT_EQ(std::string(answers[1].data.begin() + 1, answers[1].data.begin() + 8), "[FileIn");
+  EXPECT_EQ(std::string(answers[2].data.begin() + 1, answers[2].data.begin() + 4), "fo]");
+}
+
 // ---- 60D5h to 60D8h: edges of each probe, as the objects have them ----
 
 TEST(ReferenceTable, EdgeCountersOfTheTouchProbes) {

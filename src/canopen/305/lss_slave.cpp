@@ -142,7 +142,6 @@ void LssSlave::identify_remote(std::uint8_t part, std::uint32_t number) {
     return;
   }
   if (++identified_ < 6) return;
-  identified_ = 0;
   respond(identify_slave);
 }
 

@@ -9,6 +9,8 @@ namespace {
 
 // A line's power must be that many times the mean noise of so many lines to either side.
 constexpr float least_signal_to_noise = 8.0F;
+// What the transform's rounding leaves of the torque in an answer that is none, as a share of its power.
+constexpr float rounding = 1.0e-9F;
 constexpr std::size_t noise_lines = 4;
 
 // Of the sampling rate, as far as lines are used.
@@ -105,7 +107,8 @@ void ResonanceAnalysis::measure(std::size_t line) {
   noise /= static_cast<float>(2 * noise_lines);
   const float answer_power = power_of_answer(line);
   const auto k = static_cast<float>(line);
-  const bool believed = answer_power > least_signal_to_noise * noise && torque_power > 0.0F;
+  const float least_power = std::max(least_signal_to_noise * noise, rounding * torque_power);
+  const bool believed = answer_power > least_power && torque_power > 0.0F;
   const float gain = believed ? (answer_power - noise) / torque_power * k * k : 0.0F;
   torque_[line] = gain;
 }

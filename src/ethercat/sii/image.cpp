@@ -45,6 +45,7 @@ class Strings {
   // 0 for an empty one and when there is no room.
   std::uint8_t number_of(std::string_view text) {
     if (text.empty()) return 0;
+    text = text.substr(0, 255);  // as its length can say
     for (std::size_t i = 0; i < count_; ++i) {
       if (strings_[i] == text) return static_cast<std::uint8_t>(i + 1);
     }
@@ -52,7 +53,7 @@ class Strings {
       overflow_ = true;
       return 0;
     }
-    strings_[count_++] = text.substr(0, 255);
+    strings_[count_++] = text;
     return static_cast<std::uint8_t>(count_);
   }
   std::span<const std::string_view> all() const { return std::span(strings_).first(count_); }
@@ -203,7 +204,6 @@ std::size_t write_sii_image(const SiiDescription& description, const Profile& pr
   const Defaults defaults{table};
   Strings strings;
   Writer nowhere{{}};
-  nowhere.begin(category_strings);
   put_categories(nowhere, description, profile, defaults, strings);
 
   std::fill_n(image.begin(), categories_word * 2, std::uint8_t{0});
