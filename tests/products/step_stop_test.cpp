@@ -1,0 +1,82 @@
+#include <cmath>
+#include <gtest/gtest.h>
+
+#include "ismk_rig.hpp"
+
+// The iSMK's step stop, 2340h sub 1 and 2 (L1555-1562): a load that is too great turns the shaft away. The true shaft
+// is measured.
+namespace servodrome {
+namespace {
+
+using products::ismk::velocity_dec_from_rpm;
+
+constexpr double turn = 65536.0;
+
+struct StepStop : test::IsmkRig {
+  StepStop() {
+    set(0x2340, 1, 1);
+    set(0x2340, 2, 200);
+    set(0x6060, 0, 1);
+    set(0x6081, 0, std::llround(velocity_dec_from_rpm(300)));
+    EXPECT_TRUE(enable());
+    set(0x607A, 0, 65536);
+    control(0x1F);
+    run_ms(5);
+    control(0x0F);
+    run_ms(1500);
+    EXPECT_NEAR(turns(), 1.0, 0.001);
+  }
+  // More than that current holds, for a while.
+  void slip() {
+    plant.set_external_torque_nm(0.3);
+    run_ms(140);
+    plant.set_external_torque_nm(0.0);
+    run_ms(800);
+    EXPECT_LT(turns(), -1.0);
+    EXPECT_NEAR(plant.velocity_rpm(), 0.0, 0.5);
+    EXPECT_EQ(get(0x603F), 0);
+  }
+  double turns() const { return static_cast<double>(plant.position_counts()) / turn; }
+};
+
+TEST(StepStop, SlipIsAFollowingError) {
+  StepStop rig;
+  rig.set(0x6065, 0, 65536);
+  rig.plant.set_external_torque_nm(0.3);
+  rig.run_ms(140);
+  EXPECT_EQ(rig.get(0x603F), 0x8611);
+}
+
+TEST(StepStop, AnotherModeLeavesASlippedShaftWhereItIs) {
+  StepStop rig;
+  rig.slip();
+  const double stood = rig.turns();
+  rig.set(0x6060, 0, 7);
+  for (int i = 0; i < 1500; ++i) {
+    rig.run_ms(1);
+    ASSERT_NEAR(rig.turns(), stood, 0.02) << i;
+  }
+}
+
+// It goes from where it stands to the target, by the profile of 300 rpm.
+TEST(StepStop, ASetPointAfterASlipIsNoSprint) {
+  for (const std::uint16_t bits : std::to_array<std::uint16_t>({0x00, 0x40})) {
+    SCOPED_TRACE(bits);
+    StepStop rig;
+    rig.slip();
+    const double stood = rig.turns();
+    rig.control(static_cast<std::uint16_t>(0x0F | bits));
+    rig.set(0x607A, 0, bits == 0 ? 131072 : 100);
+    rig.control(static_cast<std::uint16_t>(0x1F | bits));
+    const double ends = bits == 0 ? 2.0 : 1.0 + 100.0 / turn;
+    for (int i = 0; i < 16 * 1500; ++i) {
+      rig.tick();
+      ASSERT_LT(rig.plant.velocity_rpm(), 400.0) << i / 16.0;
+      ASSERT_GT(rig.turns(), stood - 0.05) << i / 16.0;
+    }
+    EXPECT_NEAR(rig.turns(), ends, 0.001);
+  }
+}
+
+}  // namespace
+}  // namespace servodrome
