@@ -104,7 +104,9 @@ void Drive::smooth_demand(std::optional<std::int64_t> from) {
   const std::int64_t value =
       position ? demand.position * smoothed_unit + std::llround(static_cast<double>(demand.position_fraction) * unit)
                : std::llround(static_cast<double>(demand.velocity) * unit);
-  if (!runs && (smoothed_loop_ != demand.loop || !(asked == smoothing_by_))) {
+  const bool held = held_by_current_ && position;
+  if (!runs && (held || smoothed_loop_ != demand.loop || !(asked == smoothing_by_))) {
+    if (held) from = value;  // a shaft that slipped is taken over where it is
     if (!from) {
       smoothed_loop_ = Loop::off;
       return;

@@ -250,7 +250,7 @@ std::span<const Drive::OwnObjects> Drive::own_objects() {
                         }>}},
       {0x60F4, {.refresh = refresh_by<[](Drive& drive) {
                   drive.axis_.objects.following_error_actual_value =
-                      drive.axis_.demand.loop == Loop::position
+                      drive.axis_.demand.loop == Loop::position || drive.axis_.demand.loop == Loop::locked
                           ? wrap_to_32_bits(drive.axis_.units.to_user(drive.cascade_.state().following_error_counts))
                           : 0;
                 }>}},
