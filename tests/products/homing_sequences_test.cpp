@@ -159,8 +159,8 @@ template <typename Product>
 void pressing_given_up(std::int64_t method, bool other_mode) {
   constexpr std::int64_t turn = 131072;
   plant::Parameters parameters = test::default_plant();
-  parameters.load.low_stop_counts = -2.0 * turn;
-  parameters.load.high_stop_counts = 2.0 * turn;
+  parameters.load.low_stop_counts = -2 * turn;
+  parameters.load.high_stop_counts = 2 * turn;
   Rig<Product> rig(parameters);
   rig.set(0x6060, 0, 6);
   ASSERT_EQ(rig.set(0x6098, 0, method), dictionary::AbortCode::none);
