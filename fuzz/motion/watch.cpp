@@ -141,6 +141,11 @@ double Watch::steepest() const {
 
 // A limit is kept by the quick stop's ramp, unless the one of the motion is steeper.
 double Watch::limit_slope() const {
+  if (mode_ == Mode::velocity) {  // which has a ramp of its own for it, 604Ah in rpm and s
+    const double rpm_per_s =
+        objects_.vl_quick_stop_delta_speed / std::max(1.0, static_cast<double>(objects_.vl_quick_stop_delta_time_s));
+    return rpm_per_s * counts_per_s_per_rpm_;
+  }
   const double quick = drive_.axis().quick_stop_ramp();
   return quick > 0.0 ? quick : slope();
 }
