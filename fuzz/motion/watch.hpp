@@ -247,6 +247,7 @@ class Watch {
     std::int64_t alone = 0;  // since when there is no other
     std::int64_t reached = 0;
     double target = 0.0;
+    double speed = 0.0;  // that 6081h and the limits leave, counts/s
     double seconds = 0.0;
   } set_point_;
   struct Away {  // the target that leads off a limit switch

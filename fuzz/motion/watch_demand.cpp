@@ -154,7 +154,7 @@ void Watch::after_halt(const Demand& demand, double seconds) {
   // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.
   const double off = std::abs(demand.velocity - velocity_);
   const double most = 0.06 * std::abs(velocity_) + 2.0 * still_rpm / 60.0 * counts_per_revolution_ + overshoot(-1.0) +
-                      2.0 * steepest() * seconds;
+                      2.0 * std::max(steepest(), ramp_) * seconds;
   if (off > most && objects_.end_velocity == 0) {
     fail("halt-ends-with-a-jump", fmt::format("{:.0f} rpm are demanded at {:.0f} rpm, mode {}", rpm(demand.velocity),
                                               rpm(velocity_), static_cast<int>(mode_)));

@@ -65,6 +65,7 @@ void Watch::set_points() {
     if (objects_.max_profile_velocity != 0)
       speed = std::min(speed, objects_.max_profile_velocity * axis.units.velocity);
     speed = std::min(speed, greatest_speed());
+    set_point_.speed = std::max(speed, 1.0);
     const Stopping stopping = this->stopping(speed);
     set_point_.seconds = way / speed + 4.0 * stopping.seconds + 0.3;
     if (way > 1000.0 * counts_per_revolution_) set_point_.active = false;
@@ -84,8 +85,7 @@ void Watch::set_points() {
     } else if (const double acceleration = std::min(slope(), acceleration_);
                static_cast<double>(tick_ - set_point_.since) * tick_s >
                0.2 + std::sqrt(0.5 * counts_per_revolution_ / std::max(acceleration, 1.0)) +
-                   0.3 * counts_per_revolution_ / (objects_.profile_velocity * axis.units.velocity) +
-                   0.001 * drive_.configuration().brake_release_ms) {
+                   0.3 * counts_per_revolution_ / set_point_.speed + 0.001 * drive_.configuration().brake_release_ms) {
       fail("no-way-off-limit",
            fmt::format("{:.2f} revolutions away {:.0f} ms after the set-point", moved / counts_per_revolution_,
                        static_cast<double>(tick_ - set_point_.since) / ticks_per_ms));
