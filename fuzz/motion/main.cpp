@@ -57,7 +57,7 @@ what must hold whatever was done. What fails is shrunk to a short sequence and p
   --json            the result as one JSON document
   --help
 
-An interrupt (Ctrl-C, SIGTERM) ends the run as its time would: what was found is told, and the number to go on with.
+Ctrl-C or SIGTERM ends the run early. It prints the findings so far, and the number to continue with (--first).
 
 Exit status: 0 nothing found, 1 something found, 2 wrong usage.
 )";
