@@ -266,6 +266,15 @@ class TooFast : public SlaveRig {
     line.send(Command::lwr, 0x1000, outputs);
     if (slave.wants_poll(line.now)) slave.poll(line.now);
   }
+  void expect_each_target_sampled() {
+    const unsigned before = events.cycles;
+    for (int target = 1; target < 10; ++target) {
+      send_target(target);
+      run(50us);
+      EXPECT_EQ(objects.target_position, target);
+    }
+    EXPECT_EQ(events.cycles, before + 9);
+  }
   std::int32_t input() { return load<std::int32_t>(&line.send(Command::lrd, 0x1100, Bytes(7)).data[3]); }
 
   Time begin{};
@@ -321,15 +330,7 @@ TEST_F(TooFast, ThreeInAControlLoopOfThreeAreNot) {
   EXPECT_EQ(events.cycles, before + 12);
 }
 
-TEST_F(TooFast, WithoutAControlLoopThatIsKnownTheyAreSampledAsEver) {
-  const unsigned before = events.cycles;
-  for (int target = 1; target < 10; ++target) {
-    send_target(target);
-    run(50us);
-    EXPECT_EQ(objects.target_position, target);
-  }
-  EXPECT_EQ(events.cycles, before + 9);
-}
+TEST_F(TooFast, WithoutAControlLoopThatIsKnownTheyAreSampledAsEver) { expect_each_target_sampled(); }
 
 // Synchronous with the sync manager, the inputs are those of the last frame when no more come, whatever a message and a
 // control loop do.
@@ -363,13 +364,7 @@ TEST_F(TooFast, AControlLoopOfBeforeAPowerCycleIsNotKnown) {
   slave.start(line.now);
   to_operational();
   run(50us - line.now % 50us);
-  const unsigned before = events.cycles;
-  for (int target = 1; target < 10; ++target) {
-    send_target(target);
-    run(50us);
-    EXPECT_EQ(objects.target_position, target);
-  }
-  EXPECT_EQ(events.cycles, before + 9);
+  expect_each_target_sampled();
 }
 
 TEST_F(ProcessData, ThatAreSampledDoNotDelayTheWatchdog) {
