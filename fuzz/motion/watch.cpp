@@ -243,6 +243,8 @@ void Watch::look() {
   acceleration_ = torque_acceleration();
   if (std::abs(velocity_) < still_rpm / 60.0 * counts_per_revolution_ && drive_.axis().demand.velocity == 0.0F)
     stood_ = tick_;
+  if (tick_ % ms(1000.0 * torque_in_flight_s) == 0) fastest_ = {0.0, fastest_[0]};
+  fastest_[0] = std::max(fastest_[0], std::abs(velocity_));
   if (mode_ != mode_before_) {
     mode_since_ = tick_;
     look_up_bits();

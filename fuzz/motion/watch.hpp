@@ -115,6 +115,7 @@ class Watch {
   void speed_limits();
   void stops();
   void limit_switches();
+  bool swings_about_rest() const;
   void software_limits();
   void set_points();
   void off_limit();
@@ -179,6 +180,7 @@ class Watch {
   std::int64_t pwm_since_ = 0;   // tick of the last change of the stage
   std::int64_t pwm_before_ = 0;  // ... and of the one before
 
+  std::array<double, 2> fastest_{};  // of the shaft, in this torque_in_flight_s and in the one before
   std::int64_t stood_ = -1'000'000;  // when the shaft last rested where it was demanded to
   double slowest_ = 0.0;             // since the stage is off
   std::int64_t unpowered_ticks_ = 0;
@@ -210,6 +212,8 @@ class Watch {
     double furthest = 0.0;  // times the direction
     double slope = 0.0;     // the gentlest since the switch is active
     double from = 0.0;      // where the shaft was then, times the direction
+    double speed = 0.0;     // likewise
+    bool rested = false;    // the demand, while the shaft swung about it
   };
   std::array<Limit, 2> limits_{};
   struct Border {
@@ -223,8 +227,9 @@ class Watch {
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
   bool stopped_before_ = false;
   std::int64_t stopped_since_ = 0;
-  bool has_target_ = false;         // a set-point of profile position, since the mode or the operation began
-  StopKind told_ = StopKind::none;  // as `stop_`, also while a torque is released first
+  bool has_target_ = false;                  // a set-point of profile position, since the mode or the operation began
+  StopKind told_ = StopKind::none;           // as `stop_`, also while a torque is released first
+  StopKind velocity_stop_ = StopKind::none;  // one that began in vl velocity mode
 
   std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
   double demand_speed_ = 0.0;                // counts/s, out of the demanded positions

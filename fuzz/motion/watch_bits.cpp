@@ -112,8 +112,9 @@ void Watch::limit_bit() {
   double most = greatest_speed();
   if (objects_.max_profile_velocity != 0) most = std::min(most, objects_.max_profile_velocity * axis.units.velocity);
   const bool shown = (objects_.statusword & drive::statusword::internal_limit_active) != 0;
-  // At the wanted speed, without a torque or voltage that is spent on it.
+  // At the wanted speed, without a torque or voltage that is spent on it; a stop at a switch comes by it.
   const bool steady =
+      drive_.axis().generator.acceleration() == 0.0 &&
       std::abs(std::abs(velocity_) - wanted) < 0.02 * wanted + still_rpm / 60.0 * counts_per_revolution_ &&
       std::abs(axis_.plant().torque_nm()) < 0.5 * rated_torque_nm_;
   // A switch that has opened again holds the axis until the next command, and bit 11 says so.

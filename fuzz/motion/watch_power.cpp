@@ -122,8 +122,11 @@ void Watch::states() {
   if (!allowed(before_, state_)) {
     return fail("wrong-transition", fmt::format("{} to {}", drive::name(before_), drive::name(state_)));
   }
+  // Of two words between two looks the one with bit 7 commands nothing.
+  const std::uint16_t obeyed = drive_.axis().controlword;
+  const bool resets = (objects_.controlword & ~obeyed & controlword::fault_reset) != 0;
   if (state_ == PowerState::operation_enabled &&
-      drive::command_of(objects_.controlword) != drive::Command::enable_operation) {
+      drive::command_of(resets ? obeyed : objects_.controlword) != drive::Command::enable_operation) {
     fail("enabled-unasked", fmt::format("from {}, controlword {:04X}h", drive::name(before_), objects_.controlword));
   }
   if (state_ == PowerState::fault || state_ == PowerState::fault_reaction_active) {

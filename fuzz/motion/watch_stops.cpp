@@ -1,6 +1,7 @@
 #include <array>
 #include <cmath>
 #include <fmt/format.h>
+#include <utility>
 
 #include "watch_terms.hpp"
 
@@ -39,7 +40,11 @@ void Watch::stops() {
       kind = StopKind::homing;
     }
   }
-  if (!pwm_ || mode_ == Mode::velocity || (around_->injected & spoils_motion) != 0 || around_->locked)
+  // The ramps of vl velocity mode are its own, and a stop goes on with one of them in another mode.
+  if (mode_ == Mode::velocity || kind != velocity_stop_)
+    velocity_stop_ = mode_ == Mode::velocity ? kind : StopKind::none;
+  if (!pwm_ || mode_ == Mode::velocity || velocity_stop_ != StopKind::none ||
+      (around_->injected & spoils_motion) != 0 || around_->locked)
     kind = StopKind::none;
   told_ = kind;
   // What slows down by a torque slope first goes on being driven meanwhile.
@@ -55,10 +60,11 @@ void Watch::stops() {
     // A stop that goes on in another mode keeps the ramp that it began with.
     const bool goes_on = kind == stop_.kind && stop_.slope > 0.0 && slope() > 0.0;
     const double gentlest = goes_on ? std::min(slope(), stop_.slope) : slope();
-    // A shaft that lags behind the stop's ramp meanwhile may become as fast again.
-    const double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::abs(velocity_);
+    // A shaft that lags behind the stop's ramp meanwhile may become as fast again. What the drive begins with is what
+    // its filter shows, a little late.
+    const double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::max(fastest_[0], fastest_[1]);
     const Stopping stopping = this->stopping(speed, gentlest);
-    const bool turns = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
+    const bool turns = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && !swings_about_rest();
     const double direction = turns ? std::copysign(1.0, velocity_) : 0.0;
     const std::int64_t began = kind == stop_.kind ? stop_.began : tick_;
     stop_ = {kind,
@@ -109,17 +115,21 @@ void Watch::stops() {
                                               (stop_.furthest - place) / counts_per_revolution_, rpm(velocity_)));
   }
   const double late = static_cast<double>(tick_ - stop_.since) * tick_s - stop_.seconds;
-  // A soft loop may swing for long about a demand that rests at the end of its ramp.
-  const drive::LoopDemand& demand = drive_.axis().demand;
-  const bool near = demand.loop == Loop::position && std::abs(position_ - static_cast<double>(demand.position)) <
-                                                         swing_revolutions * counts_per_revolution_;
-  const bool swings = (near || kind == StopKind::no_target || kind == StopKind::homing) && demand.velocity == 0.0F;
+  const bool swings = swings_about_rest() || ((kind == StopKind::no_target || kind == StopKind::homing) &&
+                                              drive_.axis().demand.velocity == 0.0F);
   if (late > 0.3 && !swings && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
     const char* broken = kind == StopKind::velocity ? "velocity-not-obeyed" : "stop-never-ends";
     fail(broken, fmt::format("{}: still {:.0f} rpm after {:.3f} s; {:.3f} s are enough for it", name, rpm(velocity_),
                              static_cast<double>(tick_ - stop_.since) * tick_s, stop_.seconds));
   }
   if (late > 2.0 && kind == StopKind::fault) fail("stop-never-ends", "fault reaction active does not end");
+}
+
+// A soft loop may swing for long about a demand that rests at the end of its ramp.
+bool Watch::swings_about_rest() const {
+  const drive::LoopDemand& demand = drive_.axis().demand;
+  return demand.loop == Loop::position && demand.velocity == 0.0F &&
+         std::abs(position_ - static_cast<double>(demand.position)) < swing_revolutions * counts_per_revolution_;
 }
 
 void Watch::limit_switches() {
@@ -143,8 +153,9 @@ void Watch::limit_switches() {
     }
     // In the position loop the shaft comes to where the demand stands, though it may have swung back from there.
     const bool demanded = drive_.axis().demand.loop == Loop::position;
-    const double speed = std::max(
-        {0.0, direction * velocity_, demanded ? direction * static_cast<double>(drive_.axis().demand.velocity) : 0.0});
+    const double led = direction * static_cast<double>(drive_.axis().demand.velocity);
+    // ... and in the velocity loop to the demand's speed, which was that of the shaft when the stop began.
+    const double speed = std::max({0.0, direction * velocity_, demanded ? led : std::min(led, limit.speed)});
     const double place =
         demanded ? std::max(direction * position_, direction * static_cast<double>(drive_.axis().demand.position))
                  : direction * position_ + lag(speed);  // a stop may go on in the position loop
@@ -155,20 +166,27 @@ void Watch::limit_switches() {
       ramp = ramp > 0.0 ? std::min(ramp, limit.slope) : limit.slope;  // it may have begun with that
     const double reach = place + stopping(speed, ramp).counts;
     const bool unknown = chosen && stop_.kind == StopKind::none;  // which ramp it is
-    // Without torque nothing brakes.
+    // Without torque nothing brakes. A gentler ramp that is written meanwhile is that of the next stop.
     if (!limit.active || (chosen && stop_.since == tick_) || unknown || !judgeable_ || mode_since_ == tick_ ||
-        acceleration_ <= 0.0) {
-      limit = {true, reach, ramp, direction * position_};
+        acceleration_ <= 0.0 || ramp < limit.slope) {
+      limit = {true, reach, ramp, direction * position_, direction * velocity_};
       continue;
     }
     limit.slope = ramp;
     limit.furthest = std::min(limit.furthest, reach);
+    // A command that comes while the shaft swings about a resting demand begins with what the shaft does.
+    const bool rests = swings_about_rest();
+    if (std::exchange(limit.rested, rests) && !rests)
+      limit.furthest =
+          std::max(limit.furthest, direction * position_ + stopping(std::max(0.0, direction * velocity_), ramp).counts);
     constexpr double rounding = 0.005;  // of ways of many revolutions
     const drive::LoopDemand& demand = drive_.axis().demand;
-    const bool swings =
-        demanded && demand.velocity == 0.0F && direction * static_cast<double>(demand.position) <= limit.furthest;
+    const double still = still_rpm * counts_per_s_per_rpm_;  // the end of a filter's lag is no motion
+    const bool swings = demanded && std::abs(static_cast<double>(demand.velocity)) < still &&
+                        direction * static_cast<double>(demand.position) <= limit.furthest;
+    // Without a position loop the shaft swings back when the integral of a hard stop unwinds.
     const double beyond = rounding * std::max(0.0, limit.furthest - limit.from) +
-                          (swings ? swing_revolutions * counts_per_revolution_ : 0.0);
+                          (swings || !demanded ? swing_revolutions * counts_per_revolution_ : 0.0);
     if (direction * position_ > limit.furthest + beyond) {
       fail("limit-switch-passed", fmt::format("{:.2f} revolutions beyond, at {:.0f} rpm, mode {}",
                                               (direction * position_ - limit.furthest) / counts_per_revolution_,

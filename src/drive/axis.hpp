@@ -386,8 +386,9 @@ struct Axis {
   // ahead.
   bool near_software_limit(double deceleration) const;
   // The speed, counts/s, from which a demand that moves as `velocity` does comes to rest before the software limit
-  // ahead with this deceleration, counts/s^2, to a cycle.
-  double approach_velocity(double velocity, double deceleration) const;
+  // ahead with this deceleration, counts/s^2, to a cycle. Beyond the limit: to which it brakes from the one `before`, of
+  // the cycle before.
+  double approach_velocity(double velocity, double before, double deceleration) const;
   // A mode's deceleration (counts/s^2), or the quick stop's where the demand just comes to rest before the software
   // limit ahead with that.
   double deceleration_before_limit(double deceleration) const {

@@ -22,11 +22,12 @@ class CyclicSyncPosition {
   std::uint16_t status(const Axis& axis) const;
 
  private:
-  static void add_velocity_offset(Axis& axis);
+  void add_velocity_offset(Axis& axis);
   std::int64_t within_change(Axis& axis, std::int64_t user) const;
 
   SetPointFollower follower_{};
-  std::int64_t given_ = 0;  // the last target, with its offset
+  std::int64_t given_ = 0;        // the last target, with its offset
+  std::int32_t held_offset_ = 0;  // the 60B1h that a limit switch held back
 };
 
 // Cyclic synchronous velocity and torque modes (CiA 402-2).

@@ -1,5 +1,7 @@
 #include "drive/modes/line_demand.hpp"
 
+#include <utility>
+
 namespace servodrome::drive {
 
 namespace {
@@ -54,26 +56,27 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     // all the same.
     MotionLimits limits = axis.catch_up_limits();
     limits.deceleration = axis.deceleration_before_limit(limits.deceleration);
-    limits.velocity = std::max(greatest - std::abs(line_velocity), least_share * greatest);
+    const double towards = distance > 0.0 ? -line_velocity : line_velocity;  // of the line: positive, it runs away
+    limits.velocity = std::max(greatest - towards, least_share * greatest);
     Trajectory way;
     way.plan_position({distance, velocity_ - line_velocity, 0.0}, 0.0, 0.0, limits, RampShape::linear);
     const MotionState next = way.at(axis.cycle_s);
     catching_up_ = way.duration_s() > axis.cycle_s;
-    velocity_ = line_velocity + next.velocity;
+    const double before = std::exchange(velocity_, line_velocity + next.velocity);
     double from = line.fraction() + next.position;
     // Neither faster than the axis may be, which the line itself may be, nor than it can brake before a software limit
     // at which the line ends.
-    const double most =
-        std::min(greatest, axis.approach_velocity(velocity_, std::max(limits.deceleration, axis.quick_stop_ramp())));
+    const double steepest = std::max(limits.deceleration, axis.quick_stop_ramp());
+    const double most = std::min(greatest, axis.approach_velocity(velocity_, before, steepest));
     if (std::abs(velocity_) > most) {
       velocity_ = std::copysign(most, velocity_);
       from = static_cast<double>(generator.position() - line.now()) + generator.fraction() + velocity_ * axis.cycle_s;
       catching_up_ = true;
     }
-    const Counts before = generator.position();
+    const Counts was_at = generator.position();
     generator.place(line.now(), from, velocity_);
     // A line may end at a software limit while the axis catches up with it: the demand stops at the limit.
-    if (!axis.within_software_limits(generator.position()) && axis.within_software_limits(before)) {
+    if (!axis.within_software_limits(generator.position()) && axis.within_software_limits(was_at)) {
       generator.place(axis.nearest_within_software_limits(generator.position()), 0.0, velocity_ = 0.0);
       catching_up_ = true;
     }

@@ -227,6 +227,7 @@ void Drive::take_over_shaft() {
     axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
   } else {
     without_ramp ? axis_.take_over_actual() : axis_.take_over_lagging();
+    cascade_.take_over();
   }
   moved_demand_ = true;
   smoothed_loop_ = Loop::off;
