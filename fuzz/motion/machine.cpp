@@ -468,6 +468,7 @@ class Life::Machine final : public FrameListener {
       }
     }
     if (!run_for(100) || !enable_all(1500)) return false;
+    if (!enable_all(100)) return false;  // one whose fault has only just gone is on its way
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       const drive::Drive& drive = axis(i).device().drive();
       if (drive.state() == drive::PowerState::operation_enabled) continue;

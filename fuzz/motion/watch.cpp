@@ -129,6 +129,7 @@ void Watch::ramps() {
   // The drive may have begun with what was written a tick ago.
   ramp_set_ = !pwm_ || stands || mode_ != mode_before_ ? now.gentler(gentlest_before_) : ramp_set_.gentler(now);
   gentlest_before_ = now;
+  steepest_given_ = pwm_ && mode_ == mode_before_ ? std::max(steepest_given_, steepest()) : 0.0;
 }
 
 double Watch::steepest() const {

@@ -190,7 +190,8 @@ class Watch {
   std::int64_t spoiled_ = -1'000'000;  // tick of the last injection that spoils what the encoder says
   Ramp ramp_set_{};                    // the gentlest that was set since the demand stood
   Ramp gentlest_before_{};
-  double ramp_ = 0.0;  // the steepest that was set since the demand stood
+  double ramp_ = 0.0;            // the steepest that was set since the demand stood
+  double steepest_given_ = 0.0;  // counts/s^2, since the mode was entered: a set-point keeps its ramps
   std::int64_t demand_tick_ = -1;
 
   enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing, no_target };
@@ -213,7 +214,7 @@ class Watch {
     double slope = 0.0;     // the gentlest since the switch is active
     double from = 0.0;      // where the shaft was then, times the direction
     double speed = 0.0;     // likewise
-    bool rested = false;    // the demand, while the shaft swung about it
+    bool leads = false;     // the demand, towards the switch
   };
   std::array<Limit, 2> limits_{};
   struct Border {

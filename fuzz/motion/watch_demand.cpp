@@ -42,10 +42,11 @@ void Watch::demand() {
   const double near = speed * 4.0 * cycle_ticks * tick_s + lag(speed) + 0.004 * counts_per_revolution_ + 3.0;
   if (demand.loop == Loop::position && before.loop == Loop::position) {
     const double moved = std::abs(demand.position - before.position);
-    // The nameplate's, since a demand comes down to a 6080h that was lowered by its ramps.
-    const double most = static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 *
-                            counts_per_revolution_ * 1.02 * seconds +
-                        2.0;
+    // The nameplate's, since a demand comes down to a 6080h that was lowered by its ramps, and to the nameplate's from
+    // a shaft that was faster.
+    const double nameplate =
+        static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0 * counts_per_revolution_;
+    const double most = std::max(nameplate, std::abs(before.velocity)) * 1.02 * seconds + 2.0;
     // What comes half way back to the shaft, or nearer, moves nothing that is faster than it was.
     const bool back = std::abs(demand.position - position_) < 0.5 * std::abs(before.position - position_);
     if (moved > most && !caught && !back && std::abs(demand.position - position_) > near) {
@@ -154,7 +155,7 @@ void Watch::after_halt(const Demand& demand, double seconds) {
   // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.
   const double off = std::abs(demand.velocity - velocity_);
   const double most = 0.06 * std::abs(velocity_) + 2.0 * still_rpm / 60.0 * counts_per_revolution_ + overshoot(-1.0) +
-                      2.0 * std::max(steepest(), ramp_) * seconds;
+                      2.0 * std::max(steepest_given_, ramp_) * seconds;
   if (off > most && objects_.end_velocity == 0) {
     fail("halt-ends-with-a-jump", fmt::format("{:.0f} rpm are demanded at {:.0f} rpm, mode {}", rpm(demand.velocity),
                                               rpm(velocity_), static_cast<int>(mode_)));

@@ -70,9 +70,10 @@ void Watch::errors() {
                         around_->quiet_bus;
     if (!speaks || !failed) fault_since_ = fault_since_ == tick_ ? tick_ : -1;
     if (!speaks) fault_since_ = -1;
-    if (fault_since_ >= 0 && tick_ - fault_since_ > ms(5)) {
+    // Whether the bus is too full is seen every 4 ms.
+    if (fault_since_ >= 0 && tick_ - fault_since_ > ms(10)) {
       if (told_at_ < fault_since_ - ms(1)) {
-        return fail("emergency-missing", fmt::format("603Fh is {:04X}h for 5 ms", objects_.error_code));
+        return fail("emergency-missing", fmt::format("603Fh is {:04X}h for 10 ms", objects_.error_code));
       }
       fault_since_ = -1;
     }

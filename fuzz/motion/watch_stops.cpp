@@ -174,9 +174,8 @@ void Watch::limit_switches() {
     }
     limit.slope = ramp;
     limit.furthest = std::min(limit.furthest, reach);
-    // A command that comes while the shaft swings about a resting demand begins with what the shaft does.
-    const bool rests = swings_about_rest();
-    if (std::exchange(limit.rested, rests) && !rests)
+    // A demand that turns towards the switch begins with what the shaft does, which may swing about it.
+    if (std::exchange(limit.leads, led > 0.0) < (led > 0.0))
       limit.furthest =
           std::max(limit.furthest, direction * position_ + stopping(std::max(0.0, direction * velocity_), ramp).counts);
     constexpr double rounding = 0.005;  // of ways of many revolutions
@@ -247,9 +246,10 @@ void Watch::software_limits() {
     // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
     const double tolerance = demanded ? slack + 0.002 * speed : way + slack;
     border.bound = std::max(at + tolerance, std::min(border.bound, reach));
-    // A demand that comes to a shaft which is already there leads it nowhere.
+    // A demand that comes to a shaft which is already there leads it nowhere, and may rest there.
     const bool leads = !demanded || place > direction * (offset + position_);
-    if (place > border.bound && leads) {
+    if (!leads) border.bound = std::max(border.bound, place);
+    if (place > border.bound) {
       return fail("software-limit-passed",
                   fmt::format("{:.2f} revolutions beyond 607Dh, at {:.0f} rpm, mode {}",
                               (place - at) / counts_per_revolution_, rpm(velocity_), static_cast<int>(mode_)));
