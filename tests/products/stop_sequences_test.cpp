@@ -632,6 +632,21 @@ TEST(ZeroRamps, LetProfileVelocityBrake) {
     EXPECT_NEAR(axis.turns_per_s(), 0.0, 0.001) << zero;
     EXPECT_TRUE(axis.bit(10));
   }
+  {  // a target that was given up keeps to a limit that is lowered, and no limit that is raised revives it
+    Reference axis(3);
+    axis.set(0x60FF, 0, 131072 * 2);
+    axis.run_ms(1000);
+    axis.set(0x6083, 0, 0);
+    axis.set(0x60FF, 0, 131072 * 3);
+    axis.run_ms(100);
+    axis.set(0x607F, 0, 131072);
+    axis.run_ms(1000);
+    EXPECT_NEAR(axis.turns_per_s(), 1.0, 0.02);
+    axis.set(0x607F, 0, 131072 * 4);
+    axis.set(0x6083, 0, 131072 * 10);
+    axis.run_ms(500);
+    EXPECT_NEAR(axis.turns_per_s(), 1.0, 0.02);
+  }
   {  // nor do three: a command to stop stops
     Reference axis(3);
     axis.set(0x60FF, 0, 131072 * 2);

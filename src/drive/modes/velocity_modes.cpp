@@ -73,7 +73,10 @@ void ProfileVelocity::step(Axis& axis) {
                         axis.max_velocity(true),
                         axis.active(Signal::invert_direction)};
   const bool same_target = planned_ && request.target == request_.target && request.inverted == request_.inverted;
-  if (!planned_ || (request != request_ && !(given_up_ && same_target))) {
+  // A target that was given up stays so, but a limit that is lowered is obeyed.
+  const bool keeps_given_up = given_up_ && same_target;
+  const bool obeys = std::abs(axis.generator.velocity()) <= request.allowed;
+  if (!planned_ || (request != request_ && !(keeps_given_up && obeys))) {
     const RampShape shape = request.target == 0 ? axis.velocity_stop_shape() : axis.shape();
     // Standing still with nothing asked for is no motion that could be planned wrongly.
     if (request.target != 0 || !axis.generator.standing()) {
@@ -86,7 +89,7 @@ void ProfileVelocity::step(Axis& axis) {
     axis.limited = clipped_ = target != wanted_;
     MotionLimits limits = axis.profile_limits();
     limits.velocity = request.allowed;
-    given_up_ = !plan_velocity(axis, target, limits, axis.quick_stop_ramp(), shape);
+    given_up_ = !plan_velocity(axis, target, limits, axis.quick_stop_ramp(), shape) || keeps_given_up;
     windows_.changed();
   }
   request_ = request;
