@@ -129,7 +129,7 @@ void Watch::ramps() {
   // The drive may have begun with what was written a tick ago.
   ramp_set_ = !pwm_ || stands || mode_ != mode_before_ ? now.gentler(gentlest_before_) : ramp_set_.gentler(now);
   gentlest_before_ = now;
-  steepest_given_ = pwm_ && mode_ == mode_before_ ? std::max(steepest_given_, steepest()) : 0.0;
+  steepest_given_ = mode_ == mode_before_ ? std::max(steepest_given_, steepest()) : 0.0;
 }
 
 double Watch::steepest() const {
@@ -217,8 +217,8 @@ void Watch::look() {
   // A motor whose own voltage is that of the DC link is out of the current loop's hands, unless a stop made it so fast.
   constexpr double spent_share = 0.9;
   const double available = axis_.plant().dc_link_v() * voltage_share_;
-  const bool runs_away =
-      told_to_stop() && judgeable_ && std::abs(velocity_) > 1.5 * stop_.speed + 4.0 * still_rpm * counts_per_s_per_rpm_;
+  const bool runs_away = told_to_stop() && judgeable_ && acceleration_ > 0.0 &&
+                         std::abs(velocity_) > 1.5 * stop_.speed + 4.0 * still_rpm * counts_per_s_per_rpm_;
   if (std::abs(velocity_) * emf_per_speed_ > spent_share * available && !runs_away) voltage_spent_ = tick_;
   pwm_ = axis_.actuation().pwm_enabled;
   shorted_ = axis_.actuation().short_circuit;

@@ -215,6 +215,7 @@ class Watch {
     double from = 0.0;      // where the shaft was then, times the direction
     double speed = 0.0;     // likewise
     bool leads = false;     // the demand, towards the switch
+    bool swings = false;    // the shaft, about a demand that rests
   };
   std::array<Limit, 2> limits_{};
   struct Border {
@@ -226,7 +227,7 @@ class Watch {
   };
   std::array<Border, 2> borders_{};
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
-  bool stopped_before_ = false;
+  unsigned stops_before_ = 0;  // what stopped the axis: a command, a switch
   std::int64_t stopped_since_ = 0;
   bool has_target_ = false;                  // a set-point of profile position, since the mode or the operation began
   StopKind told_ = StopKind::none;           // as `stop_`, also while a torque is released first

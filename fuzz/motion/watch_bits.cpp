@@ -51,10 +51,11 @@ void Watch::bits() {
     return fail("reached-is-untrue", fmt::format("bit 10 at {:.0f} rpm, {:.0f} are wanted, mode {}", rpm(velocity_),
                                                  rpm(expected), static_cast<int>(mode_)));
   }
-  // A stop that is under way has reached nothing.
+  // A stop that is under way has reached nothing. A load may make an axis swing that rests.
   const bool reached = (word & drive::statusword::target_reached) != 0;
   const bool stopping = told_ != StopKind::none && told_ < StopKind::velocity && pwm_ && judgeable_ &&
-                        acceleration_ > 0.0 && std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
+                        acceleration_ > 0.0 && !swings_about_rest() &&
+                        std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_;
   if (!stopping || !reached || !shown_bits_.reached) stop_lie_since_ = tick_;
   if (tick_ - stop_lie_since_ > ms(20)) {
     return fail("reached-is-untrue",

@@ -122,11 +122,10 @@ void Watch::states() {
   if (!allowed(before_, state_)) {
     return fail("wrong-transition", fmt::format("{} to {}", drive::name(before_), drive::name(state_)));
   }
-  // Of two words between two looks the one with bit 7 commands nothing.
-  const std::uint16_t obeyed = drive_.axis().controlword;
-  const bool resets = (objects_.controlword & ~obeyed & controlword::fault_reset) != 0;
-  if (state_ == PowerState::operation_enabled &&
-      drive::command_of(resets ? obeyed : objects_.controlword) != drive::Command::enable_operation) {
+  // Of two words between two looks the first may have been the one that enables.
+  const bool two_words = asked_ == tick_ && around_->commanded >= tick_ - 1;
+  if (state_ == PowerState::operation_enabled && !two_words &&
+      drive::command_of(objects_.controlword) != drive::Command::enable_operation) {
     fail("enabled-unasked", fmt::format("from {}, controlword {:04X}h", drive::name(before_), objects_.controlword));
   }
   if (state_ == PowerState::fault || state_ == PowerState::fault_reaction_active) {

@@ -174,18 +174,21 @@ void Watch::limit_switches() {
     }
     limit.slope = ramp;
     limit.furthest = std::min(limit.furthest, reach);
-    // A demand that turns towards the switch begins with what the shaft does, which may swing about it.
-    if (std::exchange(limit.leads, led > 0.0) < (led > 0.0))
-      limit.furthest =
-          std::max(limit.furthest, direction * position_ + stopping(std::max(0.0, direction * velocity_), ramp).counts);
     constexpr double rounding = 0.005;  // of ways of many revolutions
     const drive::LoopDemand& demand = drive_.axis().demand;
-    const double still = still_rpm * counts_per_s_per_rpm_;  // the end of a filter's lag is no motion
-    const bool swings = demanded && std::abs(static_cast<double>(demand.velocity)) < still &&
-                        direction * static_cast<double>(demand.position) <= limit.furthest;
-    // Without a position loop the shaft swings back when the integral of a hard stop unwinds.
+    const double still = still_rpm * counts_per_s_per_rpm_;
+    // The end of a filter's lag is no motion. Without a position loop the shaft swings back when the integral of a hard
+    // stop unwinds.
+    const bool swings = std::abs(static_cast<double>(demand.velocity)) < still &&
+                        (!demanded || direction * static_cast<double>(demand.position) <= limit.furthest);
+    // A demand that moves again, or turns towards the switch, begins with what the shaft does, which may swing.
+    const bool begins = (limit.swings && !swings) || (!limit.leads && led > 0.0);
+    limit.swings = swings;
+    limit.leads = led > 0.0;
+    if (begins && direction * velocity_ > 4.0 * still)
+      limit.furthest = std::max(limit.furthest, direction * position_ + stopping(velocity_, ramp).counts);
     const double beyond = rounding * std::max(0.0, limit.furthest - limit.from) +
-                          (swings || !demanded ? swing_revolutions * counts_per_revolution_ : 0.0);
+                          (swings ? swing_revolutions * counts_per_revolution_ : 0.0);
     if (direction * position_ > limit.furthest + beyond) {
       fail("limit-switch-passed", fmt::format("{:.2f} revolutions beyond, at {:.0f} rpm, mode {}",
                                               (direction * position_ - limit.furthest) / counts_per_revolution_,
@@ -211,11 +214,10 @@ void Watch::software_limits() {
       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
        mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
-  const bool stopped =
-      told_to_stop() || axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
-  if (stopped && !stopped_before_) stopped_since_ = tick_;
-  const bool begins = stopped && tick_ - stopped_since_ <= demand_cycle();  // the drive hears of it with its cycle
-  stopped_before_ = stopped;
+  const unsigned stops = (told_to_stop() ? 1u : 0u) | (axis.active(drive::Signal::negative_limit) ? 2u : 0u) |
+                         (axis.active(drive::Signal::positive_limit) ? 4u : 0u);
+  if ((stops & ~std::exchange(stops_before_, stops)) != 0) stopped_since_ = tick_;
+  const bool begins = stops != 0 && tick_ - stopped_since_ <= demand_cycle();  // the drive hears of it with its cycle
   if (!applies) {
     borders_ = {};
     return;

@@ -58,11 +58,11 @@ bool Axis::near_software_limit(double deceleration) const {
   return (velocity < 0.0 ? room.below : room.above) < way + std::abs(velocity) * cycle_s;
 }
 
-double Axis::approach_velocity(double velocity, double before, double deceleration) const {
+double Axis::approach_velocity(double velocity, double deceleration) const {
   if (velocity == 0.0 || deceleration <= 0.0) return std::numeric_limits<double>::infinity();
   const Room room = room_from(generator.nearest_position());
   const double way = velocity < 0.0 ? room.below : room.above;
-  if (way < 0.0) return before * velocity > 0.0 ? std::max(0.0, std::abs(before) - deceleration * cycle_s) : 0.0;
+  if (way < 0.0) return 0.0;
   return std::sqrt(2.0 * deceleration * (way + std::abs(velocity) * cycle_s));
 }
 

@@ -296,15 +296,18 @@ struct Axis {
     return std::clamp(velocity(), -most, most);
   }
 
-  // How far the position loop lets a shaft of this speed lag behind its demand, counts, and what friction and load add.
-  double lag(double counts_per_s) const {
+  // How far the position loop lets a shaft that moves evenly lag behind its demand, counts, in the direction it moves.
+  double even_lag(double counts_per_s) const {
     const Gains& gains = configuration.gains;
-    constexpr double margin = 1.25;
-    constexpr double static_turns = 0.002;
     const double share = std::max(0.0, 1.0 - static_cast<double>(gains.velocity_feed_forward));
     const auto kp = static_cast<double>(gains.position_kp);
-    const double moving = kp > 0.0 ? margin * share * std::abs(counts_per_s) / kp : 0.0;
-    return moving + static_turns * units.counts_per_revolution;
+    return kp > 0.0 ? share * counts_per_s / kp : 0.0;
+  }
+  // The most of it at this speed, with what friction and load add.
+  double lag(double counts_per_s) const {
+    constexpr double margin = 1.25;
+    constexpr double static_turns = 0.002;
+    return margin * std::abs(even_lag(counts_per_s)) + static_turns * units.counts_per_revolution;
   }
   // Whether the shaft moves as the loops' demand says, so far as a lag explains.
   bool follows_demand() const {
@@ -321,13 +324,16 @@ struct Axis {
   void take_over_slipped() {
     if (std::abs(static_cast<double>(generator.nearest_position() - position())) > lag(0.0)) take_over_actual();
   }
-  // As take_over_actual, for an axis in the position loop: keeps of the lag what its speed explains, so that the loop
-  // goes on without a step.
+  // As take_over_actual, but the position loop goes on without a step: of its lag it keeps what the shaft's speed
+  // explains. Out of another loop it gets the lag that it would have.
   void take_over_lagging() {
+    if (demand.loop != Loop::position) return lead_shaft(turning_velocity());
     const double most = lag(turning_velocity());
-    const double error = demand.loop == Loop::position ? static_cast<double>(loops->following_error_counts) : 0.0;
+    const auto error = static_cast<double>(loops->following_error_counts);
     generator.start_from(position() + static_cast<Counts>(std::clamp(error, -most, most)), turning_velocity());
   }
+  // Puts the generator where the demand of a position loop is for a shaft that moves at this speed, counts/s.
+  void lead_shaft(double velocity) { generator.start_from(position() + std::llround(even_lag(velocity)), velocity); }
 
   // The demand of the loops from the generator.
   void follow_generator(Loop loop) {
@@ -386,9 +392,8 @@ struct Axis {
   // ahead.
   bool near_software_limit(double deceleration) const;
   // The speed, counts/s, from which a demand that moves as `velocity` does comes to rest before the software limit
-  // ahead with this deceleration, counts/s^2, to a cycle. Beyond the limit: to which it brakes from the one `before`, of
-  // the cycle before.
-  double approach_velocity(double velocity, double before, double deceleration) const;
+  // ahead with this deceleration, counts/s^2, to a cycle; 0 for one that leads away from a limit that it is beyond.
+  double approach_velocity(double velocity, double deceleration) const;
   // A mode's deceleration (counts/s^2), or the quick stop's where the demand just comes to rest before the software
   // limit ahead with that.
   double deceleration_before_limit(double deceleration) const {

@@ -307,13 +307,11 @@ void Drive::change_mode() {
   set_mode(wanted);
   word_before_wait_ = axis_.controlword;  // an edge of bit 4 was meant for the mode before
   if (!running) return;
-  // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: take the
-  // actual. So does what pressed against a hard stop, which would go on pressing.
+  // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: that of the
+  // shaft, which it leads. So does what pressed against a hard stop, which would go on pressing.
   take_over_shaft();
   if (pressed) axis_.take_over_actual();
-  if (axis_.demand.loop == Loop::velocity) {
-    axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
-  }
+  if (axis_.demand.loop == Loop::velocity) axis_.lead_shaft(axis_.generator.velocity());
   stopping_ = halted_ = limit_stop_ = short_circuit_ = releasing_torque_ = false;
   axis_.limited = false;
   axis_.stopped_at = 0;
@@ -336,7 +334,7 @@ void Drive::run_mode() {
     } else if (!halt && halted_) {
       take_over_shaft();
       halted_ = stopping_ = short_circuit_ = releasing_torque_ = false;
-      if (stop_loop_ != Loop::position) axis_.generator.start_from(axis_.position(), axis_.generator.velocity());
+      if (stop_loop_ != Loop::position) axis_.lead_shaft(axis_.generator.velocity());
       // A mode that has nothing to go on with lets the axis come to rest.
       if (axis_.generator.finished()) axis_.come_to_rest(RampShape::linear);
       with_mode(*this, [&](auto& mode) { mode.resume(axis_); });

@@ -204,7 +204,6 @@ void Cascade::disable() {
 }
 
 void Cascade::clear_controllers() {
-  takes_over_ = false;
   locked_ = false;
   position_velocity_ = 0.0F;
   position_error_ = 0.0F;
@@ -241,8 +240,6 @@ void Cascade::set_demand(const LoopDemand& demand) {
   forward_acceleration_ = acceleration_forward_.apply(demand.acceleration);
   const float feed_forward = demand.torque + forward_acceleration_ * inertia_torque_;
   feed_forward_ = feed_forward;
-  if (takes_over_ && demand.loop != Loop::position) [[unlikely]]
-    go_on_with_torque(demand.velocity);
   if (demand.loop == previous) return;
   velocity_forward_.settle(demand.velocity);
   // The velocity controller's integral takes over what the load takes of the torque loop's torque, not what accelerates
@@ -257,7 +254,6 @@ void Cascade::set_demand(const LoopDemand& demand) {
     handover_ = 0.0F;
   } else if (previous == Loop::torque) {
     forget_disturbance();
-    takes_over_ = false;
     integral_ = held_load_.load - feed_forward;
     handover_ = 0.0F;
     command_filter_.value = state_.velocity_counts_per_s;
@@ -374,17 +370,6 @@ void Cascade::run_position_loop(Counts position) {
   position_error_ = error;
   forward_velocity_ = velocity_forward_.apply(demand_.velocity);
   position_velocity_ = position_kp_ * error + velocity_feed_forward_ * forward_velocity_;
-  if (takes_over_) [[unlikely]]
-    go_on_with_torque(position_velocity_);
-}
-
-// Of take_over(), with the velocity that the velocity loop is told from now on, counts/s.
-[[gnu::noinline]] void Cascade::go_on_with_torque(float wanted) {
-  takes_over_ = false;
-  const float reference = clip(wanted, -demand_.velocity_limit_negative, demand_.velocity_limit_positive);
-  const float others =
-      velocity_kp_ * (setpoint_weight_ * reference - state_.velocity_counts_per_s) + feed_forward_ + handover_;
-  integral_ = clip(state_.torque_reference - others, std::min(integral_, 0.0F), std::max(integral_, 0.0F));
 }
 
 // While the axis rests, friction takes what torque there is: that says nothing of the load.

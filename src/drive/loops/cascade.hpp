@@ -80,9 +80,6 @@ class Cascade {
   void set_analysis(ResonanceAnalysis* analysis) { analysis_ = analysis; }
 
   void set_demand(const LoopDemand& demand);
-  // The next demand is where the shaft is, which did not follow the one before. What the integral held against that
-  // error would speed the shaft up: no more of it is kept than goes on with the torque there is.
-  void take_over() { takes_over_ = true; }
   const LoopDemand& demand() const { return demand_; }
 
   // Whether the next tick runs the position loop: the time to call set_demand.
@@ -117,7 +114,6 @@ class Cascade {
   void clear_controllers();
   void measure_velocity(Counts position);
   void run_position_loop(Counts position);
-  void go_on_with_torque(float wanted);
   void run_velocity_loop(const Feedback& feedback);
   void limit_braking(float dc_link_v);
   float filtered_velocity(float measured);
@@ -172,8 +168,7 @@ class Cascade {
   float position_error_ = 0.0F;     // counts, as the position loop saw it last
   float integral_ = 0.0F;           // of the velocity loop, fraction of rated torque
   float handover_ = 0.0F;           // likewise: torque of earlier gains that fades out
-  bool takes_over_ = false;
-  float feed_forward_ = 0.0F;  // torque, fraction of rated
+  float feed_forward_ = 0.0F;       // torque, fraction of rated
   float current_reference_a_ = 0.0F;
   float electrical_rad_per_s_ = 0.0F;
   SinCos half_tick_{0.0F, 1.0F};  // what the rotor turns by in half a tick

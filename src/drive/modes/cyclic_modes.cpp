@@ -9,11 +9,17 @@ namespace servodrome::drive {
 // --- Cyclic synchronous position
 
 void CyclicSyncPosition::enter(Axis& axis) {
+  follower_.stop();
+  held_offset_ = 0;
+  resume(axis);
+}
+
+// After a halt, whose end is no command: what a limit holds stays held.
+void CyclicSyncPosition::resume(Axis& axis) {
   axis.commanded.reset();
   axis.come_to_rest(RampShape::linear);
-  follower_.stop();
+  follower_.pause();
   axis.new_set_point = false;
-  held_offset_ = 0;
 }
 
 void CyclicSyncPosition::step(Axis& axis) {
@@ -29,20 +35,23 @@ void CyclicSyncPosition::step(Axis& axis) {
   follower_.step(axis);
   if (objects.velocity_offset != 0) {
     add_velocity_offset(axis);
-  } else {
-    held_offset_ = 0;
+  } else if (std::exchange(held_offset_, 0) != 0) {
+    axis.limited = false;
   }
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
 }
 
 // 60B1h goes to the velocity loop as it is, up to the greatest speed. It does not push the axis, which the position
-// loop holds, towards an active limit switch, nor when that opens again: the next value of 60B1h does.
+// loop holds, towards an active limit switch. When the switch opens, 60B1h is left out until it has another value.
 void CyclicSyncPosition::add_velocity_offset(Axis& axis) {
   const double offset = axis.units.velocity_to_counts(axis.objects.velocity_offset);
   const bool pushes = axis.active(offset < 0.0 ? Signal::negative_limit : Signal::positive_limit);
   if (pushes) held_offset_ = axis.objects.velocity_offset;
-  if (axis.objects.velocity_offset == held_offset_) return;
-  held_offset_ = 0;
+  if (axis.objects.velocity_offset == held_offset_) {
+    axis.limited = true;
+    return;
+  }
+  if (std::exchange(held_offset_, 0) != 0) axis.limited = false;
   const double sum = static_cast<double>(axis.demand.velocity) + offset;
   axis.demand.velocity = static_cast<float>(std::clamp(sum, -axis.greatest_velocity, axis.greatest_velocity));
 }

@@ -16,7 +16,7 @@ class CyclicSyncPosition {
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis& axis) { enter(axis); }
+  void resume(Axis& axis);
   void interrupt(Axis&, int direction) { follower_.hold(direction); }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
@@ -78,7 +78,8 @@ class InterpolatedPosition {
   bool lost_record() const { return lost_record_; }  // one was refused, since the buffer was cleared
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis&) { stop(); }
+  // Here and below: the end of a halt is no command, what a limit holds stays held.
+  void resume(Axis&) { following_ = bridging_ = false, demand_.restart(); }
   void interrupt(Axis&, int direction);
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
@@ -122,7 +123,7 @@ class SynchronousInterpolation {
   void data_record() { fresh_ = true; }  // 60C1h sub 1 was written
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis&) { disarm(); }
+  void resume(Axis&) { follower_.pause(), armed_ = false; }
   void interrupt(Axis&, int direction) { follower_.hold(direction); }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;

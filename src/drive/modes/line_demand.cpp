@@ -65,9 +65,13 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     const double before = std::exchange(velocity_, line_velocity + next.velocity);
     double from = line.fraction() + next.position;
     // Neither faster than the axis may be, which the line itself may be, nor than it can brake before a software limit
-    // at which the line ends.
+    // at which the line ends. Away from the line, which may end where it is, the demand only brakes: it waits till a
+    // line that comes towards it is a cycle away.
     const double steepest = std::max(limits.deceleration, axis.quick_stop_ramp());
-    const double most = std::min(greatest, axis.approach_velocity(velocity_, before, steepest));
+    const double approach = axis.approach_velocity(velocity_, steepest);
+    const double braked = before * velocity_ > 0.0 ? std::max(0.0, std::abs(before) - steepest * axis.cycle_s) : 0.0;
+    const bool flees = velocity_ * distance > 0.0 && std::abs(distance) > std::abs(line_velocity) * axis.cycle_s + 1.0;
+    const double most = approach == 0.0 || flees ? braked : std::min(greatest, approach);
     if (std::abs(velocity_) > most) {
       velocity_ = std::copysign(most, velocity_);
       from = static_cast<double>(generator.position() - line.now()) + generator.fraction() + velocity_ * axis.cycle_s;

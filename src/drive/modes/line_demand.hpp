@@ -16,6 +16,8 @@ class LineDemand {
   void stop() { *this = {}; }
   // A limit in the direction of `held`, -1 or +1, ended the motion.
   void hold(int held) { *this = {}, held_ = held; }
+  // Begins anew, and keeps to a limit that holds it.
+  void restart() { hold(held_); }
   // The demand is the line's, neither on its way there nor held at a limit.
   bool on_line() const { return !catching_up_ && held_ == 0; }
 

@@ -26,6 +26,7 @@ void ProfilePosition::enter(Axis& axis) {
   running_ = false;
   passing_ = false;
   acknowledge_ = false;
+  given_ = false;
   interrupted_ = !axis.generator.standing();  // the axis rests elsewhere than here
   target_reached_ = !interrupted_;
   window_.reset();
@@ -230,6 +231,7 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   running_set_point_ = set_point;
   running_set_point_.end_velocity = end_velocity;
   passing_ = false;
+  given_ = true;
   interrupted_ = !running_;
   target_reached_ = false;
   window_.reset();
@@ -339,8 +341,10 @@ void ProfilePosition::interrupt(Axis&, int) {
   interrupted_ = true;
 }
 
+// A set-point whose demand had ended counts as well: the shaft was not there yet, and the halt began with the shaft.
 void ProfilePosition::resume(Axis& axis) {
-  if (!running_) return;
+  const bool left = given_ && !interrupted_ && axis.generator.nearest_position() != target_;
+  if (!running_ && !left) return;
   const SetPoint rest = running_set_point_;
   const auto way = static_cast<double>(target_ - axis.generator.nearest_position());
   if (rest.end_velocity <= 0.0 || way * direction_ > 0.0) return plan(axis, rest, target_, false);

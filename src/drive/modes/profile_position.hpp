@@ -59,6 +59,7 @@ class ProfilePosition {
   SetPoint running_set_point_{};
   SetPoint immediate_{};
   bool immediate_pending_ = false;
+  bool given_ = false;  // a set-point, since the mode was entered
   bool running_ = false;
   bool passing_ = false;      // the running motion ends at profile velocity because the next set-point asked for it
   bool acknowledge_ = false;  // from the accepted edge of bit 4 until bit 4 falls

@@ -41,6 +41,8 @@ class SetPointFollower {
   void stop() { following_ = false, demand_.stop(); }
   // A limit in this direction, -1 or +1, ended the motion: see LineDemand::hold.
   void hold(int direction) { following_ = false, demand_.hold(direction); }
+  // As stop(), for a stop that is no command: a limit goes on to hold the axis.
+  void pause() { following_ = false, demand_.restart(); }
   bool on_line() const { return demand_.on_line(); }
   bool following() const { return following_; }
   // At the last target, with none expected this instant.

@@ -190,7 +190,7 @@ void Drive::enter_state(PowerState to) {
     switch_power(true);  // enabled again while the brake was closing
     axis_.take_over_actual();
   } else if (power && axis_.demand.loop != Loop::position) {
-    axis_.take_over_actual();
+    axis_.take_over_lagging();
   }
   if (to == PowerState::operation_enabled) {
     with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
@@ -227,7 +227,6 @@ void Drive::take_over_shaft() {
     axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
   } else {
     without_ramp ? axis_.take_over_actual() : axis_.take_over_lagging();
-    cascade_.take_over();
   }
   moved_demand_ = true;
   smoothed_loop_ = Loop::off;

@@ -1,0 +1,124 @@
+#include <algorithm>
+#include <cmath>
+#include <gtest/gtest.h>
+
+#include "reference_axis.hpp"
+
+// Cyclic targets and limits that change in motion, in orders that a manual does not show.
+namespace servodrome {
+namespace {
+
+using test::Reference;
+
+// A new 607Ah every millisecond, by `step` counts from the one before.
+void stream(Reference& axis, std::int32_t& target, std::int32_t step, int milliseconds) {
+  for (int i = 0; i < milliseconds; ++i) {
+    axis.set(0x607A, 0, target += step);
+    axis.run_ms(1);
+  }
+}
+
+TEST(CyclicPosition, WaitsForTargetsThatComeTowardsIt) {
+  for (const std::int64_t greatest_rpm : {1000, 6000}) {
+    SCOPED_TRACE(greatest_rpm);
+    Reference axis(8);
+    axis.set(0x6080, 0, greatest_rpm);
+    std::int32_t target = 1'000'000;
+    double least = 0.0;
+    for (int i = 0; i < 450; ++i) {
+      stream(axis, target, -2000, 1);
+      least = std::min(least, axis.turns());
+    }
+    for (int i = 0; i < 3000; ++i) {
+      axis.run_ms(1);
+      least = std::min(least, axis.turns());
+    }
+    EXPECT_GT(least, -0.01) << "every target was on the other side";
+    EXPECT_NEAR(axis.turns(), 100'000 / 131072.0, 0.001);
+  }
+}
+
+// The end of a halt is no command, and neither is a switch that opens.
+TEST(CyclicPosition, KeepsWhatALimitHoldsThroughAHalt) {
+  Reference axis(8);
+  std::int32_t target = 0;
+  stream(axis, target, 200, 200);
+  axis.plant.force_input(0, true);
+  stream(axis, target, 200, 200);
+  axis.plant.force_input(0, false);
+  const double held = axis.turns();
+  stream(axis, target, 200, 50);
+  axis.control(0x10F);
+  stream(axis, target, 200, 50);
+  axis.control(0x0F);
+  stream(axis, target, 200, 200);
+  EXPECT_NEAR(axis.turns(), held, 0.01);
+  target = static_cast<std::int32_t>(std::lround((held - 0.5) * 131072.0));
+  stream(axis, target, 0, 1000);
+  EXPECT_NEAR(axis.turns(), held - 0.5, 0.01) << "away from it at once";
+}
+
+TEST(VelocityOffset, IsLeftOutAfterASwitchUntilItHasAnotherValue) {
+  Reference axis(8);
+  axis.set(0x60B1, 0, 2'000'000);
+  axis.run_ms(200);
+  const double pushed = axis.turns();
+  EXPECT_GT(pushed, 0.05) << "in the position loop it moves the axis by a following error";
+  axis.plant.force_input(0, true);
+  axis.run_ms(300);
+  EXPECT_TRUE(axis.bit(11));
+  EXPECT_LT(axis.turns(), 0.5 * pushed);
+  const double held = axis.turns();
+  axis.plant.force_input(0, false);
+  axis.run_ms(100);
+  axis.control(0x10F);
+  axis.run_ms(100);
+  axis.control(0x0F);
+  axis.run_ms(200);
+  EXPECT_NEAR(axis.turns(), held, 0.01);
+  EXPECT_TRUE(axis.bit(11)) << "a limit keeps the offset out";
+  axis.set(0x60B1, 0, 2'000'001);
+  axis.run_ms(200);
+  EXPECT_GT(axis.turns(), 0.5 * pushed);
+  EXPECT_FALSE(axis.bit(11));
+}
+
+// Where the ramp of the lowered limit passes the threshold of 8400h, the speed ripples about it.
+TEST(MaximumMotorSpeed, LoweredInMotionIsNoOverSpeed) {
+  for (std::int64_t rpm = 40; rpm <= 90; rpm += 5) {
+    SCOPED_TRACE(rpm);
+    Reference axis(8);
+    axis.set(0x607A, 0, 600'000);
+    axis.run_ms(200);
+    ASSERT_GT(axis.turns_per_s(), 1.7);
+    axis.set(0x6080, 0, rpm);
+    axis.run_ms(600);
+    EXPECT_EQ(axis.get(0x603F, 0), 0);
+    EXPECT_NEAR(axis.turns_per_s() * 60.0, static_cast<double>(rpm), 3.0);
+  }
+}
+
+// The loop goes on without a step: the demand gets the distance that it has at this speed.
+TEST(ModeChange, FromTheVelocityLoopKeepsTheSpeed) {
+  for (const std::int64_t mode : {1, 8}) {
+    SCOPED_TRACE(mode);
+    Reference axis(9);
+    axis.set(0x6084, 0, 131072);
+    axis.set(0x60FF, 0, 131072 * 5);
+    axis.run_ms(500);
+    ASSERT_NEAR(axis.turns_per_s(), 5.0, 0.1);
+    axis.set(0x6060, 0, mode);
+    double least = 5.0;
+    double greatest = 5.0;
+    for (int i = 0; i < 200; ++i) {
+      axis.run_ms(1);
+      least = std::min(least, axis.turns_per_s());
+      greatest = std::max(greatest, axis.turns_per_s());
+    }
+    EXPECT_GT(least, 4.65) << "0.2 s of a ramp of 1 turn/s2 take 0.2 turns/s";
+    EXPECT_LT(greatest, 5.1);
+  }
+}
+
+}  // namespace
+}  // namespace servodrome
