@@ -149,9 +149,10 @@ void Watch::after_halt(const Demand& demand, double seconds) {
   const bool halt =
       (word & controlword::halt) != 0 && (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0;
   const bool ended = std::exchange(halted_, runs && halt) && runs && !halt;
-  const bool switched =
-      drive_.axis().active(drive::Signal::negative_limit) || drive_.axis().active(drive::Signal::positive_limit);
-  if (!ended || switched || !judgeable_ || acceleration_ <= 0.0) return;
+  const drive::Axis& axis = drive_.axis();
+  const bool held = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit) ||
+                    (axis.limited && axis.software_limits_active());  // a limit stops by a ramp of its own
+  if (!ended || held || !judgeable_ || acceleration_ <= 0.0) return;
   // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.
   const double off = std::abs(demand.velocity - velocity_);
   const double most = 0.06 * std::abs(velocity_) + 2.0 * still_rpm / 60.0 * counts_per_revolution_ + overshoot(-1.0) +
