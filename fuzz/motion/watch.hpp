@@ -116,6 +116,8 @@ class Watch {
   void stops();
   void limit_switches();
   bool swings_about_rest() const;
+  // The drive may have had a controlword between this look and the one before that is gone.
+  bool two_words() const { return asked_ == tick_ && around_->commanded >= tick_ - 1; }
   void software_limits();
   void set_points();
   void off_limit();
@@ -227,6 +229,7 @@ class Watch {
   };
   std::array<Border, 2> borders_{};
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
+  std::int64_t two_words_at_ = -1'000'000;
   unsigned stops_before_ = 0;  // what stopped the axis: a command, a switch
   std::int64_t stopped_since_ = 0;
   bool has_target_ = false;                  // a set-point of profile position, since the mode or the operation began

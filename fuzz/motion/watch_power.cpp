@@ -122,9 +122,7 @@ void Watch::states() {
   if (!allowed(before_, state_)) {
     return fail("wrong-transition", fmt::format("{} to {}", drive::name(before_), drive::name(state_)));
   }
-  // Of two words between two looks the first may have been the one that enables.
-  const bool two_words = asked_ == tick_ && around_->commanded >= tick_ - 1;
-  if (state_ == PowerState::operation_enabled && !two_words &&
+  if (state_ == PowerState::operation_enabled && !two_words() &&
       drive::command_of(objects_.controlword) != drive::Command::enable_operation) {
     fail("enabled-unasked", fmt::format("from {}, controlword {:04X}h", drive::name(before_), objects_.controlword));
   }

@@ -13,10 +13,14 @@ void Watch::stops() {
   const drive::Command command = drive::command_of(objects_.controlword);
   // A set-point that is given while the DC link charges counts with Operation enabled.
   const bool operates = state_ == PowerState::operation_enabled;
+  if (two_words()) two_words_at_ = tick_;
+  const drive::Generator& generator = drive_.axis().generator;
+  const bool lately_two_words = tick_ - two_words_at_ <= cycle_ticks;
+  const bool speeds_up = operates && generator.acceleration() * generator.velocity() > 0.0;
   if (mode_ != Mode::profile_position || mode_since_ == tick_ ||
       (!operates && before_ == PowerState::operation_enabled)) {
     has_target_ = false;
-  } else if ((objects_.controlword & controlword::mode_bit_4) != 0 ||
+  } else if ((objects_.controlword & controlword::mode_bit_4) != 0 || (lately_two_words && speeds_up) ||
              (operates && (objects_.statusword & drive::statusword::mode_bit_12) != 0)) {
     has_target_ = true;
   }
