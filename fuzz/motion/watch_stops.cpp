@@ -252,10 +252,12 @@ void Watch::software_limits() {
     // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
     const double tolerance = demanded ? slack + 0.002 * speed : way + slack;
     border.bound = std::max(at + tolerance, std::min(border.bound, reach));
-    // A demand that comes to a shaft which is already there leads it nowhere, and may rest there.
+    // A demand that comes to a shaft which is already there leads it nowhere. One that the shaft takes along may rest
+    // there.
     const bool leads = !demanded || place > direction * (offset + position_);
-    if (!leads) border.bound = std::max(border.bound, place);
-    if (place > border.bound) {
+    const bool taken_along = !leads && direction * static_cast<double>(axis.demand.velocity) <= 0.0;
+    if (taken_along) border.bound = std::max(border.bound, place);
+    if (place > border.bound && leads) {
       return fail("software-limit-passed",
                   fmt::format("{:.2f} revolutions beyond 607Dh, at {:.0f} rpm, mode {}",
                               (place - at) / counts_per_revolution_, rpm(velocity_), static_cast<int>(mode_)));
