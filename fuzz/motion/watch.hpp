@@ -226,6 +226,7 @@ class Watch {
     std::int64_t at = 0;
     double slope = 0.0;
     double bound = 0.0;
+    double own = 0.0;  // the demand's velocity towards the limit in its cycle before, counts/s
   };
   std::array<Border, 2> borders_{};
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }

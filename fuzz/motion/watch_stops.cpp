@@ -255,8 +255,12 @@ void Watch::software_limits() {
     // A demand that comes to a shaft which is already there leads it nowhere. One that the shaft takes along may rest
     // there.
     const bool leads = !demanded || place > direction * (offset + position_);
-    const bool taken_along = !leads && direction * static_cast<double>(axis.demand.velocity) <= 0.0;
-    if (taken_along) border.bound = std::max(border.bound, place);
+    if (demand_tick_ == tick_) {  // the last step of a line has the velocity of the one before
+      const double own = std::max(0.0, direction * static_cast<double>(axis.demand.velocity));
+      const bool taken_along =
+          !leads && direction * demand_speed_ > 1.05 * std::max(own, std::exchange(border.own, own));
+      if (taken_along) border.bound = std::max(border.bound, place);
+    }
     if (place > border.bound && leads) {
       return fail("software-limit-passed",
                   fmt::format("{:.2f} revolutions beyond 607Dh, at {:.0f} rpm, mode {}",

@@ -175,7 +175,8 @@ void Watch::off_limit() {
   if (std::abs(target - away_.from) > 0x40000000) return;  // which way round it is near is the product's choice
   const double ramp = slope() > 0.0 ? std::min(slope(), acceleration_) : acceleration_;
   const double passed = static_cast<double>(tick_ - away_.since) * tick_s;
-  if (passed > 0.2 + std::sqrt(0.5 * counts_per_revolution_ / ramp) && moved < 0.05 * counts_per_revolution_) {
+  const double period = objects_.interpolation_time_period_value * std::pow(10.0, objects_.interpolation_time_index);
+  if (passed > 0.2 + period + std::sqrt(0.5 * counts_per_revolution_ / ramp) && moved < 0.05 * counts_per_revolution_) {
     fail("no-way-off-limit",
          fmt::format("{:.2f} revolutions away {:.0f} ms after a target {:.2f} revolutions away, mode {}",
                      moved / counts_per_revolution_, 1000.0 * passed,

@@ -262,7 +262,8 @@ void ProfilePosition::step(Axis& axis) {
   } else if (count_ > 0 && (!running_ || (axis.generator.finished() && may_chain(axis)))) {
     const bool chained = running_;
     start(axis, pop(), chained);
-  } else if (count_ > 0 && queue_[head_].pass_previous && !passing_) {
+  } else if (count_ > 0 && queue_[head_].pass_previous && !passing_ &&
+             !axis.at_software_limit(axis.to_user_position(target_))) {
     const SetPoint& current = running_set_point_;
     axis.generator.move_to(target_, current.velocity,
                            axis.limits(current.velocity, current.acceleration, current.deceleration, current.jerk),
