@@ -189,8 +189,9 @@ void Watch::limit_switches() {
     const bool begins = (limit.swings && !swings) || (!limit.leads && led > 0.0);
     limit.swings = swings;
     limit.leads = led > 0.0;
-    if (begins && direction * velocity_ > 4.0 * still)
-      limit.furthest = std::max(limit.furthest, direction * position_ + stopping(velocity_, ramp).counts);
+    if (begins && (direction * velocity_ > 4.0 * still || direction * position_ > limit.furthest))
+      limit.furthest =
+          std::max(limit.furthest, direction * position_ + stopping(std::max(0.0, direction * velocity_), ramp).counts);
     const double beyond = rounding * std::max(0.0, limit.furthest - limit.from) +
                           (swings ? swing_revolutions * counts_per_revolution_ : 0.0);
     if (direction * position_ > limit.furthest + beyond) {
