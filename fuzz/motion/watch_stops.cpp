@@ -227,7 +227,7 @@ void Watch::software_limits() {
     borders_ = {};
     return;
   }
-  const double slope = limit_slope();
+  const double asked = limit_slope();
   const auto offset = static_cast<double>(drive_.position_offset());
   // In the position loop the demand is judged, which has no lag; else the shaft.
   const bool demanded = axis.demand.loop == Loop::position;
@@ -243,6 +243,8 @@ void Watch::software_limits() {
     const double shaft = direction * velocity_;
     const double led = std::max(direction * demand_speed_, direction * static_cast<double>(axis.demand.velocity));
     const double speed = std::max({0.0, demanded ? led : shaft, begins ? shaft : 0.0});
+    // A stop keeps the ramp that it began with when a steeper one is written.
+    const double slope = border.active && speed > 0.0 && border.slope > 0.0 ? std::min(asked, border.slope) : asked;
     const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
     const double reach = place + way + slack;
     if (!border.active || border.at != limit || border.demanded != demanded || slope < border.slope || begins ||
@@ -252,6 +254,7 @@ void Watch::software_limits() {
     }
     // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.
     const double tolerance = demanded ? slack + 0.002 * speed : way + slack;
+    border.slope = slope;
     border.bound = std::max(at + tolerance, std::min(border.bound, reach));
     // A demand that comes to a shaft which is already there leads it nowhere. One that the shaft takes along may rest
     // there.
