@@ -269,7 +269,8 @@ class Drive final : public dictionary::Listener {
   bool releasing_torque_ = false;  // the stop's first part: the torque of profile torque mode goes to zero
   Stop stop_ = Stop::power_off;
   Loop stop_loop_ = Loop::position;
-  double stop_direction_ = 0.0;  // its sign: that of the ramp's speed at its beginning
+  double stop_direction_ = 0.0;     // its sign: that of the ramp's speed at its beginning
+  double stop_deceleration_ = 0.0;  // of its ramp, as it was planned, counts/s^2
   Stage stage_ = Stage::off;
   std::uint32_t stage_cycles_ = 0;
   std::uint32_t brake_closed_cycles_ = 0;

@@ -294,6 +294,7 @@ void Drive::begin_ramp() {
     return;
   }
   stop_direction_ = axis_.generator.velocity();
+  stop_deceleration_ = deceleration;
   // A shaft that is faster than it may be comes down with the ramp: the loops follow it from there.
   axis_.greatest_velocity = std::max(axis_.greatest_velocity, std::abs(stop_direction_));
   axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
@@ -313,7 +314,7 @@ void Drive::keep_stop_within_limits() {
       policy_.limit_switches == LimitSwitches::stop && axis_.runs_into_limit_switch(axis_.generator.velocity());
   if (!at_switch && !axis_.near_software_limit(quick)) return;
   if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
-  if (quick <= deceleration_of(stop_)) return;
+  if (quick <= stop_deceleration_) return;
   stop_ = Stop::quick_stop_ramp;
   begin_ramp();
 }
