@@ -186,7 +186,7 @@ TEST(CyclicPositionJumps, JmcDisabledWithoutARampAfterThem) {
 
 struct ReferenceBus : test::EthercatRig<Generic402Ec> {
   struct Out {
-    static constexpr std::size_t controlword = 0, position = 2, velocity = 6, torque = 10, mode = 12;
+    static constexpr std::size_t controlword = 0, position = 2, velocity = 6, mode = 12;
   };
   void enable_in(std::int8_t mode) {
     to_pre_operational();
