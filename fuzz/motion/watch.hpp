@@ -215,7 +215,7 @@ class Watch {
     double furthest = 0.0;  // times the direction
     double slope = 0.0;     // the gentlest since the switch is active
     double from = 0.0;      // where the shaft was then, times the direction
-    double speed = 0.0;     // likewise
+    double speed = 0.0;     // of the shaft then, times the direction, counts/s
     bool leads = false;     // the demand, towards the switch
     bool swings = false;    // the shaft, about a demand that rests
   };

@@ -307,8 +307,8 @@ void Drive::change_mode() {
   set_mode(wanted);
   word_before_wait_ = axis_.controlword;  // an edge of bit 4 was meant for the mode before
   if (!running) return;
-  // The new mode goes on from how the axis moves now. Out of the position loop the demand has no place: that of the
-  // shaft, which it leads. So does what pressed against a hard stop, which would go on pressing.
+  // The new mode goes on from how the axis moves now. A velocity demand has no place: it gets that of the shaft, which
+  // it leads. A demand that pressed against a hard stop would go on pressing: it gets the shaft's place as well.
   take_over_shaft();
   if (pressed) axis_.take_over_actual();
   if (axis_.demand.loop == Loop::velocity) axis_.lead_shaft(axis_.generator.velocity());

@@ -56,8 +56,8 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     // all the same.
     MotionLimits limits = axis.catch_up_limits();
     limits.deceleration = axis.deceleration_before_limit(limits.deceleration);
-    const double towards = distance > 0.0 ? -line_velocity : line_velocity;  // of the line: positive, it runs away
-    limits.velocity = std::max(greatest - towards, least_share * greatest);
+    const double recedes = distance > 0.0 ? -line_velocity : line_velocity;  // speed of the line away from the axis
+    limits.velocity = std::max(greatest - recedes, least_share * greatest);
     Trajectory way;
     way.plan_position({distance, velocity_ - line_velocity, 0.0}, 0.0, 0.0, limits, RampShape::linear);
     const MotionState next = way.at(axis.cycle_s);
