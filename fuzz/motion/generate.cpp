@@ -516,7 +516,7 @@ class Generator {
 
   // Several steps that belong together, with time for what follows from them.
   void theme() {
-    static constexpr std::array<int, 14> themes{0, 1, 2, 3, 3, 4, 5, 6, 7, 8, 8, 9, 10, 11};
+    static constexpr std::array<int, 16> themes{0, 1, 2, 3, 3, 4, 5, 6, 7, 8, 8, 9, 10, 11, 12, 12};
     switch (random_.of(themes)) {
       case 0: {  // a ramp of zero, a motion, and the ramp restored
         static constexpr std::array<std::uint16_t, 5> ramps{0x6081, 0x6083, 0x6084, 0x6085, 0x609A};
@@ -710,6 +710,7 @@ class Generator {
         return wait(50, 150);
       }
       case 10: return far_first_target();
+      case 12: return interrupted_travel();
       case 11: {  // a halt that is taken back before the axis rests
         if (!set_mode(random_.chance(50) ? Mode::profile_position : Mode::profile_velocity)) return;
         write(0x605D, random_.within(1, 4));
@@ -808,6 +809,44 @@ class Generator {
     wait(20, 140);
     add({.kind = Kind::stream, .index = target_index(), .value = 0, .count = random_.within(10, 50)});
     wait(50, 150);
+  }
+
+  // A master's way from rest to rest in a cyclic mode, by steeper ramps than the profile's. A pause of its targets,
+  // late or lost, has the drive catch up with them.
+  void interrupted_travel() {
+    if (!set_mode(random_.chance(70) ? Mode::cyclic_sync_position : Mode::interpolated_position)) return;
+    const std::int64_t gentle = to_u32(variant().acceleration(5.0 + 45.0 * random_.unit()));
+    write(0x6083, std::max<std::int64_t>(1, gentle));
+    write(0x6084, std::max<std::int64_t>(1, random_.chance(70) ? gentle : gentle * 4));
+    add({.kind = Kind::enable});
+    wait(20, 140);
+    if (mode() == Mode::interpolated_position) control(0x1F);
+    add({.kind = Kind::write_here, .via = Via::pdo, .index = target_index(), .sub = target_sub(), .value = 0});
+    const double cycle_s = static_cast<double>(sequence_.cycle_us) * 1e-6;
+    const double speed = variant().max_speed_rpm / 60.0 * (0.1 + 0.4 * random_.unit());
+    const double step = variant().position((random_.chance(50) ? speed : -speed) * cycle_s);
+    const auto travel = [&](double share, std::int64_t milliseconds) {
+      const std::int64_t cycles = std::max<std::int64_t>(1, milliseconds * 1000 / sequence_.cycle_us);
+      add({.kind = Kind::stream, .index = target_index(), .value = to_i32(share * step), .count = cycles});
+      now_ += cycles * sequence_.cycle_us * ticks_per_ms / 1000;
+    };
+    const std::int64_t stairs = random_.within(4, 12);
+    const std::int64_t stair_ms = random_.within(2, 12);
+    const auto pause = [&] {
+      const std::int64_t cycles = random_.within(2, 60'000 / sequence_.cycle_us + 2);
+      if (random_.chance(50)) add({.kind = Kind::cycle, .value = 2, .count = cycles});
+      now_ += cycles * sequence_.cycle_us * ticks_per_ms / 1000;
+    };
+    const std::int64_t paused_at = random_.below(stairs + 2);
+    for (std::int64_t i = 1; i < stairs; ++i) {
+      travel(static_cast<double>(i) / static_cast<double>(stairs), stair_ms);
+      if (i == paused_at) pause();
+    }
+    travel(1.0, random_.within(5, 60));
+    if (paused_at >= stairs) pause();
+    travel(1.0, random_.within(5, 250));
+    for (std::int64_t i = stairs; --i > 0;) travel(static_cast<double>(i) / static_cast<double>(stairs), stair_ms);
+    wait(100, 900);
   }
 
   // A value that no master should write, to an object that moves the axis.

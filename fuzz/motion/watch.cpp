@@ -30,6 +30,9 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"target-missed", "a set-point that was taken ends at its target"},
     {"never-arrives", "... and it ends"},
     {"no-way-off-limit", "a relative set-point or a cyclic target away from an active limit switch is gone to"},
+    {"demand-beyond-targets",
+     "in cyclic position the demand stays between the targets, but for its way to rest at the beginning and one "
+     "period"},
     {"bus-overloaded", "drives with their factory settings leave room on the bus"},
     {"moves-unasked", "a resting axis moves only after a command"},
     {"let-go-in-motion", "power is not taken from a turning motor at the end of a stop with a ramp"},
@@ -102,6 +105,12 @@ double Watch::torque_acceleration() const {
   const double left = 0.8 * share - std::abs(around_->load_share) - 0.05;
   if (left <= 0.05) return 0.0;
   return left * rated_acceleration_;
+}
+
+// The shaft may brake hard, and be known late or by few lines of the encoder: a share of the motor's nameplate speed,
+// whatever 6080h makes of it.
+double Watch::unsure_speed() const {
+  return 0.02 * static_cast<double>(drive_.configuration().motor.max_speed_rpm) * counts_per_s_per_rpm_;
 }
 
 Watch::Ramp Watch::gentlest() const {
@@ -275,6 +284,7 @@ void Watch::look() {
     software_limits();
     set_points();
     off_limit();
+    beyond_targets();
     unasked();
     torque();
     bits();

@@ -99,6 +99,7 @@ class Watch {
   double torque_acceleration() const;    // counts/s^2 that the motor can give for certain; 0: none
   // The gentlest ramp that a stop may take, counts/s^2; 0: none is set.
   double slope() const { return ramp_set_.slope; }
+  double unsure_speed() const;    // how far the drive may be wrong about the shaft's speed, counts/s
   double steepest() const;        // the steepest ramp that is set, counts/s^2
   double limit_slope() const;     // ... before a limit
   double greatest_speed() const;  // counts/s
@@ -121,6 +122,7 @@ class Watch {
   void software_limits();
   void set_points();
   void off_limit();
+  void beyond_targets();
   void unasked();
   double ramp_way(double speed, double ramp) const;
   std::uint8_t communication_register();
@@ -226,9 +228,18 @@ class Watch {
     std::int64_t at = 0;
     double slope = 0.0;
     double bound = 0.0;
-    double own = 0.0;  // the demand's velocity towards the limit in its cycle before, counts/s
+    double own = 0.0;    // the demand's velocity towards the limit in its cycle before, counts/s
+    bool moves = false;  // the demand, a tick before
   };
   std::array<Border, 2> borders_{};
+  struct Targets {  // of cyclic position: what lies between them, and between them and where the demand began, counts
+    bool active = false;
+    double low = 0.0;
+    double high = 0.0;
+    double newest = 0.0;
+    double slope = 0.0;
+    bool round = false;  // the shorter way to one of them is round the 32 bits
+  } given_;
   bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
   std::int64_t two_words_at_ = -1'000'000;
   unsigned stops_before_ = 0;  // what stopped the axis: a command, a switch
@@ -245,6 +256,7 @@ class Watch {
     double over = 0.0;     // counts/s to come down
     double gaining = 0.0;  // counts/s^2 when it began
     double done = 0.0;     // share of the time that is enough
+    bool begun = false;
   } excess_;
   std::int64_t targets_ = 0;  // of a cyclic mode, since its demand begins anew
   std::uint64_t cyclic_target_ = 0;

@@ -71,17 +71,19 @@ void Watch::demand() {
   if (before.velocity == 0.0 && demand.velocity == 0.0) ramp_ = 0.0;
   const drive::Units& units = drive_.axis().units;
   ramp_ = std::max(ramp_, steepest());
-  const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || demand.velocity * before.velocity < 0.0;
+  const bool turns = demand.velocity * before.velocity < 0.0;
+  const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || turns;
   if (!gains) return;
   const bool starts_with_speed = drive_.policy().end_velocity_is_start && objects_.end_velocity != 0;
-  const double change = std::abs(demand.velocity - before.velocity);
+  // Where no ramp is left to brake with, the current limit does it: only what follows it is a ramp.
+  const drive::Axis& axis = drive_.axis();
+  const bool turns_at_once = turns && axis.profile_deceleration() <= 0.0 && axis.quick_stop_ramp() <= 0.0;
+  const double change = std::abs(demand.velocity - (turns_at_once ? 0.0 : before.velocity));
   // The cycle in which a plan begins, and rounding of a float.
   const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed();
-  // From the shaft's speed, which may brake hard and be known late, a ramp's step further: a share of the motor's
-  // nameplate speed, whatever 6080h makes of it.
-  const double unsure = 0.02 * static_cast<double>(drive_.configuration().motor.max_speed_rpm) / 60.0;
-  const bool taken_over = std::abs(demand.velocity - velocity_) <
-                          0.05 * std::abs(velocity_) + unsure * counts_per_revolution_ + overshoot(-1.0) + allowance;
+  // From the shaft's speed, a ramp's step further.
+  const bool taken_over =
+      std::abs(demand.velocity - velocity_) < 0.05 * std::abs(velocity_) + unsure_speed() + overshoot(-1.0) + allowance;
   const bool smoothed = drive_.configuration().smoothing_ms != 0 || drive_.configuration().position_lag_ms > 0.0F;
   if (change > allowance && !taken_over && !starts_with_speed && !smoothed) {
     return fail(
@@ -178,10 +180,12 @@ void Watch::speed_limits() {
   if (at_once_.active && at_once_.taken) most = std::min(most, at_once_.speed);
   const double speed = std::abs(now.loop == Loop::position ? demand_speed_ : static_cast<double>(now.velocity));
   const double over = speed - most;
-  if (over <= 0.02 * most + 0.002 * greatest_speed() || most != excess_.most) {
-    // A demand that is taken over from the shaft comes down from there.
-    const double excess = std::max({over, std::abs(velocity_) - most, 0.0});
-    excess_ = {tick_, most, excess, drive_.axis().generator.acceleration(), 0.0};
+  const bool within = over <= 0.02 * most + 0.002 * greatest_speed();
+  if (within || !excess_.begun || most != excess_.most) {
+    // A demand that is taken over from the shaft comes down from the speed that the drive measures.
+    const double shaft = std::abs(velocity_) - most;
+    const double measured = most != excess_.most ? over : std::min(over, shaft + unsure_speed());
+    excess_ = {tick_, most, std::max({measured, shaft, 0.0}), drive_.axis().generator.acceleration(), 0.0, !within};
     return;
   }
   // A motor without the torque for the ramp takes the demand along: then its torque is the ramp, and without any there

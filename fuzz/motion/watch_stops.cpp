@@ -68,7 +68,9 @@ void Watch::stops() {
     // its filter shows, a little late.
     const double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::max(fastest_[0], fastest_[1]);
     const Stopping stopping = this->stopping(speed, gentlest);
-    const bool turns = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && !swings_about_rest();
+    // What the drive measures is late, and a shaft that swings may have turned meanwhile.
+    const double unsure = 4.0 * still_rpm * counts_per_s_per_rpm_ + overshoot(-1.0);
+    const bool turns = std::abs(velocity_) > unsure && !swings_about_rest();
     const double direction = turns ? std::copysign(1.0, velocity_) : 0.0;
     const std::int64_t began = kind == stop_.kind ? stop_.began : tick_;
     stop_ = {kind,
@@ -177,14 +179,15 @@ void Watch::limit_switches() {
       continue;
     }
     limit.slope = ramp;
-    limit.furthest = std::min(limit.furthest, reach);
     constexpr double rounding = 0.005;  // of ways of many revolutions
     const drive::LoopDemand& demand = drive_.axis().demand;
     const double still = still_rpm * counts_per_s_per_rpm_;
     // The end of a filter's lag is no motion. Without a position loop the shaft swings back when the integral of a hard
     // stop unwinds.
-    const bool swings = std::abs(static_cast<double>(demand.velocity)) < still &&
+    const bool swings = led < still && (demanded || led > -still) &&
                         (!demanded || direction * static_cast<double>(demand.position) <= limit.furthest);
+    // A shaft that swings about a demand which leads nowhere comes back as far as it was.
+    if (!swings) limit.furthest = std::min(limit.furthest, reach);
     // A demand that moves again, or turns towards the switch, begins with what the shaft does, which may swing.
     const bool begins = (limit.swings && !swings) || (!limit.leads && led > 0.0);
     limit.swings = swings;
@@ -242,14 +245,18 @@ void Watch::software_limits() {
     // A demand that is taken over by a stop moves back, and goes on with its velocity.
     const double shaft = direction * velocity_;
     const double led = std::max(direction * demand_speed_, direction * static_cast<double>(axis.demand.velocity));
-    const double speed = std::max({0.0, demanded ? led : shaft, begins ? shaft : 0.0});
+    // A demand that moves again goes on with what the shaft does, which may swing about where it rested.
+    const bool moves = axis.demand.velocity != 0.0F;
+    const bool wakes = demanded && border.active && moves && !border.moves;
+    border.moves = moves;
+    const double speed = std::max({0.0, demanded ? led : shaft, begins || wakes ? shaft : 0.0});
     // A stop keeps the ramp that it began with when a steeper one is written.
     const double slope = border.active && speed > 0.0 && border.slope > 0.0 ? std::min(asked, border.slope) : asked;
     const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
     const double reach = place + way + slack;
     if (!border.active || border.at != limit || border.demanded != demanded || slope < border.slope || begins ||
-        !judgeable_ || tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
-      border = {true, demanded, limit, slope, std::max(at + slack, reach)};
+        wakes || !judgeable_ || tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
+      border = {true, demanded, limit, slope, std::max(at + slack, reach), 0.0, moves};
       continue;
     }
     // A demand in the velocity loop is braked when the shaft is there; a fault brakes from there as well.

@@ -95,8 +95,8 @@ void Watch::set_points() {
     if (drive_.in_motion()) set_point_.alone = tick_;
     return;
   }
-  // Anything else that is written may change the plan.
-  if (limited || around_->commanded > set_point_.since + ms(10)) {
+  // Anything else that is written may change the plan, and of two words the first may have stopped the axis.
+  if (limited || two_words() || around_->commanded > set_point_.since + ms(10)) {
     set_point_.active = false;
     set_point_.alone = tick_;
     return;
@@ -184,10 +184,70 @@ void Watch::off_limit() {
   }
 }
 
+// A demand that catches up with its targets passes none of them. One target that does not come is bridged.
+void Watch::beyond_targets() {
+  if (mode_ != Mode::cyclic_sync_position) {
+    given_.active = false;
+    return;
+  }
+  const drive::Axis& axis = drive_.axis();
+  const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
+                      axis.demand.loop == Loop::position && objects_.polarity == 0 && objects_.position_offset == 0 &&
+                      objects_.velocity_offset == 0 &&
+                      objects_.min_position_range_limit == objects_.max_position_range_limit;
+  const bool stops = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
+                     axis.active(drive::Signal::positive_limit) || axis.software_limits_active();
+  const auto place = static_cast<double>(axis.demand.position);
+  const double target = static_cast<double>(axis.units.to_counts(objects_.target_position)) -
+                        static_cast<double>(drive_.position_offset());
+  const bool begins = !given_.active || stops || tick_ - std::max(mode_since_, state_since_) < 2 * cycle_ticks;
+  constexpr double half_way_round = 0x40000000;  // which of the two ways is nearer is the product's choice
+  if (begins) given_.round = false;
+  given_.round |= std::abs(target - place) > half_way_round;
+  if (!judged || given_.round) {
+    given_.active = judged;
+    return;
+  }
+  const double speed = std::max(std::abs(velocity_), std::abs(static_cast<double>(axis.demand.velocity)));
+  const double step = target - given_.newest;
+  const double ramp = slope();
+  const bool turns = step * static_cast<double>(axis.demand.velocity) < 0.0;
+  if (begins) {
+    given_ = {.active = true,
+              .low = std::min(place, target),
+              .high = std::max(place, target),
+              .newest = target,
+              .slope = ramp};
+  }
+  if (begins || turns || ramp < given_.slope) {
+    // It may begin with the shaft, and brakes by the ramp of this moment.
+    const double way = ramp_way(speed, ramp) + lag(speed) + place_revolutions * counts_per_revolution_;
+    given_.low = std::min({given_.low, place - way, position_ - way});
+    given_.high = std::max({given_.high, place + way, position_ + way});
+  }
+  given_.slope = ramp;
+  if (step != 0.0) {
+    // One period is bridged. A target that is written between two others makes a speed that none of them has.
+    const double period = objects_.interpolation_time_period_value * std::pow(10.0, objects_.interpolation_time_index);
+    const double bridge = std::max(2.0 * std::abs(step), 1.1 * speed * period);
+    given_.low = std::min(given_.low, target - bridge);
+    given_.high = std::max(given_.high, target + bridge);
+    given_.newest = target;
+  }
+  const double beyond = std::max(given_.low - place, place - given_.high);
+  if (beyond > place_revolutions * counts_per_revolution_) {
+    fail("demand-beyond-targets", fmt::format("by {:.2f} revolutions, at {:.0f} rpm", beyond / counts_per_revolution_,
+                                              rpm(static_cast<double>(axis.demand.velocity))));
+  }
+}
+
 void Watch::unasked() {
+  // It waits for a line that comes towards it, which takes as long as the master says.
+  constexpr std::uint16_t follows = drive::statusword::mode_bit_12 | drive::statusword::internal_limit_active;
+  const bool awaits_line = mode_ == Mode::cyclic_sync_position && (objects_.statusword & follows) == 0;
   const bool open = mode_ == Mode::homing || mode_ == Mode::none || mode_ == Mode::interpolated_position ||
                     mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque ||
-                    mode_ == Mode::cyclic_sync_velocity || drive_.identification().running();
+                    mode_ == Mode::cyclic_sync_velocity || drive_.identification().running() || awaits_line;
   if (!judgeable_ || !pwm_ || open || state_ != PowerState::operation_enabled ||
       tick_ - std::max(pwm_since_, mode_since_) < ms(50)) {
     rest_ = position_;

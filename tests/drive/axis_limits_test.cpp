@@ -268,11 +268,13 @@ TEST_F(LimitedAxis, CyclicTargetsGoTheShorterWayRoundTheRange) {
                                                                                                    {5, 725, 725}})) {
     EXPECT_EQ(resolve_cyclic_target(axis, user, last), target) << user << " after " << last;
   }
-  // Round the 32 bits of 607Ah where there is no range.
+  // Round the 32 bits of 607Ah where there is no range, from where the axis is sent now.
   objects.max_position_range_limit = 0;
   constexpr std::int64_t turn = std::int64_t{1} << 32;
-  EXPECT_EQ(resolve_cyclic_target(axis, -(turn / 2), turn / 2 - 1), turn / 2);
-  EXPECT_EQ(resolve_cyclic_target(axis, 7, 3 * turn), 3 * turn + 7);
+  axis.generator.reset(turn / 2 - 1);
+  EXPECT_EQ(resolve_cyclic_target(axis, -(turn / 2), 0), turn / 2);
+  axis.generator.reset(3 * turn);
+  EXPECT_EQ(resolve_cyclic_target(axis, 7, 0), 3 * turn + 7);
 }
 
 TEST_F(LimitedAxis, AMissingTargetIsBridgedUnlessItWasAJump) {

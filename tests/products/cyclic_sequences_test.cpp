@@ -38,6 +38,73 @@ TEST(CyclicPosition, WaitsForTargetsThatComeTowardsIt) {
   }
 }
 
+// A stream that pauses is caught up with by the ramps of the profile, and may come to its end by steeper ones
+// meanwhile.
+TEST(CyclicPosition, DoesNotPassALineThatEndsWhileItIsCaughtUpWith) {
+  for (const int cruise_ms : {50, 150, 300, 450, 900}) {
+    for (const bool lost : {false, true}) {  // or late
+      SCOPED_TRACE(cruise_ms);
+      SCOPED_TRACE(lost);
+      Reference axis(8);
+      axis.set(0x6083, 0, 25 * 131072);
+      axis.set(0x6084, 0, 25 * 131072);
+      constexpr double most = 10 * 131.072;            // counts/ms
+      constexpr double ramp = 100 * 131.072 / 1000.0;  // counts/ms^2
+      constexpr auto ramp_ms = static_cast<int>(most / ramp);
+      double speed = 0.0;
+      double target = 0.0;
+      double furthest = 0.0;
+      const auto cycle = [&](bool arrives) {
+        target += speed;
+        if (arrives) axis.set(0x607A, 0, std::llround(target));
+        axis.run_ms(1);
+        furthest = std::max(furthest, axis.turns());
+      };
+      for (int i = 0; i < ramp_ms; ++i) speed += ramp, cycle(true);
+      for (int i = 0; i < 100; ++i) cycle(true);
+      for (int i = 0; i < 20; ++i) lost ? cycle(false) : axis.run_ms(1);
+      for (int i = 0; i < cruise_ms; ++i) cycle(true);
+      for (int i = 0; i < ramp_ms; ++i) speed -= ramp, cycle(true);
+      for (int i = 0; i < 3000; ++i) axis.run_ms(1), furthest = std::max(furthest, axis.turns());
+      EXPECT_LT(furthest, target / 131072.0 + 0.05);
+      EXPECT_NEAR(axis.turns(), target / 131072.0, 0.001);
+    }
+  }
+}
+
+// Targets that come before they are due slow their line down more and more. It comes from behind the axis.
+TEST(CyclicPosition, WaitsForALineWhoseTargetLiesOnTheOtherSide) {
+  Reference axis(8);
+  axis.set(0x607A, 0, -20'000'000);
+  axis.run_ms(145);
+  axis.set(0x60C2, 1, 230);
+  std::int32_t target = 0;
+  stream(axis, target, 0, 300);
+  const double rested = axis.turns();
+  ASSERT_LT(rested, -0.05);
+  double least = rested;
+  for (int i = 0; i < 3000; ++i) {
+    stream(axis, target, 0, 1);
+    least = std::min(least, axis.turns());
+  }
+  EXPECT_GT(least, rested - 0.01);
+  EXPECT_NEAR(axis.turns(), 0.0, 0.01);
+}
+
+TEST(CyclicPosition, GoesTheShorterWayRoundFromWhereItIs) {
+  Reference axis(8);
+  axis.set(0x607A, 0, 2'147'483'640);
+  axis.run_ms(50);
+  axis.set(0x607A, 0, -260);  // nearer to the target before by an overflow
+  double furthest = axis.turns();
+  for (int i = 0; i < 3000; ++i) {
+    axis.run_ms(1);
+    furthest = std::max(furthest, axis.turns());
+  }
+  EXPECT_LT(furthest, 0.5);
+  EXPECT_NEAR(axis.turns(), -260 / 131072.0, 0.001);
+}
+
 // The end of a halt is no command, and neither is a switch that opens.
 TEST(CyclicPosition, KeepsWhatALimitHoldsThroughAHalt) {
   Reference axis(8);

@@ -1,5 +1,7 @@
 #include "drive/modes/line_demand.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace servodrome::drive {
@@ -25,8 +27,20 @@ void LineDemand::begin(const Axis& axis, Line& line, Counts target, double cycle
   if (!catching_up_) line.stand(generator.position(), generator.fraction());
 }
 
+// The line, `distance` away, was as fast as `before`, as far as the axis may be, and slows down: the demand slows down
+// as much, if it is too fast now for its own ramp to end at the line.
+void LineDemand::slow_with_line(double distance, double line_velocity, double before, double deceleration) {
+  const double closes = velocity_ - line_velocity;
+  if (closes * distance >= 0.0 || closes * velocity_ <= 0.0 || before * velocity_ <= 0.0) return;
+  const double slower = std::abs(before) - std::max(0.0, std::copysign(1.0, before) * line_velocity);
+  const double excess = std::abs(closes) - std::sqrt(2.0 * deceleration * std::abs(distance));
+  const double least = std::min({slower, excess, std::abs(velocity_)});
+  if (least > 0.0) velocity_ -= std::copysign(least, velocity_);
+}
+
 void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
   Generator& generator = axis.generator;
+  const double line_before = std::exchange(line_velocity_, line_velocity);
   // From where the line would have been a cycle ago, had it always been as fast as it is now: a line that ends in this
   // cycle stands, so that its last step belongs to the distance.
   const double step = -distance_to(axis, line);
@@ -58,6 +72,7 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     limits.deceleration = axis.deceleration_before_limit(limits.deceleration);
     const double recedes = distance > 0.0 ? -line_velocity : line_velocity;  // speed of the line away from the axis
     limits.velocity = std::max(greatest - recedes, least_share * greatest);
+    slow_with_line(distance, line_velocity, std::clamp(line_before, -greatest, greatest), limits.deceleration);
     Trajectory way;
     way.plan_position({distance, velocity_ - line_velocity, 0.0}, 0.0, 0.0, limits, RampShape::linear);
     const MotionState next = way.at(axis.cycle_s);
@@ -65,12 +80,15 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     const double before = std::exchange(velocity_, line_velocity + next.velocity);
     double from = line.fraction() + next.position;
     // Neither faster than the axis may be, which the line itself may be, nor than it can brake before a software limit
-    // at which the line ends. Away from the line, which may end where it is, the demand only brakes: it waits till a
-    // line that comes towards it is a cycle away.
+    // at which the line ends. Away from the line, which may end where it is, or from the target, at which it ends, the
+    // demand only brakes: it waits till a line that comes towards it is a cycle away.
     const double steepest = std::max(limits.deceleration, axis.quick_stop_ramp());
     const double approach = axis.approach_velocity(velocity_, steepest);
     const double braked = before * velocity_ > 0.0 ? std::max(0.0, std::abs(before) - steepest * axis.cycle_s) : 0.0;
-    const bool flees = velocity_ * distance > 0.0 && std::abs(distance) > std::abs(line_velocity) * axis.cycle_s + 1.0;
+    const auto leaves = [&](double from_there) {
+      return velocity_ * from_there > 0.0 && std::abs(from_there) > std::abs(line_velocity) * axis.cycle_s + 1.0;
+    };
+    const bool flees = leaves(distance) || leaves(static_cast<double>(generator.position() - line.target()));
     const double most = approach == 0.0 || flees ? braked : std::min(greatest, approach);
     if (std::abs(velocity_) > most) {
       velocity_ = std::copysign(most, velocity_);

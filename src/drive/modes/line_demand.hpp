@@ -9,8 +9,9 @@ namespace servodrome::drive {
 //
 // As a rule it is the line. A line that begins far away (the mode was entered with an old target, or a halt or a limit
 // held the axis while the master went on), or that is faster than the axis may be, is caught up with: the demand is the
-// line plus a distance, which goes to zero within Axis::catch_up_limits. After a limit ended the motion, the demand
-// stands until the line lies on the side of it that leads away from the limit, whether the limit is still there or not.
+// line plus a distance, which goes to zero within Axis::catch_up_limits; a line that slows down by a steeper ramp
+// meanwhile takes the demand along, which would pass it. After a limit ended the motion, the demand stands until the
+// line lies on the side of it that leads away from the limit, whether the limit is still there or not.
 class LineDemand {
  public:
   void stop() { *this = {}; }
@@ -39,10 +40,12 @@ class LineDemand {
   // Of the demand from the line, counts.
   static double distance_to(const Axis& axis, const Line& line);
   void lead(Axis& axis, const Line& line, double line_velocity);
+  void slow_with_line(double distance, double line_velocity, double before, double deceleration);
 
   int held_ = 0;
   bool catching_up_ = false;
-  double velocity_ = 0.0;  // of the demand while it catches up, counts/s
+  double velocity_ = 0.0;       // of the demand while it catches up, counts/s
+  double line_velocity_ = 0.0;  // in the cycle before, counts/s
 };
 
 }  // namespace servodrome::drive

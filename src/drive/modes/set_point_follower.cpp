@@ -34,7 +34,7 @@ constexpr double shortest_line = 0.25;  // cycles
 
 }  // namespace
 
-// The counts of a target in user units, for an axis that was sent to `last` before.
+// The counts of a target in user units. `last` is the target before.
 Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
   axis.limited = false;
   axis.commanded = user;
@@ -46,16 +46,17 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
     axis.limited = clipped != user;
     user = clipped;
   }
-  // A cyclic target never asks for half a turn in one cycle: the nearer of the two ways round the range 607Bh, or round
-  // the 32 bits of the object.
-  const std::int64_t now = axis.units.to_user(last);
+  // A cyclic target never asks for half a turn in one cycle: the nearer of the two ways round the range 607Bh, from the
+  // target before, or round the 32 bits of the object, from where the axis is sent now.
   if (const std::int64_t range = axis.position_range(); range != 0) {
+    const std::int64_t now = axis.units.to_user(last);
     std::int64_t distance = (user - now) % range;
     if (distance > range / 2) distance -= range;
     if (distance < -(range / 2)) distance += range;
     if (axis.limits_bound_range()) distance = user - axis.to_user_position(last);  // the other way is forbidden
     user = now + distance;
   } else if (!limits) {
+    const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
     user = now + wrap_to_32_bits(user - now);
   }
   return axis.units.to_counts(user);
