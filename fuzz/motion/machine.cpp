@@ -423,7 +423,7 @@ class Life::Machine final : public FrameListener {
   bool enable_all(int milliseconds) {
     for (AxisState& state : axes_) {
       state.enabling = true;
-      state.enabling_until = tick_ + (milliseconds + 300) * ticks_per_ms + longest_braking;
+      state.enabling_until = tick_ + (milliseconds + 600) * ticks_per_ms + longest_braking;
     }
     int braking = 0;  // ticks: a stop takes as long as its ramp
     for (int t = 0; t < milliseconds * ticks_per_ms && !all_enabled(); ++t) {
@@ -469,6 +469,8 @@ class Life::Machine final : public FrameListener {
     }
     if (!run_for(100) || !enable_all(1500)) return false;
     if (!enable_all(300)) return false;  // one whose fault has only just gone is on its way
+    const auto is_on_its_way = [](const auto& one) { return one->device().drive().axis().objects.error_code == 0; };
+    if (std::any_of(line_.axes().begin(), line_.axes().end(), is_on_its_way) && !enable_all(300)) return false;
     for (std::size_t i = 0; i < axes_.size(); ++i) {
       const drive::Drive& drive = axis(i).device().drive();
       if (drive.state() == drive::PowerState::operation_enabled) continue;

@@ -94,7 +94,7 @@ void Watch::demand() {
   double most = greatest_speed();
   if (objects_.max_profile_velocity != 0) most = std::min(most, objects_.max_profile_velocity * units.velocity);
   if (std::abs(demand.velocity) > most * 1.001 + 1e-4 * greatest_speed() && !taken_over &&
-      tick_ - around_->commanded > 2 * cycle_ticks && mode_ == Mode::profile_velocity) {
+      tick_ - around_->commanded > 2 * cycle_ticks && mode_ == Mode::profile_velocity && !ramp_set_.shaped) {
     fail("demand-too-fast", fmt::format("{:.1f} rpm and growing, {:.1f} are allowed", rpm(demand.velocity), rpm(most)));
   }
 }

@@ -132,6 +132,9 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
     // two a TPDO may have shown what no tick ends with.
     const bool lately = std::max(shown.tick, asked_) >= now - ms(1);
     if (lately && ((shown.statusword ^ word) & 0x006F) == 0) return;
+    // A quick stop of an axis that rests may be over before the tick is.
+    if (lately && (word & 0x006F) == 0x0007 && drive::command_of(objects_.controlword) == drive::Command::quick_stop)
+      return;
     if (shown.tick < now - ms(3)) {
       return fail(
           "stale-statusword",

@@ -51,8 +51,10 @@ void Watch::stops() {
       (around_->injected & spoils_motion) != 0 || around_->locked)
     kind = StopKind::none;
   told_ = kind;
-  // What slows down by a torque slope first goes on being driven meanwhile.
-  if (mode_ == Mode::profile_torque && objects_.torque_slope != 0) kind = StopKind::none;
+  // What slows down by a torque slope first goes on being driven meanwhile, also in another mode.
+  const bool releases = mode_ == Mode::profile_torque && objects_.torque_slope != 0;
+  if (releases || kind != torque_stop_) torque_stop_ = releases ? kind : StopKind::none;
+  if (torque_stop_ != StopKind::none) kind = StopKind::none;
   if (kind == StopKind::none && stop_.kind == StopKind::none) return;
   // A limit switch releases what it holds, and homing goes on where it was.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
@@ -151,7 +153,10 @@ void Watch::limit_switches() {
     const double direction = i == 0 ? -1.0 : 1.0;
     const bool closed = (inputs & (i == 0 ? negative_wire_ : positive_wire_)) != 0;
     const bool signal = drive_.axis().active(i == 0 ? drive::Signal::negative_limit : drive::Signal::positive_limit);
-    const bool active = closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none;
+    // Under torque the switch bounds the speed, which a load on the axis has for as long as the loop's integral needs.
+    const bool loaded = drive_.axis().demand.loop == Loop::torque && around_->load_share != 0.0;
+    const bool active =
+        closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none && !loaded;
     Limit& limit = limits_[i];
     if (!active) {  // a bounce lets a stop go on with the ramp that it has
       limit = {.slope = moves ? limit.slope : 0.0};
@@ -222,8 +227,9 @@ void Watch::software_limits() {
       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
        mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
+  const bool at_switch = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
   const unsigned stops = (told_to_stop() ? 1u : 0u) | (axis.active(drive::Signal::negative_limit) ? 2u : 0u) |
-                         (axis.active(drive::Signal::positive_limit) ? 4u : 0u);
+                         (axis.active(drive::Signal::positive_limit) ? 4u : 0u) | (at_switch && axis.limited ? 8u : 0u);
   if ((stops & ~std::exchange(stops_before_, stops)) != 0) stopped_since_ = tick_;
   const bool begins = stops != 0 && tick_ - stopped_since_ <= demand_cycle();  // the drive hears of it with its cycle
   if (!applies) {

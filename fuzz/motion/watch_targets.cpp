@@ -109,7 +109,9 @@ void Watch::set_points() {
   const double seconds = static_cast<double>(tick_ - set_point_.since) * tick_s;
   const bool reached = (objects_.statusword & drive::statusword::target_reached) != 0 && !drive_.in_motion();
   const double beside = std::abs(position_ - set_point_.target);
-  set_point_.reached = reached ? set_point_.reached + 1 : 0;
+  // A motor without the torque for its ramps comes later than its demand.
+  const bool rests = std::abs(velocity_) < still_rpm * counts_per_s_per_rpm_;
+  set_point_.reached = reached && rests ? set_point_.reached + 1 : 0;
   if (set_point_.reached > ms(80) || seconds > set_point_.seconds) {
     set_point_.active = false;
     const bool arrived = beside < 2.0 * place_revolutions * counts_per_revolution_;
@@ -210,7 +212,7 @@ void Watch::beyond_targets() {
   }
   const double speed = std::max(std::abs(velocity_), std::abs(static_cast<double>(axis.demand.velocity)));
   const double step = target - given_.newest;
-  const double ramp = slope();
+  const double ramp = axis.profile_deceleration();
   const bool turns = step * static_cast<double>(axis.demand.velocity) < 0.0;
   if (begins) {
     given_ = {.active = true,
@@ -219,17 +221,19 @@ void Watch::beyond_targets() {
               .newest = target,
               .slope = ramp};
   }
-  if (begins || turns || ramp < given_.slope) {
+  const bool gentler = ramp > 0.0 && (given_.slope <= 0.0 || ramp < given_.slope);  // 0: the current limit
+  if (begins || turns || gentler) {
     // It may begin with the shaft, and brakes by the ramp of this moment.
-    const double way = ramp_way(speed, ramp) + lag(speed) + place_revolutions * counts_per_revolution_;
+    const double way = ramp_way(speed, slope()) + lag(speed) + place_revolutions * counts_per_revolution_;
     given_.low = std::min({given_.low, place - way, position_ - way});
     given_.high = std::max({given_.high, place + way, position_ + way});
   }
   given_.slope = ramp;
   if (step != 0.0) {
-    // One period is bridged. A target that is written between two others makes a speed that none of them has.
+    // One period is bridged, after a cycle or two that the target may be late. A target that is written between two
+    // others makes a speed that none of them has.
     const double period = objects_.interpolation_time_period_value * std::pow(10.0, objects_.interpolation_time_index);
-    const double bridge = std::max(2.0 * std::abs(step), 1.1 * speed * period);
+    const double bridge = std::max(2.0 * std::abs(step), speed * (1.1 * period + 0.002));
     given_.low = std::min(given_.low, target - bridge);
     given_.high = std::max(given_.high, target + bridge);
     given_.newest = target;

@@ -28,12 +28,13 @@ void LineDemand::begin(const Axis& axis, Line& line, Counts target, double cycle
 }
 
 // The line, `distance` away, was as fast as `before`, as far as the axis may be, and slows down: the demand slows down
-// as much, if it is too fast now for its own ramp to end at the line.
+// as much, if it is too fast now for its own ramp to end at the line, or has passed it, as at the end of a bridge.
 void LineDemand::slow_with_line(double distance, double line_velocity, double before, double deceleration) {
   const double closes = velocity_ - line_velocity;
-  if (closes * distance >= 0.0 || closes * velocity_ <= 0.0 || before * velocity_ <= 0.0) return;
+  if (closes * velocity_ <= 0.0 || before * velocity_ <= 0.0) return;
   const double slower = std::abs(before) - std::max(0.0, std::copysign(1.0, before) * line_velocity);
-  const double excess = std::abs(closes) - std::sqrt(2.0 * deceleration * std::abs(distance));
+  const double way = distance * velocity_ < 0.0 ? std::abs(distance) : 0.0;
+  const double excess = std::abs(closes) - std::sqrt(2.0 * deceleration * way);
   const double least = std::min({slower, excess, std::abs(velocity_)});
   if (least > 0.0) velocity_ -= std::copysign(least, velocity_);
 }
