@@ -9,9 +9,9 @@ namespace servodrome::drive {
 //
 // As a rule it is the line. A line that begins far away (the mode was entered with an old target, or a halt or a limit
 // held the axis while the master went on), or that is faster than the axis may be, is caught up with: the demand is the
-// line plus a distance, which goes to zero within Axis::catch_up_limits; a line that slows down by a steeper ramp
-// meanwhile takes the demand along, which would pass it. After a limit ended the motion, the demand stands until the
-// line lies on the side of it that leads away from the limit, whether the limit is still there or not.
+// line plus a distance, which goes to zero within Axis::catch_up_limits. If the line slows down by a steeper ramp
+// meanwhile, the demand slows down with it, so as not to pass it. After a limit ended the motion, the demand stands
+// until the line lies on the side of it that leads away from the limit, whether the limit is still there or not.
 class LineDemand {
  public:
   void stop() { *this = {}; }
