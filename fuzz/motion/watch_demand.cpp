@@ -152,8 +152,8 @@ void Watch::after_halt(const Demand& demand, double seconds) {
       (word & controlword::halt) != 0 && (drive_.policy().modes_without_halt & drive::mode_bit(mode_)) == 0;
   const bool ended = std::exchange(halted_, runs && halt) && runs && !halt;
   const drive::Axis& axis = drive_.axis();
-  const bool held = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit) ||
-                    (axis.limited && axis.software_limits_active());  // a limit stops by a ramp of its own
+  const bool held =
+      axis.at_limit_switch() || (axis.limited && axis.software_limits_active());  // a limit stops by a ramp of its own
   if (!ended || held || !judgeable_ || acceleration_ <= 0.0) return;
   // The drive's speed is a cycle old, and a shaft that follows its demand does so within 5 %.
   const double off = std::abs(demand.velocity - velocity_);

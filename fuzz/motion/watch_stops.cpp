@@ -180,7 +180,9 @@ void Watch::limit_switches() {
     // Without torque nothing brakes. A gentler ramp that is written meanwhile is that of the next stop.
     if (!limit.active || (chosen && stop_.since == tick_) || unknown || !judgeable_ || mode_since_ == tick_ ||
         acceleration_ <= 0.0 || ramp < limit.slope) {
-      limit = {true, reach, ramp, direction * position_, direction * velocity_};
+      // The ramp of a stop goes on while the bench holds the shaft, which has its speed again afterwards.
+      const double began = !demanded && limit.active ? limit.speed : 0.0;
+      limit = {true, reach, ramp, direction * position_, std::max(direction * velocity_, began)};
       continue;
     }
     limit.slope = ramp;
@@ -227,7 +229,7 @@ void Watch::software_limits() {
       (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
        mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
-  const bool at_switch = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
+  const bool at_switch = axis.at_limit_switch();
   const unsigned stops = (told_to_stop() ? 1u : 0u) | (axis.active(drive::Signal::negative_limit) ? 2u : 0u) |
                          (axis.active(drive::Signal::positive_limit) ? 4u : 0u) | (at_switch && axis.limited ? 8u : 0u);
   if ((stops & ~std::exchange(stops_before_, stops)) != 0) stopped_since_ = tick_;

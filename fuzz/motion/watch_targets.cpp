@@ -27,7 +27,7 @@ void Watch::set_points() {
   const auto offset = static_cast<double>(drive_.position_offset());
   const bool changed = objects_.target_position != target_before_;
   target_before_ = objects_.target_position;
-  const bool at_switch = axis.active(drive::Signal::negative_limit) || axis.active(drive::Signal::positive_limit);
+  const bool at_switch = axis.at_limit_switch();
   const bool bounded = axis.software_limits_active() && drive_.policy().out_of_limits != drive::OutOfLimits::fault;
   const bool limited = at_switch || (axis.software_limits_active() && !bounded);
   if (edge) {

@@ -123,6 +123,7 @@ struct Configuration {
   Counts homing_retraction = 0;
   std::uint32_t homing_timeout_ms = 0;
 
+  bool smooths() const { return smoothing_ms != 0 || position_lag_ms > 0.0F; }
   // The wires whose edges are those of the level that a cycle sees.
   std::uint32_t inputs_without_capture() const { return input_filter_cycles != 0 ? 0xFFFFFFFF : bus_inputs; }
   bool knows_load() const {
@@ -374,6 +375,7 @@ struct Axis {
     const auto ahead = static_cast<double>(generator.nearest_position() - position());
     return moved * ahead > 0.0 ? moved : 0.0;
   }
+  bool at_limit_switch() const { return active(Signal::negative_limit) || active(Signal::positive_limit); }
   // Towards an active limit switch.
   bool runs_into_limit_switch(double direction) const {
     return (active(Signal::negative_limit) && direction < 0.0) || (active(Signal::positive_limit) && direction > 0.0);

@@ -65,6 +65,7 @@ void Drive::set_rates() {
 }
 
 bool Drive::set_units() {
+  greatest_of_rpm_.reset();
   axis_.units.counts_per_revolution = axis_.configuration.motor.counts_per_revolution;
   units_valid_ = policy_.units == nullptr || policy_.units(axis_.objects, axis_.configuration.motor, axis_.units);
   return units_valid_;
@@ -243,11 +244,12 @@ void Drive::cycle(const Feedback& feedback) {
     handle_command(command_of(axis_.controlword));  // of a master that did not wait
   }
   change_mode();
-  update_greatest_velocity();
+  if (!holds_greatest_velocity()) update_greatest_velocity();
   step_dc_link();
   if (axis_.active(Signal::quick_stop) && state_ == PowerState::operation_enabled) handle_command(Command::quick_stop);
   step_power();
-  const std::optional<std::int64_t> stood_at = standing_demand();
+  const bool smooths = axis_.configuration.smooths() || smoothing_pending_;
+  const std::optional<std::int64_t> stood_at = smooths ? standing_demand() : std::nullopt;
   if (stage_ == Stage::on) {
     run_mode();
   } else if (zero_speed_) {
@@ -264,7 +266,11 @@ void Drive::cycle(const Feedback& feedback) {
     raise(axis_.raised);
     axis_.raised = Cause::none;
   }
-  smooth_demand(stood_at);
+  if (smooths) {
+    smooth_demand(stood_at);
+  } else {
+    smoothed_loop_ = Loop::off;
+  }
   hold_by_current();
   set_limits();
   write_actuation();
@@ -296,9 +302,7 @@ void Drive::set_mode(Mode mode) {
   }
 }
 
-void Drive::change_mode() {
-  const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
-  if (wanted == mode_ || (wanted == Mode::none && policy_.mode_zero_keeps)) return;
+void Drive::enter_mode(Mode wanted) {
   const bool pressed = mode_ == Mode::homing && homing_mode_.pressing();
   homing_mode_.abort();
   homing_mode_.forget_error(axis_);

@@ -201,7 +201,11 @@ class Drive final : public dictionary::Listener {
   void capture_edges(const Feedback& feedback);
   void note_edge(const SignalEdge& edge);
   void note_level_edges(std::uint32_t changed);
-  void change_mode();
+  void change_mode() {
+    const auto wanted = static_cast<Mode>(axis_.objects.modes_of_operation);
+    if (wanted != mode_ && (wanted != Mode::none || !policy_.mode_zero_keeps)) enter_mode(wanted);
+  }
+  void enter_mode(Mode wanted);
   void run_mode();
   void limit_switches(Counts before);
   bool pushes_limit_switch(Counts before) const;
@@ -217,6 +221,11 @@ class Drive final : public dictionary::Listener {
   void smooth_demand(std::optional<std::int64_t> from);
   float known_load();  // torque, fraction of rated
   void hold_by_current();
+  // As in nearly all cycles: it is what is set, nothing of it was written, and no shaft turns without power.
+  bool holds_greatest_velocity() const {
+    return axis_.objects.max_motor_speed_rpm == greatest_of_rpm_ && axis_.greatest_velocity == set_greatest_velocity_ &&
+           (energised() || axis_.velocity() == 0.0);
+  }
   void update_greatest_velocity();
   void set_limits();
   void write_actuation();
@@ -262,8 +271,9 @@ class Drive final : public dictionary::Listener {
   PendingTransition pending_{};
   bool stopping_ = false;  // the generator runs a stop instead of the mode
   bool halted_ = false;
-  bool limit_stop_ = false;             // a limit switch is the reason of the stop
-  double set_greatest_velocity_ = 0.0;  // counts/s, of the cycle before
+  bool limit_stop_ = false;                         // a limit switch is the reason of the stop
+  double set_greatest_velocity_ = 0.0;              // counts/s, of the cycle before
+  std::optional<std::uint32_t> greatest_of_rpm_{};  // 6080h in it; empty: units or motor have changed since
   bool moved_demand_ = false;  // the demand was put elsewhere: the loops' following error is that of the old place
   bool held_by_current_ = false;
   bool releasing_torque_ = false;  // the stop's first part: the torque of profile torque mode goes to zero
@@ -292,7 +302,6 @@ class Drive final : public dictionary::Listener {
   const FaultRow* shown_fault_ = nullptr;
   bool multi_turn_cleared_ = false;
 
-  MovingAverage smoothing_{};
   LagFilter lag_{};
   Loop smoothed_loop_ = Loop::off;  // of the demand that is averaged
   Smoothing smoothing_by_{};
@@ -319,12 +328,14 @@ class Drive final : public dictionary::Listener {
   float dc_link_rise_v_ = 0.0F;  // in the last cycle
   float winding_temperature_c_ = 0.0F;
   float power_stage_temperature_c_ = 0.0F;
-  std::array<SignalEdge, edge_capacity> edges_{};
-  std::size_t edge_count_ = 0;
+  std::size_t edge_count_ = 0;     // of edges_
   std::uint32_t tripped_ = 0;      // HardwareFault bits since the last cycle
   std::uint32_t comparators_ = 0;  // HardwareFault bits of those that the product has
   std::uint32_t look_at_ = 0;      // for an open phase, by the ticks of the cascade
   Rates rates_{0, 0};              // in force
+  // Large, and seldom used: apart from what each cycle needs.
+  std::array<SignalEdge, edge_capacity> edges_{};  // since the last cycle
+  MovingAverage smoothing_{};
 };
 
 }  // namespace servodrome::drive

@@ -1,3 +1,4 @@
+#include "drive/rounding.hpp"
 #include "drive/with_mode.hpp"
 
 // What stands between a mode's demand and the loops: limits, smoothing, holding at standstill.
@@ -14,7 +15,7 @@ constexpr std::uint32_t lagging_modes =
 // Towards an active limit switch: by the demand's velocity, in torque control by the torque. A position demand that
 // comes back to the shaft, as at the end of a stream of targets, does not push.
 bool Drive::pushes_limit_switch(Counts before) const {
-  if (!axis_.active(Signal::negative_limit) && !axis_.active(Signal::positive_limit)) return false;
+  if (!axis_.at_limit_switch()) return false;
   const LoopDemand& demand = axis_.demand;
   const double towards =
       demand.loop == Loop::torque ? static_cast<double>(demand.torque) : axis_.demand_direction(before);
@@ -34,10 +35,12 @@ void Drive::limit_switches(Counts before) {
   }
   if (axis_.demand.loop == Loop::torque) return;
   const double velocity = axis_.generator.velocity();
+  const bool bounds_velocity = axis_.demand.loop == Loop::velocity && velocity != 0.0;
+  if (!bounds_velocity && !axis_.at_limit_switch()) return;
   const double quick = quick_stop_deceleration();
   const double moves = axis_.demand_direction(before);
   bool blocked = axis_.runs_into_limit_switch(moves);
-  if (axis_.demand.loop == Loop::velocity && velocity != 0.0) {
+  if (bounds_velocity) {
     const bool near = axis_.near_software_limit(quick);
     axis_.stopped_at = !near ? 0 : velocity < 0.0 ? -1 : 1;
     blocked |= near;
@@ -84,7 +87,7 @@ std::optional<std::int64_t> Drive::standing_demand() const {
   const Generator& generator = axis_.generator;
   if (!generator.standing()) return {};
   return (generator.position() - axis_.offset) * smoothed_unit +
-         std::llround(generator.fraction() * static_cast<double>(smoothed_unit));
+         round_to_integer(generator.fraction() * static_cast<double>(smoothed_unit));
 }
 
 // A filter delays a demand and never moves it by itself: it begins where the demand stands, and so does what is written
@@ -101,9 +104,9 @@ void Drive::smooth_demand(std::optional<std::int64_t> from) {
   }
   const bool position = demand.loop == Loop::position;
   constexpr double unit = smoothed_unit;
-  const std::int64_t value =
-      position ? demand.position * smoothed_unit + std::llround(static_cast<double>(demand.position_fraction) * unit)
-               : std::llround(static_cast<double>(demand.velocity) * unit);
+  const std::int64_t value = position ? demand.position * smoothed_unit +
+                                            round_to_integer(static_cast<double>(demand.position_fraction) * unit)
+                                      : round_to_integer(static_cast<double>(demand.velocity) * unit);
   const bool held = held_by_current_ && position;
   if (!runs && (held || smoothed_loop_ != demand.loop || !(asked == smoothing_by_))) {
     if (held) from = value;  // a shaft that slipped is taken over where it is
@@ -161,6 +164,7 @@ float Drive::known_load() {
 // shaft that is faster when power comes.
 void Drive::update_greatest_velocity() {
   const double set = axis_.max_velocity(false);
+  greatest_of_rpm_ = axis_.objects.max_motor_speed_rpm;
   double& now = axis_.greatest_velocity;
   if (!energised()) {
     now = std::max(set, std::abs(axis_.turning_velocity()));

@@ -1,7 +1,5 @@
 #include "drive/generator.hpp"
 
-#include <cmath>
-
 namespace servodrome::drive {
 
 void Generator::start_from(Counts position, double velocity) { place(position, 0.0, velocity); }
@@ -37,9 +35,9 @@ Trajectory::Result Generator::plan_position(MotionState state, double gone_s, Co
 // so at once; a plan that keeps to the jerk would take that acceleration for one that it has to take back.
 Counts Generator::rebase(MotionState& state, RampShape shape) const {
   if (shape == RampShape::jerk_limited && trajectory_.shape() != RampShape::jerk_limited) state.acceleration = 0.0;
-  const double whole = std::floor(state.position);
-  state.position -= whole;
-  return base_ + static_cast<Counts>(whole);
+  const Counts whole = floor_to_integer(state.position);
+  state.position -= static_cast<double>(whole);
+  return base_ + whole;
 }
 
 Trajectory::Result Generator::move_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape) {
@@ -72,9 +70,5 @@ void Generator::step(double cycle_seconds) {
   state_ = trajectory_.at(elapsed_s_);
   finished_ = elapsed_s_ >= trajectory_.duration_s();
 }
-
-Counts Generator::position() const { return base_ + static_cast<Counts>(std::floor(state_.position)); }
-double Generator::fraction() const { return state_.position - std::floor(state_.position); }
-Counts Generator::nearest_position() const { return base_ + std::llround(state_.position); }
 
 }  // namespace servodrome::drive

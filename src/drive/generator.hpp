@@ -1,5 +1,6 @@
 #pragma once
 
+#include "drive/rounding.hpp"
 #include "drive/trajectory/trajectory.hpp"
 #include "drive/units.hpp"
 
@@ -36,9 +37,9 @@ class Generator {
   bool finished() const { return finished_; }
   bool standing() const { return finished_ && state_.velocity == 0.0; }
 
-  Counts position() const;          // rounded down
-  double fraction() const;          // 0 .. 1, what `position` leaves out
-  Counts nearest_position() const;  // rounded to the nearest count
+  Counts position() const { return base_ + floor_to_integer(state_.position); }
+  double fraction() const { return fraction_of(state_.position); }  // 0 .. 1, what `position` leaves out
+  Counts nearest_position() const { return base_ + round_to_integer(state_.position); }
   double velocity() const { return state_.velocity; }
   double acceleration() const { return state_.acceleration; }
   double duration_s() const { return trajectory_.duration_s(); }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "drive/rounding.hpp"
 #include "drive/with_mode.hpp"
 
 // The drive as owner of dictionary objects: what a write means, and values computed when they are read.
@@ -30,10 +31,7 @@ Integer saturated(double value) {
   constexpr double high = static_cast<double>(std::numeric_limits<Integer>::max());
   if (!(value > low)) return std::numeric_limits<Integer>::min();
   if (value >= high) return std::numeric_limits<Integer>::max();
-  // As std::llround, halves away from zero, without the call.
-  const auto whole = static_cast<std::int64_t>(value);
-  const double rest = value - static_cast<double>(whole);
-  return static_cast<Integer>(whole + (rest >= 0.5 ? 1 : rest <= -0.5 ? -1 : 0));
+  return static_cast<Integer>(round_to_integer(value));
 }
 
 std::int64_t number(const Entry& entry, Value value) { return dictionary::decode_number(entry.type, value); }

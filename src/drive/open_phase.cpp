@@ -38,13 +38,14 @@ void OpenPhase::configure(const MotorData& motor) {
   standing_counts_ = static_cast<Counts>(motor.counts_per_revolution) / (4 * motor.pole_pairs);
 }
 
-void OpenPhase::reset() {
+void OpenPhase::forget() {
   watched_ = {};
   window_samples_ = 0;
-  open_ = false;
+  open_ = looked_ = false;
 }
 
 void OpenPhase::look(const Sample& sample) {
+  looked_ = true;
   look_turning(sample);
   look_standing(sample);
 }

@@ -29,7 +29,9 @@ class OpenPhase {
   };
 
   void configure(const MotorData& motor);
-  void reset();
+  void reset() {
+    if (looked_) forget();
+  }
   void look(const Sample& sample);
   // Ticks from one look to the next.
   std::uint32_t next_look() { return pattern[turn_++ % pattern.size()]; }
@@ -44,6 +46,7 @@ class OpenPhase {
     float most_a = 0.0F;        // of the window
     float volts = 0.0F;         // sum over it
   };
+  void forget();
   void look_turning(const Sample& sample);
   void look_standing(const Sample& sample);
   void begin_window(const Sample& sample);
@@ -51,6 +54,7 @@ class OpenPhase {
   std::uint8_t turn_ = 0;
   std::uint8_t phases_ = 3;
   bool open_ = false;
+  bool looked_ = false;  // since reset()
   std::array<Watched, 3> watched_{};
   std::uint32_t window_samples_ = 0;
   Counts lowest_ = 0;

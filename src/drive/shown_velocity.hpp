@@ -70,7 +70,6 @@ class ShownVelocity {
     if (difference_ == 0 && std::abs(filtered_) < 0.5 * smallest) filtered_ = 0.0;
   }
 
-  std::array<Counts, 2 * longest> edges_{};  // a ring of the last 2 `window_`; `next_` is the oldest
   std::size_t window_ = 8;
   std::size_t next_ = 0;
   Counts edge_ = 0;
@@ -79,6 +78,7 @@ class ShownVelocity {
   double filter_gain_ = 1.0;
   double filtered_ = 0.0;  // counts per cycle
   bool measuring_ = false;
+  std::array<Counts, 2 * longest> edges_{};  // a ring of the last 2 `window_`; `next_` is the oldest
 };
 
 }  // namespace servodrome::drive

@@ -152,13 +152,15 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   if (objects.max_motor_speed_rpm != 0 && monitors.over_speed_by_object) {
     over_speed_rpm = std::min(over_speed_rpm, 1.2F * static_cast<float>(objects.max_motor_speed_rpm));
   }
-  // One that is lowered in motion is watched once the shaft has been well below it, ripple included; till then that of
-  // before.
+  // A lower one is watched once the shaft has kept well below it, ripple included, and longer than it takes to swing
+  // through zero; till then that of before.
   constexpr float well_below = 0.9F;
+  constexpr std::uint32_t kept_ms = 100;
   const auto above = [&axis](float speed_rpm) {
     return std::abs(axis.velocity()) > axis.rpm_to_counts_per_s(static_cast<double>(speed_rpm));
   };
-  if (over_speed_rpm >= over_speed_rpm_ || !above(well_below * over_speed_rpm)) over_speed_rpm_ = over_speed_rpm;
+  const bool kept = axis.lasts(!above(well_below * over_speed_rpm), kept_below_, kept_ms);
+  if (over_speed_rpm >= over_speed_rpm_ || kept) over_speed_rpm_ = over_speed_rpm;
   // An encoder that was away shows the way of meanwhile as a speed.
   if (above(over_speed_rpm_) && encoder_cycles_ == 0) present_.set(Cause::over_speed);
 

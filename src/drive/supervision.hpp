@@ -59,6 +59,7 @@ class Supervision {
   OpenPhase open_phase_{};
   std::uint32_t last_signals_ = 0;
   float over_speed_rpm_ = 0.0F;  // that is watched
+  Dwell kept_below_{};           // ... what is set
   Counts brake_position_ = 0;
   Counts index_position_ = 0;  // where the last index pulse was
   bool brake_was_closed_ = false;

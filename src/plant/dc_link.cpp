@@ -34,6 +34,8 @@ void DcLink::discharge() {
   set_connected(false);
 }
 
+void DcLink::step_alone(double power_w, bool chopper_on) { exchange(power_w + standby_power(), chopper_on); }
+
 void DcLink::set_connected(bool connected) {
   connected_ = connected;
   source_v_ = connected ? supply_v_ : 0.0;

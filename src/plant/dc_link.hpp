@@ -20,9 +20,23 @@ class DcLink {
   void step(double power_w, bool chopper_on, bool connected) {
     if (connected != connected_) [[unlikely]]
       set_connected(connected);
+    if (volts_ > source_v_) [[unlikely]]
+      return step_alone(power_w, chopper_on);
+    exchange(power_w, chopper_on);
+  }
+
+  void set_supply_v(double volts);
+  void discharge();  // at once, relay open
+
+  double volts() const { return volts_; }
+  double supplied_j() const { return supplied_j_; }
+  double chopped_j() const { return chopped_j_; }
+  double standby_j() const { return standby_j_; }
+  double stored_j() const { return half_capacitance_ * volts_ * volts_; }
+
+ private:
+  void exchange(double power_w, bool chopper_on) {
     const double start_v = volts_;
-    if (start_v > source_v_) [[unlikely]]
-      power_w += standby_power();
     const double keep = chopper_on ? chopper_keep_ : bleeder_keep_;
     const double kept_v = start_v * keep;
     chopped_j_ += half_capacitance_ * (start_v - kept_v) * (start_v + kept_v);
@@ -47,17 +61,7 @@ class DcLink {
     if (precharging_) [[unlikely]]
       end_precharge();
   }
-
-  void set_supply_v(double volts);
-  void discharge();  // at once, relay open
-
-  double volts() const { return volts_; }
-  double supplied_j() const { return supplied_j_; }
-  double chopped_j() const { return chopped_j_; }
-  double standby_j() const { return standby_j_; }
-  double stored_j() const { return half_capacitance_ * volts_ * volts_; }
-
- private:
+  void step_alone(double power_w, bool chopper_on);  // above the source's voltage, which carries nothing then
   void set_connected(bool connected);
   double standby_power() {  // of this tick, W: no more than there is
     const double energy_j = std::min(standby_w_ * drive::tick_seconds, stored_j());
@@ -77,10 +81,10 @@ class DcLink {
   double half_capacitance_;
   double supplied_j_ = 0.0;
   double chopped_j_ = 0.0;
-  double standby_j_ = 0.0;  // of the electronics, out of the capacitor
   bool connected_ = false;
   bool precharging_ = false;
 
+  double standby_j_ = 0.0;  // of the electronics, out of the capacitor
   double supply_v_;
   double standby_w_;
   double source_resistance_;

@@ -277,19 +277,24 @@ TEST_F(LimitedAxis, CyclicTargetsGoTheShorterWayRoundTheRange) {
   EXPECT_EQ(resolve_cyclic_target(axis, 7, 0), 3 * turn + 7);
 }
 
-TEST_F(LimitedAxis, AMissingTargetIsBridgedUnlessItWasAJump) {
-  axis.configuration.motor.max_speed_rpm = 6000.0F;  // a jump is a tenth of it: 30 counts per cycle
-  EXPECT_EQ(bridging_rate(axis, 10.0, 10.0), 10.0);
-  EXPECT_EQ(bridging_rate(axis, 10.0, 12.0), 12.0) << "as fast, not faster";
-  EXPECT_EQ(bridging_rate(axis, 10.0, 8.0), 6.0) << "slowing down goes on";
-  EXPECT_EQ(bridging_rate(axis, -10.0, -8.0), -6.0);
-  EXPECT_EQ(bridging_rate(axis, 10.0, 5.0), 0.0) << "down to rest";
-  EXPECT_EQ(bridging_rate(axis, 10.0, 4.0), 0.0);
-  EXPECT_EQ(bridging_rate(axis, 0.0, 8.0), 8.0);
-  EXPECT_EQ(bridging_rate(axis, -10.0, 8.0), 8.0) << "turned round";
-  EXPECT_EQ(bridging_rate(axis, 0.0, 30.0), 30.0);
-  EXPECT_EQ(bridging_rate(axis, 0.0, 31.0), 0.0) << "a jump";
-  EXPECT_EQ(bridging_rate(axis, 0.0, -31.0), 0.0);
+TEST(BridgingRate, IsTheSpeedOfTheLineLessWhatItWasSlowingDown) {
+  EXPECT_EQ(bridging_rate(10.0, 10.0), 10.0);
+  EXPECT_EQ(bridging_rate(10.0, 12.0), 12.0) << "as fast, not faster";
+  EXPECT_EQ(bridging_rate(10.0, 8.0), 6.0) << "slowing down goes on";
+  EXPECT_EQ(bridging_rate(-10.0, -8.0), -6.0);
+  EXPECT_EQ(bridging_rate(10.0, 5.0), 0.0) << "down to rest";
+  EXPECT_EQ(bridging_rate(10.0, 4.0), 0.0);
+  EXPECT_EQ(bridging_rate(0.0, 8.0), 8.0);
+  EXPECT_EQ(bridging_rate(-10.0, 8.0), 8.0) << "turned round";
+}
+
+TEST_F(LimitedAxis, AStepOfTheSpeedIsAJumpFromATenthOfTheGreatestSpeed) {
+  axis.configuration.motor.max_speed_rpm = 6000.0F;  // 300 counts per cycle
+  EXPECT_FALSE(LineDemand::jumps(axis, 30.0 / axis.cycle_s));
+  EXPECT_TRUE(LineDemand::jumps(axis, 31.0 / axis.cycle_s));
+  EXPECT_TRUE(LineDemand::jumps(axis, -31.0 / axis.cycle_s));
+  axis.objects.max_motor_speed_rpm = 600;
+  EXPECT_TRUE(LineDemand::jumps(axis, 4.0 / axis.cycle_s));
 }
 
 TEST_F(LimitedAxis, TargetsAreGivenUpWhereTheLimitsCameInBetween) {

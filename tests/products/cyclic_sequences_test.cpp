@@ -165,6 +165,37 @@ TEST(MaximumMotorSpeed, LoweredInMotionIsNoOverSpeed) {
   }
 }
 
+// The stream ends while the limit still comes down: the demand stands, and the shaft swings back to it through zero.
+TEST(MaximumMotorSpeed, LoweredUnderAStreamThatEndsIsNoOverSpeed) {
+  for (const int more_ms : {2, 6, 12, 20, 40}) {
+    SCOPED_TRACE(more_ms);
+    Reference axis(8);
+    std::int32_t target = 0;
+    for (std::int32_t step = 0; step < 4000; step += 50) stream(axis, target, step, 1);
+    stream(axis, target, 4000, 100);
+    ASSERT_NEAR(axis.turns_per_s(), 30.5, 1.0);
+    axis.set(0x6080, 0, 310);
+    stream(axis, target, 4000, more_ms);
+    axis.run_ms(3000);
+    EXPECT_EQ(axis.get(0x603F, 0), 0);
+    EXPECT_NEAR(axis.turns(), target / 131072.0, 0.01);
+  }
+}
+
+// ... and once the shaft rests, the lower limit is what is watched.
+TEST(MaximumMotorSpeed, IsWatchedOnceTheShaftHasKeptToIt) {
+  Reference axis(9);
+  axis.set(0x60FF, 0, 131072 * 5);
+  axis.run_ms(500);
+  axis.set(0x6080, 0, 60);
+  axis.run_ms(2000);
+  ASSERT_NEAR(axis.turns_per_s(), 1.0, 0.05);
+  axis.set(0x6072, 0, 100);
+  axis.plant.set_external_torque_nm(0.5);
+  for (int i = 0; i < 300 && axis.get(0x603F, 0) == 0; ++i) axis.run_ms(1);
+  EXPECT_EQ(axis.get(0x603F, 0), 0x8400);
+}
+
 // The loop goes on without a step: the demand gets the distance that it has at this speed.
 TEST(ModeChange, FromTheVelocityLoopKeepsTheSpeed) {
   for (const std::int64_t mode : {1, 8}) {

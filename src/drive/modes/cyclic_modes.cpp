@@ -186,7 +186,8 @@ void InterpolatedPosition::take_record(Axis& axis) {
     line_.chain(target, period);
   }
   regular_ = following_ && !waited_;
-  bridge_ = regular_ ? bridging_rate(axis, before, line_.rate()) : 0.0;
+  const bool jumps = LineDemand::jumps(axis, (line_.rate() - before) / axis.cycle_s);
+  bridge_ = regular_ && !jumps ? bridging_rate(before, line_.rate()) : 0.0;
   target_ = target;
   following_ = true;
   waited_ = bridging_ = false;

@@ -1,7 +1,6 @@
 #pragma once
 
-#include <cmath>
-
+#include "drive/rounding.hpp"
 #include "drive/units.hpp"
 
 namespace servodrome::drive {
@@ -18,9 +17,9 @@ class Line {
   }
   // Leads from the present place to `to`, to be there `cycles` >= 1 cycles from now.
   void go(Counts to, double cycles) {
-    const double whole = std::floor(place_);
-    from_ += static_cast<Counts>(whole);
-    start_ = place_ -= whole;
+    const Counts whole = floor_to_integer(place_);
+    from_ += whole;
+    start_ = place_ -= static_cast<double>(whole);
     begin(to, cycles, 0.0);
   }
   // Leads from the end of this line, at the time of that end, to `to`.
@@ -47,8 +46,8 @@ class Line {
   bool ends_in_next_cycle() const { return elapsed_ + 1.0 > duration_; }
   double remaining() const { return duration_ - elapsed_; }  // cycles
   Counts target() const { return to_; }
-  Counts now() const { return from_ + static_cast<Counts>(std::floor(place_)); }
-  double fraction() const { return place_ - std::floor(place_); }
+  Counts now() const { return from_ + floor_to_integer(place_); }
+  double fraction() const { return fraction_of(place_); }
   double rate() const { return rate_; }  // counts per cycle
 
  private:

@@ -23,7 +23,9 @@ class LineDemand {
   bool on_line() const { return !catching_up_ && held_ == 0; }
 
   // Whether such a step of the speed, counts/s, is a jump rather than a motion that begins.
-  static bool jumps(const Axis& axis, double step) { return std::abs(step) > jump_share * axis.max_velocity(false); }
+  static bool jumps(const Axis& axis, double step) {
+    return step != 0.0 && std::abs(step) > jump_share * axis.max_velocity(false);
+  }
   // Puts `line` where it begins: at the axis, or, if `target` is too far to be reached in `cycles`, at the target.
   void begin(const Axis& axis, Line& line, Counts target, double cycles);
   // One cycle: puts the generator and the loops' demand where they belong. `step` takes the line one cycle on and tells

@@ -22,7 +22,7 @@ namespace {
 
 // How early or late a cyclic target may be, in cycles. A target is on time in the first cycle at or after it is due.
 constexpr double jitter = 1.0;
-bool too_late(double due) { return std::ceil(due) < -jitter; }
+constexpr bool too_late(double due) { return due <= -jitter - 1.0; }
 // Of the mean time of the targets: how far it may be off, in cycles (a period that is no multiple of the cycle makes up
 // to a half), and what one target counts for it.
 constexpr double phase_slack = 0.6;
@@ -69,8 +69,7 @@ void await_target(Axis& axis) {
   axis.follow_generator(Loop::position);
 }
 
-double bridging_rate(const Axis& axis, double before, double rate) {
-  if (LineDemand::jumps(axis, (rate - before) / axis.cycle_s)) return 0.0;
+double bridging_rate(double before, double rate) {
   if (before * rate <= 0.0 || std::abs(rate) >= std::abs(before)) return rate;
   const double slower = 2.0 * rate - before;
   return slower * rate > 0.0 ? slower : 0.0;
@@ -148,8 +147,8 @@ void SetPointFollower::lead_to(Axis& axis, std::int64_t user) {
   const double before = line_.rate();
   target_ = resolve_cyclic_target(axis, user, target_);
   line_.go(target_, due_);
-  bridge_ = regular_ ? bridging_rate(axis, before, line_.rate()) : 0.0;
   streams_ = regular_ && !LineDemand::jumps(axis, (line_.rate() - before) / axis.cycle_s);
+  bridge_ = streams_ ? bridging_rate(before, line_.rate()) : 0.0;
 }
 
 // The axis ran on for the time that the next target might have been late.
@@ -165,7 +164,7 @@ void SetPointFollower::step(Axis& axis) {
   if (following_ && given_up_at_limits(axis, target_)) stop();
   if (!following_) return await_target(axis);
   const bool streamed = streams_;
-  if (streamed && std::ceil(due_) <= -jitter) await_late_target(axis);
+  if (streamed && due_ <= -jitter) await_late_target(axis);
   if (streams_ && line_.ends_in_next_cycle() && runs_beyond_limits(axis, line_)) streams_ = false;
   if (streamed && !streams_) end_bridge(axis, line_, demand_, target_, period_.cycles(axis));
   due_ -= 1.0;

@@ -81,8 +81,8 @@ class SetPointFollower {
 
 // How fast an axis runs on, counts per cycle, in place of the target after a line of the speed `rate`, which follows
 // one of the speed `before`: as fast, less what it was slowing down, so that a motion that came to its end goes no
-// further. 0 where the line was a jump: its speed has nothing to do with that of the one before.
-double bridging_rate(const Axis& axis, double before, double rate);
+// further. Not for a line that is a jump: its speed has nothing to do with that of the one before.
+double bridging_rate(double before, double rate);
 // Ends such a bridge: the axis stands, and goes back to `target` on `line` in `cycles`, or as it catches up.
 void end_bridge(Axis& axis, Line& line, LineDemand& demand, Counts target, double cycles);
 // Whether a line that stands for a missing set-point leaves the software limits in the next cycle.

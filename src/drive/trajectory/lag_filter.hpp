@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "drive/rounding.hpp"
+
 namespace servodrome::drive {
 
 // First-order lag of integers, as a position command is smoothed with it: no run however long loses a unit, and an
@@ -15,7 +17,7 @@ class LagFilter {
   double gain() const { return gain_; }
   std::int64_t update(std::int64_t input) {
     const std::int64_t distance = input - value_;
-    std::int64_t step = std::llround(gain_ * static_cast<double>(distance));
+    std::int64_t step = round_to_integer(gain_ * static_cast<double>(distance));
     if (step == 0 && distance != 0) step = distance > 0 ? 1 : -1;
     value_ += step;
     return value_;
