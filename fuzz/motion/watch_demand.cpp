@@ -58,7 +58,7 @@ void Watch::demand() {
   }
   if (demand.loop == Loop::position && before.loop == Loop::position)
     first_target(before.velocity, demand.velocity, seconds);
-  after_halt(demand, seconds);
+  if (!between) after_halt(demand, seconds);  // till the next cycle the loops have not heard of it
   // Profile modes: no speed is gained faster than by the steepest ramp.
   const bool profiled = state_ == PowerState::operation_enabled && tick_ - mode_since_ > 2 * cycle_ticks &&
                         tick_ - state_since_ > 2 * cycle_ticks && judgeable_ &&

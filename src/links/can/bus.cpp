@@ -85,7 +85,7 @@ bool CanBus::transmit(PortId port, const canopen::Frame& frame, Time now, std::u
 
 void CanBus::offer(PortId port, const canopen::Frame* frame, Time since) {
   Port& sender = at(port);
-  if (sender.sending || !sender.can_send() || (frame == nullptr && sender.count == 0)) return;
+  if ((frame == nullptr && sender.count == 0) || sender.sending || !sender.can_send()) return;
   if (frame == nullptr) {
     sender.count = 0;
     review_private_attempts();
