@@ -210,6 +210,7 @@ class Watch {
     double speed = 0.0;      // of the shaft when it began, counts/s
     double direction = 0.0;  // ... in which it turned; 0: hardly
     double furthest = 0.0;   // times the direction, counts
+    bool shaped = false;     // its ramp, once since it began
   } stop_;
 
   struct Limit {

@@ -84,7 +84,8 @@ void Watch::stops() {
              gentlest,
              speed,
              direction,
-             direction * position_};
+             direction * position_,
+             ramp_set_.shaped};
     return;
   }
   if (kind == StopKind::none) return;
@@ -92,13 +93,14 @@ void Watch::stops() {
     stop_.since = tick_;
     stop_.from = position_;
   }
-  if (const double ramp = slope(); ramp != stop_.slope) {
+  const bool shaped = stop_.shaped || ramp_set_.shaped;
+  if (const double ramp = slope(); ramp != stop_.slope || shaped != stop_.shaped) {
     // Written while it runs: the stop may have been planned with the one of before, the loops' lag with either.
     const double gentler = ramp > 0.0 && stop_.slope > 0.0 ? std::min(ramp, stop_.slope) : std::max(ramp, stop_.slope);
-    if (gentler != stop_.slope) {
+    if (gentler != stop_.slope || shaped != stop_.shaped) {
       const Stopping stopping = this->stopping(velocity_, gentler);
-      stop_ = {kind,    stop_.began, tick_,           position_,     stopping.counts, stopping.seconds,
-               gentler, stop_.speed, stop_.direction, stop_.furthest};
+      stop_ = {kind,    stop_.began, tick_,           position_,      stopping.counts, stopping.seconds,
+               gentler, stop_.speed, stop_.direction, stop_.furthest, shaped};
       return;
     }
   }
