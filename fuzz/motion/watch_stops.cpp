@@ -68,7 +68,12 @@ void Watch::stops() {
     const double gentlest = goes_on ? std::min(slope(), stop_.slope) : slope();
     // A shaft that lags behind the stop's ramp meanwhile may become as fast again. What the drive begins with is what
     // its filter shows, a little late.
-    const double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::max(fastest_[0], fastest_[1]);
+    double speed = goes_on ? std::max(std::abs(velocity_), stop_.speed) : std::max(fastest_[0], fastest_[1]);
+    // Homing that is given up goes on with a ramp to rest that runs already, about which the shaft may swing.
+    const bool brakes = generator.acceleration() * generator.velocity() < 0.0;
+    const double off = std::abs(position_ - static_cast<double>(drive_.axis().demand.position));
+    if (kind == StopKind::homing && brakes && off < swing_revolutions * counts_per_revolution_)
+      speed = std::max(speed, std::abs(generator.velocity()));
     const Stopping stopping = this->stopping(speed, gentlest);
     // What the drive measures is late, and a shaft that swings may have turned meanwhile.
     const double unsure = 4.0 * still_rpm * counts_per_s_per_rpm_ + overshoot(-1.0);
