@@ -248,7 +248,6 @@ class Watch {
   bool has_target_ = false;                  // a set-point of profile position, since the mode or the operation began
   StopKind told_ = StopKind::none;           // as `stop_`, also while a torque is released first
   StopKind velocity_stop_ = StopKind::none;  // one that began in vl velocity mode
-  StopKind torque_stop_ = StopKind::none;    // one that released a torque first
 
   std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
   double demand_speed_ = 0.0;                // counts/s, out of the demanded positions

@@ -51,10 +51,6 @@ void Watch::stops() {
       (around_->injected & spoils_motion) != 0 || around_->locked)
     kind = StopKind::none;
   told_ = kind;
-  // What slows down by a torque slope first goes on being driven meanwhile, also in another mode.
-  const bool releases = mode_ == Mode::profile_torque && objects_.torque_slope != 0;
-  if (releases || kind != torque_stop_) torque_stop_ = releases ? kind : StopKind::none;
-  if (torque_stop_ != StopKind::none) kind = StopKind::none;
   if (kind == StopKind::none && stop_.kind == StopKind::none) return;
   // A limit switch releases what it holds, and homing goes on where it was.
   const std::int64_t settled = tick_ - std::max({stop_.since, around_->disturbed, mode_since_});
@@ -162,8 +158,7 @@ void Watch::limit_switches() {
     const bool signal = drive_.axis().active(i == 0 ? drive::Signal::negative_limit : drive::Signal::positive_limit);
     // Under torque the switch bounds the speed, which a load on the axis has for as long as the loop's integral needs.
     const bool loaded = drive_.axis().demand.loop == Loop::torque && around_->load_share != 0.0;
-    const bool active =
-        closed && signal && pwm_ && has_stage(state_) && mode_ != Mode::homing && mode_ != Mode::none && !loaded;
+    const bool active = closed && signal && pwm_ && has_stage(state_) && !drive_.homes() && !loaded;
     Limit& limit = limits_[i];
     if (!active) {  // a bounce lets a stop go on with the ramp that it has
       limit = {.slope = moves ? limit.slope : 0.0};
@@ -230,11 +225,9 @@ double Watch::ramp_way(double speed, double ramp) const {
 void Watch::software_limits() {
   const drive::Axis& axis = drive_.axis();
   // A demand that the motor has no torque to follow is taken along by the shaft.
-  const bool applies =
-      pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() && acceleration_ > 0.0 &&
-      objects_.min_position_limit < objects_.max_position_limit && !axis.units.position_inverted &&
-      (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity || mode_ == Mode::interpolated_position ||
-       mode_ == Mode::cyclic_sync_position || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque);
+  const bool applies = pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() &&
+                       acceleration_ > 0.0 && objects_.min_position_limit < objects_.max_position_limit &&
+                       !axis.units.position_inverted && !drive_.homes();
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
   const bool at_switch = axis.at_limit_switch();
   const unsigned stops = (told_to_stop() ? 1u : 0u) | (axis.active(drive::Signal::negative_limit) ? 2u : 0u) |
@@ -246,7 +239,9 @@ void Watch::software_limits() {
     return;
   }
   const double asked = limit_slope();
-  const auto offset = static_cast<double>(drive_.position_offset());
+  // As 6064h shows it.
+  const auto offset =
+      static_cast<double>(drive_.position_offset()) - static_cast<double>(axis.units.to_counts(axis.turn_of_demand()));
   // In the position loop the demand is judged, which has no lag; else the shaft.
   const bool demanded = axis.demand.loop == Loop::position;
   const double place_now = offset + (demanded ? static_cast<double>(axis.demand.position) : position_);

@@ -44,7 +44,9 @@ bool Axis::keeps_software_limits() const {
 Axis::Room Axis::room_from(Counts place) const {
   constexpr double endless = std::numeric_limits<double>::infinity();
   if (!keeps_software_limits()) return {endless, endless};
-  if (position_range() != 0) place = units.to_counts(to_user_position(place));
+  if (const std::int64_t turn = units.to_user(place) - to_user_position(place); turn != 0) {
+    place -= units.to_counts(turn);
+  }
   const auto [low, high] =
       std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
   return {static_cast<double>(place - low), static_cast<double>(high - place)};
@@ -69,16 +71,17 @@ double Axis::approach_velocity(double velocity, double deceleration) const {
 bool Axis::too_fast_for_software_limit(double deceleration) const {
   const double velocity = generator.velocity();
   const double steepest = std::max(quick_stop_ramp(), deceleration);
-  if (velocity == 0.0 || steepest <= 0.0 || !software_limits_active() || position_range() != 0) return false;
+  if (velocity == 0.0 || steepest <= 0.0 || !software_limits_active()) return false;
   const double way = std::max(0.0, velocity * velocity / (2.0 * steepest) - std::abs(velocity) * cycle_s);
   const Counts end = generator.nearest_position() + static_cast<Counts>(std::copysign(way, velocity));
   return static_cast<double>(nearest_within_software_limits(end) - end) * velocity < 0.0;
 }
 
 Counts Axis::nearest_within_software_limits(Counts target) const {
-  if (!software_limits_active() || position_range() != 0) return target;
-  const auto [least, greatest] =
-      std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
+  if (!software_limits_active()) return target;
+  const std::int64_t turn = turn_of_demand();
+  const auto [least, greatest] = std::minmax(
+      {units.to_counts(turn + objects.min_position_limit), units.to_counts(turn + objects.max_position_limit)});
   return std::clamp(target, least, greatest);
 }
 
@@ -96,16 +99,20 @@ bool Axis::limits_bound_range() const {
                                       objects.max_position_limit < objects.max_position_range_limit);
 }
 
-std::int64_t Axis::within_limits_of_turn(std::int64_t user) const {
+std::int64_t Axis::turn_of_demand() const {
   const Counts demand_now = generator.nearest_position();
-  const std::int64_t turn = units.to_user(demand_now) - to_user_position(demand_now);  // 0 without a range
+  return units.to_user(demand_now) - to_user_position(demand_now);
+}
+
+std::int64_t Axis::within_limits_of_turn(std::int64_t user) const {
+  const std::int64_t turn = turn_of_demand();
   return turn + std::clamp<std::int64_t>(user - turn, objects.min_position_limit, objects.max_position_limit);
 }
 
 std::int64_t Axis::to_user_position(Counts application) const {
   const std::int64_t user = units.to_user(application);
   const std::int64_t range = position_range();
-  if (range == 0) return user;
+  if (range == 0) return wrap_to_32_bits(user);
   const std::int64_t low = objects.min_position_range_limit;
   const std::int64_t within = (user - low) % range;
   return low + (within < 0 ? within + range : within);

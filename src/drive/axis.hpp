@@ -353,13 +353,15 @@ struct Axis {
   bool software_limits_active() const;
   // Whether 607Dh leaves less than the whole range 607Bh.
   bool limits_bound_range() const;
+  // Where the turn of the range, or of the 32 bits of 6064h, begins in which the demand is, in user units.
+  std::int64_t turn_of_demand() const;
   // The nearest to a position in user units that the software limits allow, in the turn of the range the demand is in.
   std::int64_t within_limits_of_turn(std::int64_t user) const;
   bool beyond_software_limits() const;  // command, demand or position
   bool at_software_limit(std::int64_t user) const {
     return software_limits_active() && (user <= objects.min_position_limit || user >= objects.max_position_limit);
   }
-  // Whether a target of counts lies within the software limits, or these are off. Not where positions wrap (607Bh).
+  // Whether a target of counts lies within the software limits in the turn the demand is in, or these are off.
   bool within_software_limits(Counts target) const { return nearest_within_software_limits(target) == target; }
   Counts nearest_within_software_limits(Counts target) const;
   // A limit switch is active, or the demand is at a software limit or beyond it (the shaft hunts around it by a count).

@@ -134,7 +134,7 @@ void Drive::restart() {
   awaits_dc_link_ = false;
   set_mode(Mode::none);
   pending_ = {};
-  stopping_ = halted_ = limit_stop_ = short_circuit_ = zero_speed_ = releasing_torque_ = false;
+  stopping_ = halted_ = limit_stop_ = short_circuit_ = zero_speed_ = false;
   stage_ = Stage::off;
   coasting_cycles_ = 0;
   const bool erroneous = active_.any() || warned_.any();
@@ -231,7 +231,7 @@ void Drive::cycle(const Feedback& feedback) {
                       .dc_link_expected = dc_link_cycles_ > axis_.cycles(precharge_ms),
                       .brake_closed = axis_.configuration.has_brake() &&
                                       brake_closed_cycles_ > axis_.cycles(axis_.configuration.brake_engage_ms + 100),
-                      .homing = mode_ == Mode::homing,
+                      .homing = mode_ == Mode::homing && (homes() || axis_.generator.standing()),
                       .profiled = state_ == PowerState::operation_enabled &&
                                   (mode_ == Mode::profile_position || mode_ == Mode::profile_velocity),
                       .pressing = mode_ == Mode::homing && homing_mode_.pressing(),
@@ -316,7 +316,7 @@ void Drive::enter_mode(Mode wanted) {
   take_over_shaft();
   if (pressed) axis_.take_over_actual();
   if (axis_.demand.loop == Loop::velocity) axis_.lead_shaft(axis_.generator.velocity());
-  stopping_ = halted_ = limit_stop_ = short_circuit_ = releasing_torque_ = false;
+  stopping_ = halted_ = limit_stop_ = short_circuit_ = false;
   axis_.limited = false;
   axis_.stopped_at = 0;
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
@@ -337,7 +337,7 @@ void Drive::run_mode() {
       begin_stop(stop_of(code != 0 ? code : policy_.halt_code_of_zero));
     } else if (!halt && halted_) {
       take_over_shaft();
-      halted_ = stopping_ = short_circuit_ = releasing_torque_ = false;
+      halted_ = stopping_ = short_circuit_ = false;
       if (stop_loop_ != Loop::position) axis_.lead_shaft(axis_.generator.velocity());
       // A mode that has nothing to go on with lets the axis come to rest.
       if (axis_.generator.finished()) axis_.come_to_rest(RampShape::linear);

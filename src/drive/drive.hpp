@@ -119,6 +119,8 @@ class Drive final : public dictionary::Listener {
   }
   bool chopper_on() const { return supervision_.chopper(); }
   bool homed() const { return axis_.homed; }
+  // Homing looks for limits by itself. The mode alone, without a homing that runs, does not.
+  bool homes() const { return mode_ == Mode::homing && homing_mode_.active(); }
   bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }
   // Of the last homing, in counts: see Homing::index_distance.
   Counts homing_index_distance() const { return homing_mode_.index_distance(); }
@@ -276,7 +278,6 @@ class Drive final : public dictionary::Listener {
   std::optional<std::uint32_t> greatest_of_rpm_{};  // 6080h in it; empty: units or motor have changed since
   bool moved_demand_ = false;  // the demand was put elsewhere: the loops' following error is that of the old place
   bool held_by_current_ = false;
-  bool releasing_torque_ = false;  // the stop's first part: the torque of profile torque mode goes to zero
   Stop stop_ = Stop::power_off;
   Loop stop_loop_ = Loop::position;
   double stop_direction_ = 0.0;     // its sign: that of the ramp's speed at its beginning

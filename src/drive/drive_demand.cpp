@@ -13,22 +13,24 @@ constexpr std::uint32_t lagging_modes =
 }  // namespace
 
 // Towards an active limit switch: by the demand's velocity, in torque control by the torque. A position demand that
-// comes back to the shaft, as at the end of a stream of targets, does not push.
+// comes back to a shaft that stands, as at the end of a stream of targets, does not push.
 bool Drive::pushes_limit_switch(Counts before) const {
   if (!axis_.at_limit_switch()) return false;
   const LoopDemand& demand = axis_.demand;
   const double towards =
       demand.loop == Loop::torque ? static_cast<double>(demand.torque) : axis_.demand_direction(before);
   const auto ahead = static_cast<double>(axis_.generator.nearest_position() - axis_.position());
-  if (demand.loop == Loop::position && ahead * towards <= 0.0) return false;
+  constexpr double moving_rpm = 30.0;
+  const bool moves = axis_.velocity() * std::copysign(1.0, towards) > axis_.rpm_to_counts_per_s(moving_rpm);
+  if (demand.loop == Loop::position && ahead * towards <= 0.0 && !moves) return false;
   return axis_.runs_into_limit_switch(towards);
 }
 
-// Outside homing a limit switch ends every motion towards it; away from it the axis may move. So does a software limit
-// in the modes that have no target position, early enough to stand at it. `before`: where the demand was before this
-// cycle.
+// Unless homing runs a limit switch ends every motion towards it; away from it the axis may move. So does a software
+// limit in the modes that have no target position, early enough to stand at it. `before`: where the demand was before
+// this cycle.
 void Drive::limit_switches(Counts before) {
-  if (mode_ == Mode::homing) return;
+  if (homes()) return;
   if (policy_.limit_switches == LimitSwitches::fault) {
     if (pushes_limit_switch(before)) axis_.raise(Cause::position_limit);
     return;

@@ -21,7 +21,7 @@ void one_move(RigType& rig, std::int64_t stroke) {
 }
 
 struct Reference : Rig<products::Generic402> {
-  explicit Reference(std::int64_t mode) {
+  explicit Reference(std::int64_t mode, const plant::Parameters& parameters = default_plant()) : Rig(parameters) {
     set(0x6060, 0, mode);
     set(0x6081, 0, 131072 * 2);
     set(0x6083, 0, 131072 * 10);

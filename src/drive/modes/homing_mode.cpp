@@ -203,6 +203,8 @@ void HomingMode::step(Axis& axis) {
     carry_out(axis, homing_.step(inputs(axis)));
     if (homing_.error() != HomingError::none) give_up(axis);
     take_results(axis, had_latch);
+  } else {
+    axis.rest_within_limits();
   }
   axis.generator.step(axis.cycle_s);
   standing_ = !start_requested_ && !active_ && axis.generator.standing();

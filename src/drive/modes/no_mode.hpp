@@ -12,6 +12,7 @@ class NoMode {
   void enter(Axis& axis) { axis.come_to_rest(RampShape::linear); }
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis) {
+    axis.rest_within_limits();
     axis.generator.step(axis.cycle_s);
     axis.follow_generator(loop);
   }

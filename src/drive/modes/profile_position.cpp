@@ -155,7 +155,7 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
     user += now - wrap_to_32_bits(now);
   }
   axis.limited = false;
-  axis.commanded = user;
+  axis.commanded = user - axis.turn_of_demand();
   if (axis.software_limits_active()) {
     const std::int64_t clipped = axis.within_limits_of_turn(user);
     if (clipped != user) {

@@ -55,7 +55,9 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
     if (distance < -(range / 2)) distance += range;
     if (axis.limits_bound_range()) distance = user - axis.to_user_position(last);  // the other way is forbidden
     user = now + distance;
-  } else if (!limits) {
+  } else if (limits) {  // the other way is forbidden
+    user += axis.turn_of_demand();
+  } else {
     const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
     user = now + wrap_to_32_bits(user - now);
   }

@@ -205,6 +205,7 @@ double VelocityMode::quick_stop_deceleration(const Axis& axis) const {
 
 void VelocityMode::enter(Axis& axis) {
   planned_ = false;
+  ramped_ = false;
   blocked_ = false;
   word_ = axis.controlword;
   axis.limited = false;
@@ -213,9 +214,13 @@ void VelocityMode::enter(Axis& axis) {
 void VelocityMode::step(Axis& axis) {
   const Objects& objects = axis.objects;
   // Controlword bit 4: the ramp function generator runs, else the demand ramps down to zero; bit 5: its output follows,
-  // else it is locked; bit 6: its input is the set-point, else zero.
-  const bool locked = (word_ & controlword::mode_bit_4) != 0 && (word_ & controlword::mode_bit_5) == 0;
-  const bool follow = (word_ & controlword::mode_bit_4) != 0 && (word_ & controlword::mode_bit_6) != 0;
+  // else it is locked; bit 6: its input is the set-point, else zero. There is nothing to lock before this mode has
+  // commanded a velocity: what the axis still does with another mode comes to rest.
+  const bool runs = (word_ & controlword::mode_bit_4) != 0;
+  const bool locks = runs && (word_ & controlword::mode_bit_5) == 0;
+  const bool locked = locks && ramped_;
+  const bool follow = runs && !locks && (word_ & controlword::mode_bit_6) != 0;
+  ramped_ |= !locks;
   double target = 0.0;
   axis.limited = blocked_;
   if (follow) {
@@ -285,14 +290,6 @@ void ProfileTorque::step(Axis& axis) {
   }
   target_reached_ = demand_ == target;
   demand_torque(axis);
-}
-
-bool ProfileTorque::release(Axis& axis) {
-  const float slope = static_cast<float>(axis.objects.torque_slope) * 0.001F;
-  const float step = slope > 0.0F ? slope * static_cast<float>(axis.cycle_s) : std::abs(demand_);
-  demand_ -= std::clamp(demand_, -step, step);
-  demand_torque(axis);
-  return demand_ != 0.0F;
 }
 
 void ProfileTorque::demand_torque(Axis& axis) const {

@@ -114,6 +114,7 @@ class VelocityMode {
   double target_ = 0.0;
   MotionLimits limits_{};
   bool planned_ = false;
+  bool ramped_ = false;   // the generator has an output of this mode, which may be locked
   bool blocked_ = false;  // as ProfileVelocity::given_up_
 };
 
@@ -125,7 +126,6 @@ class ProfileTorque {
   void enter(Axis& axis);
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
-  bool release(Axis& axis);  // instead of `step`: towards no torque, by 6087h; false when there is none any more
   void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
   void interrupt(Axis&, int) {}

@@ -29,8 +29,12 @@ void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   if ((now & controlword::fault_reset) != 0) {
     awaits_dc_link_ = false;  // what was commanded before is no longer
     // A word with bit 7 resets faults and commands nothing: in the table of commands bit 7 is 0 (CiA 402-2 table 9).
+    // Halt is no bit of that table: it stops whatever stands beside it.
     const bool resets = (before & controlword::fault_reset) == 0 && reset_faults();
-    if (!resets || !policy_.reset_word_is_a_command) return;
+    if (!resets || !policy_.reset_word_is_a_command) {
+      axis_.controlword |= now & controlword::halt;
+      return;
+    }
   }
   const std::uint16_t commanded_before = axis_.controlword;
   axis_.controlword = now;
@@ -150,7 +154,7 @@ bool Drive::hold_for_brake() {
   if (!policy_.brake_engages_before_power_off || !axis_.configuration.has_brake() || !energised()) return false;
   if (too_fast_for_brake()) return false;
   if (zero_speed_ && stage_ == Stage::engaging_brake) return true;  // a master that says it with every cycle
-  stopping_ = short_circuit_ = releasing_torque_ = false;
+  stopping_ = short_circuit_ = false;
   zero_speed_ = true;
   engage_brake();
   return true;
@@ -176,7 +180,6 @@ void Drive::enter_state(PowerState to) {
   halted_ = false;
   limit_stop_ = false;
   short_circuit_ = false;
-  releasing_torque_ = false;
   axis_.limited = false;
   axis_.stopped_at = 0;
   zero_speed_ = false;
@@ -254,10 +257,6 @@ void Drive::begin_stop(Stop stop) {
   braked_.reset();
   braked_to_rest_ = false;
   rest_wait_cycles_ = 0;
-  // Under torque slowing down begins with the torque slope 6087h (ISMC digest 3.5).
-  releasing_torque_ =
-      stop == Stop::slow_down_ramp && mode_ == Mode::profile_torque && axis_.demand.loop == Loop::torque;
-  if (releasing_torque_) return;
   begin_ramp();
   axis_.follow_generator(stop_loop_);  // already in this cycle
 }
@@ -307,8 +306,8 @@ double Drive::quick_stop_deceleration() const {
 // The slow-down ramp of a halt or of the end of operation may be too gentle for the way to a limit: the quick stop's
 // takes over where it is steeper. What 605Ah and 605Eh choose for a quick stop and a fault stays.
 void Drive::keep_stop_within_limits() {
-  const bool operating = state_ == PowerState::operation_enabled && mode_ != Mode::homing;
-  if (!operating || stop_ != Stop::slow_down_ramp || releasing_torque_) return;
+  const bool operating = state_ == PowerState::operation_enabled && !homes();
+  if (!operating || stop_ != Stop::slow_down_ramp) return;
   const double quick = deceleration_of(Stop::quick_stop_ramp);
   const bool at_switch =
       policy_.limit_switches == LimitSwitches::stop && axis_.runs_into_limit_switch(axis_.generator.velocity());
@@ -320,7 +319,6 @@ void Drive::keep_stop_within_limits() {
 }
 
 bool Drive::stop_finished() const {
-  if (releasing_torque_) return false;
   if (stop_ == Stop::voltage_limit) return braked_to_rest_;
   if (stop_ == Stop::current_limit) return shaft_stands_;
   return axis_.generator.standing() && (shaft_stands_ || rest_wait_cycles_ >= axis_.cycles(rest_wait_ms));
@@ -332,12 +330,6 @@ void Drive::watch_standstill() {
 }
 
 void Drive::step_stop() {
-  if (releasing_torque_) {
-    if (profile_torque_.release(axis_)) return;
-    releasing_torque_ = false;
-    axis_.take_over_actual();
-    begin_ramp();
-  }
   if (stop_ == Stop::voltage_limit) {
     // The windings tell as well as the encoder that the axis turns, and they do without one.
     const CascadeState& loops = cascade_.state();
