@@ -199,7 +199,8 @@ Energy Plant::energy() const {
           .link_stored_j = dc_link_.stored_j(),
           .magnetic_j = windings_.magnetic_j(),
           .kinetic_j = shaft_.kinetic_j(),
-          .elastic_j = shaft_.elastic_j(stop_distance())};
+          .elastic_j = shaft_.elastic_j(stop_distance()),
+          .stop_j = stop_j_};
 }
 
 }  // namespace servodrome::plant

@@ -166,6 +166,7 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   if (shaft_.elastic()) {
     windings.torque_nm = torque_nm_;
     shaft = solve_general(excitation(), rotor_torque, windings);
+    stop_j_ += shaft.stop_j;
   } else if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]] {
     shaft = solve_turning(excitation(), other_torque, windings, shaft);
   }
@@ -173,8 +174,9 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   double whole = floor_of(moved);
   std::int64_t position = position_ + static_cast<std::int64_t>(whole);
   if (!travel_.quiet(position)) [[unlikely]] {
-    if (!shaft_.elastic() && travel_.beyond_stop(position)) {
+    if (!shaft_.elastic() && (travel_.beyond_stop(position) || travel_.beyond_stop(position_))) {
       shaft = solve_general(excitation(), rotor_torque, windings);
+      stop_j_ += shaft.stop_j;
       moved = fraction_ + shaft.mean * counts_per_speed_;
       whole = floor_of(moved);
       position = position_ + static_cast<std::int64_t>(whole);

@@ -26,6 +26,7 @@ struct Energy {
   double magnetic_j = 0.0;     // now in the windings
   double kinetic_j = 0.0;      // now in rotor and load
   double elastic_j = 0.0;      // now in coupling and hard stops
+  double stop_j = 0.0;         // into the damping of the hard stops
 };
 
 // One axis: what a drive's power stage and terminals are connected to. A pure function of its parameters and of the
@@ -156,6 +157,7 @@ class Plant {
   double current_squared_sum_ = 0.0;  // since the last heat step
   double to_motor_j_ = 0.0;
   double shaft_j_ = 0.0;
+  double stop_j_ = 0.0;
   int heat_countdown_ = Heat::ticks_per_step;
   bool cogging_;
   bool brake_engaged_ = true;

@@ -12,6 +12,8 @@ namespace {
 constexpr double h = drive::tick_seconds;
 constexpr double locked_nm = 1.0e15;  // more than any torque: the bench's clamp
 
+constexpr double even_share = 0.02;  // of its deflection, by which a flank's may change in one step
+
 int sign_of(double value) { return (value > 0.0) - (value < 0.0); }
 }  // namespace
 
@@ -78,6 +80,7 @@ void Shaft::prepare() {
                      load_.damping_nms / reduced + std::max(rotor_viscous_, load_.viscous_friction_nms) / lightest);
     coupling_weight_ = 0.5 + 0.5 * std::clamp(0.5 * (fastest - 1.0), 0.0, 1.0);
   }
+  prepare_pieces();
   set_direction(direction_);
 }
 
@@ -110,42 +113,6 @@ ShaftTick Shaft::solve(double motor_torque_nm, double rotor_torque_nm, const Sto
   return solve_rigid(motor_torque_nm + rotor_torque_nm + load_torque_, stops, freely);
 }
 
-// In contact the step is backward Euler: a stop is there to end a motion, not to throw it back.
-ShaftTick Shaft::solve_rigid(double torque_nm, const StopDistance& stops, bool freely) const {
-  const int side = stops.high >= stops.low ? 1 : -1;
-  const ShaftTick tick = solve_contact(torque_nm, side, side > 0 ? stops.high : stops.low, freely);
-  // Thrown from one stop right through the other.
-  const double other = (side > 0 ? stops.low : stops.high) - side * h * tick.end;
-  return other > 0.0 ? solve_contact(torque_nm, -side, side > 0 ? stops.low : stops.high, freely) : tick;
-}
-
-ShaftTick Shaft::solve_contact(double torque_nm, int side, double penetration, bool freely) const {
-  const double inertia_rate = (rotor_inertia_ + load_.inertia_kgm2) / h;
-  const double viscous = rotor_viscous_ + load_.viscous_friction_nms;
-  const double contact = load_.stop_stiffness_nm_per_rad * h + load_.stop_damping_nms;  // Nm per rad/s of end speed
-  const double spring = load_.stop_stiffness_nm_per_rad * penetration;
-  const double drive = inertia_rate * speed_ + torque_nm;
-  const double holding = direction_ == 0 && !freely ? total_friction_.held_nm : total_friction_.sliding_nm;
-
-  ShaftTick tick;
-  const double held_drive = drive - side * std::max(spring, 0.0);
-  if (std::abs(held_drive) > holding) {
-    const int direction = sign_of(held_drive);
-    const double sliding = drive - direction * total_friction_.sliding_nm;
-    double divisor = inertia_rate + viscous;
-    double end = sliding / divisor;
-    if (penetration + side * h * end > 0.0 && spring + contact * side * end > 0.0) {  // the stop pushes back
-      divisor += contact;
-      end = (sliding - side * spring) / divisor;
-    }
-    tick.end = limited(end);
-    tick.slope = 1.0 / divisor;
-    tick.direction = static_cast<std::int8_t>(direction);
-  }
-  tick.mean = tick.end;
-  return tick;
-}
-
 Shaft::Coupling Shaft::coupling_of(double twist_rad) const {
   const double half = 0.5 * load_.backlash_rad;
   if (twist_rad > half) return {true, twist_ - half};
@@ -153,32 +120,35 @@ Shaft::Coupling Shaft::coupling_of(double twist_rad) const {
   return {half == 0.0, twist_};
 }
 
-double Shaft::solve_pair(double rotor_torque_nm, double weight, const Coupling& coupling, const Stop& stop, bool freely,
-                         ShaftTick& best) const {
+double Shaft::solve_pair(const Motion& from, double rotor_torque_nm, double seconds, double weight,
+                         const Coupling& coupling, const Stop& stop, bool freely, ShaftTick& best) const {
   const double old = 1.0 - weight;
   const double stiffness = coupling.engaged ? load_.stiffness_nm_per_rad : 0.0;
   const double spring = stiffness * coupling.deflection_rad;
-  const double link = coupling.engaged ? stiffness * weight * h + load_.damping_nms : 0.0;
+  const double link = coupling.engaged ? stiffness * weight * seconds + load_.damping_nms : 0.0;
   const double stop_stiffness = stop.side != 0 ? load_.stop_stiffness_nm_per_rad : 0.0;
   const double stop_spring = stop.side * stop_stiffness * stop.penetration_rad;
-  const double stop_link = stop.side != 0 ? stop_stiffness * h + load_.stop_damping_nms : 0.0;
+  const double stop_link = stop.side != 0 ? stop_stiffness * weight * seconds + load_.stop_damping_nms : 0.0;
   const double load_viscous = load_.viscous_friction_nms;
+  const double rotor_rate = rotor_inertia_ / seconds;
+  const double load_rate = load_.inertia_kgm2 / seconds;
 
-  const double m11 = rotor_inertia_ / h + weight * (rotor_viscous_ + link);
+  const double m11 = rotor_rate + weight * (rotor_viscous_ + link);
   const double m12 = -weight * link;
-  const double m22 = load_.inertia_kgm2 / h + weight * (load_viscous + link + stop_link);
-  const double old_link = link * (speed_ - load_speed_);
+  const double m22 = load_rate + weight * (load_viscous + link + stop_link);
+  const double old_link = link * (from.speed - from.load_speed);
   const double rotor_drive =
-      rotor_torque_nm + rotor_inertia_ / h * speed_ - old * (rotor_viscous_ * speed_ + old_link) - spring;
-  const double load_drive = load_torque_ + load_.inertia_kgm2 / h * load_speed_ -
-                            old * ((load_viscous + stop_link) * load_speed_ - old_link) + spring - stop_spring;
+      rotor_torque_nm + rotor_rate * from.speed - old * (rotor_viscous_ * from.speed + old_link) - spring;
+  const double load_drive = load_torque_ + load_rate * from.load_speed -
+                            old * ((load_viscous + stop_link) * from.load_speed - old_link) + spring - stop_spring;
   const double determinant = m11 * m22 - m12 * m12;
 
-  // What held each mass in the last tick is tried first; a standing one may hold more than a sliding one.
-  const double load_hold = load_direction_ == 0 && !freely ? load_.static_friction_nm : load_.coulomb_friction_nm;
-  const std::array<int, 3> rotor_order{direction_, direction_ == 0 ? 1 : 0, direction_ == 0 ? -1 : -direction_};
-  const std::array<int, 3> load_order{load_direction_, load_direction_ == 0 ? 1 : 0,
-                                      load_direction_ == 0 ? -1 : -load_direction_};
+  // What held each mass before is tried first; a standing one may hold more than a sliding one.
+  const int was = from.direction;
+  const int load_was = from.load_direction;
+  const double load_hold = load_was == 0 && !freely ? load_.static_friction_nm : load_.coulomb_friction_nm;
+  const std::array<int, 3> rotor_order{was, was == 0 ? 1 : 0, was == 0 ? -1 : -was};
+  const std::array<int, 3> load_order{load_was, load_was == 0 ? 1 : 0, load_was == 0 ? -1 : -load_was};
   double least = -1.0;
   for (const int s : rotor_order) {
     for (const int t : load_order) {
@@ -208,8 +178,8 @@ double Shaft::solve_pair(double rotor_torque_nm, double weight, const Coupling& 
       best.direction = static_cast<std::int8_t>(s);
       best.load_direction = static_cast<std::int8_t>(t);
       best.slope = weight * slope;
-      best.mean = old * speed_ + weight * best.end;
-      best.load_mean = old * load_speed_ + weight * best.load_end;
+      best.mean = old * from.speed + weight * best.end;
+      best.load_mean = old * from.load_speed + weight * best.load_end;
       if (violation == 0.0) return 0.0;
     }
   }
@@ -217,62 +187,30 @@ double Shaft::solve_pair(double rotor_torque_nm, double weight, const Coupling& 
 }
 
 ShaftTick Shaft::solve_elastic(double rotor_torque_nm, const StopDistance& stops, bool freely) const {
-  const Coupling now = coupling_of(twist_);
-  ShaftTick tick;
-  const auto twist_after = [&] { return twist_ + h * (tick.mean - tick.load_mean); };
-  const auto gap_after = [&](int side) { return (side > 0 ? stops.high : stops.low) + side * h * tick.load_mean; };
-
   // Free of the stops, the coupling engaged (or not) and friction as it was throughout the tick: by far the most usual.
+  const Coupling now = coupling_of(twist_);
   if (stops.high <= 0.0 && stops.low <= 0.0 && !freely) {
-    solve_pair(rotor_torque_nm, coupling_weight_, now, {0, 0.0}, freely, tick);
-    const Coupling then = coupling_of(twist_after());
+    ShaftTick tick;
+    solve_pair(motion(), rotor_torque_nm, h, coupling_weight_, now, {0, 0.0}, freely, tick);
+    const double twist = twist_ + h * (tick.mean - tick.load_mean);
+    const Coupling then = coupling_of(twist);
     const bool same = then.engaged == now.engaged && then.deflection_rad == now.deflection_rad;
+    // A flank that would pull has let go meanwhile.
+    const bool pushes =
+        load_.backlash_rad == 0.0 || !now.engaged ||
+        (pushing_flank(twist_, speed_ - load_speed_) != 0 && pushing_flank(twist, tick.end - tick.load_end) != 0);
+    // A rebound, whose force changes much within the tick, is over too soon for one step.
+    const double turned = std::abs(h * (tick.mean - tick.load_mean));
+    const bool even = load_.backlash_rad == 0.0 || !now.engaged || turned <= even_share * std::abs(now.deflection_rad);
     // Friction that turns around needs backward Euler, see prepare().
     const bool steady =
         (rotor_friction_nm_ == 0.0 || speed_ == 0.0 || tick.direction == direction_) &&
         (load_.coulomb_friction_nm == 0.0 || load_speed_ == 0.0 || tick.load_direction == load_direction_);
-    if (same && steady && gap_after(1) <= 0.0 && gap_after(-1) <= 0.0) return tick;
+    const double high = stops.high + h * tick.load_mean;
+    const double low = stops.low - h * tick.load_mean;
+    if (same && pushes && even && steady && high <= 0.0 && low <= 0.0) return tick;
   }
-
-  // A contact opens or closes: backward Euler, and of the combinations of contacts the one that agrees with its own
-  // outcome. What touches must push; what does not touch must not overlap, unless it is already being pulled apart.
-  const double half = 0.5 * load_.backlash_rad;
-  const std::array<int, 3> flanks{now.engaged ? sign_of(twist_) : 0, now.engaged ? 0 : 1,
-                                  now.engaged ? -sign_of(twist_) : -1};
-  const auto flank_push = [&](int flank) {
-    return load_.stiffness_nm_per_rad * (flank * twist_after() - half) +
-           load_.damping_nms * flank * (tick.mean - tick.load_mean);
-  };
-  const auto stop_push = [&](int side) {
-    return load_.stop_stiffness_nm_per_rad * gap_after(side) + load_.stop_damping_nms * side * tick.load_mean;
-  };
-  ShaftTick best;
-  double least = -1.0;
-  for (const int contact : {0, 1, -1}) {
-    for (std::size_t choice = 0; choice < (half > 0.0 ? 3 : 1); ++choice) {
-      const int flank = flanks[choice];
-      const Coupling coupling = half == 0.0  ? now
-                                : flank == 0 ? Coupling{false, twist_}
-                                             : Coupling{true, twist_ - flank * half};
-      const Stop stop{contact, contact > 0 ? stops.high : stops.low};
-      double violation = solve_pair(rotor_torque_nm, 1.0, coupling, stop, freely, tick);
-      for (const int side : {1, -1}) {
-        if (half > 0.0) {
-          const double push = flank_push(side);
-          const bool overlaps = side * twist_after() > half && push > 0.0;
-          if (flank == side ? push < 0.0 : overlaps) violation += std::abs(push);
-        }
-        const double push = stop_push(side);
-        const bool overlaps = gap_after(side) > 0.0 && push > 0.0;
-        if (contact == side ? push < 0.0 : overlaps) violation += std::abs(push);
-      }
-      if (least >= 0.0 && violation >= least) continue;
-      least = violation;
-      best = tick;
-      if (violation == 0.0) return best;
-    }
-  }
-  return best;
+  return solve_in_pieces(rotor_torque_nm, stops, freely);
 }
 
 double Shaft::kinetic_j() const {

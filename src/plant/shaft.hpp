@@ -10,8 +10,12 @@
 //
 // Every step solves J (w1 - w0) / h = torques(mean speed) - friction, friction in [-F, F] opposing w1, for the new
 // speed w1 at once: dry friction either slides or holds exactly, a standing shaft stays at exactly 0 until the torque
-// exceeds the breakaway value. A rigid shaft away from its stops is one multiplication (`slide`); the elastic coupling
-// and the hard stops take the general solution.
+// exceeds the breakaway value. A rigid shaft away from its stops is one multiplication (`slide`), an elastic one whose
+// contacts stay as they are one solution of its pair of equations.
+//
+// Contacts are springs with dampers that push and never pull: the hard stops, and the flanks of a backlash. A tick in
+// which one of them opens, closes or pushes is cut into pieces, as many as its vibration needs, and each piece ends
+// where a contact does. What vibrates faster than the finest piece can show is damped away: see `fastest_shown_rad_s`.
 namespace servodrome::plant {
 
 // Speeds in rad/s at the end of a tick and their means over it; positions move by mean * tick.
@@ -21,6 +25,7 @@ struct ShaftTick {
   double load_end = 0.0;
   double load_mean = 0.0;
   double slope = 0.0;         // of the rotor's mean speed with the electromagnetic torque
+  double stop_j = 0.0;        // heat in the damping of the hard stops
   std::int8_t direction = 0;  // of the rotor; 0: held by friction
   std::int8_t load_direction = 0;
 };
@@ -92,8 +97,11 @@ class Shaft {
   double kinetic_j() const;
   double elastic_j(const StopDistance& stops) const;
 
+  // Contacts that vibrate faster, rad/s, do not rebound as their stiffness says.
+  static constexpr double fastest_shown_rad_s = 2.0e6;
+
  private:
-  // Coupling as an active spring with its deflection at the start of the tick, or the gap of the backlash.
+  // Coupling as an active spring with its deflection at the start of the step, or the gap of the backlash.
   struct Coupling {
     bool engaged;
     double deflection_rad;
@@ -101,6 +109,21 @@ class Shaft {
   struct Stop {
     int side;  // +1 high, -1 low, 0 none
     double penetration_rad;
+  };
+  // What moves, as it is at the beginning of a tick or of a piece of it.
+  struct Motion {
+    double speed = 0.0;
+    double load_speed = 0.0;
+    double twist = 0.0;
+    std::int8_t direction = 0;
+    std::int8_t load_direction = 0;
+  };
+  // A contact that a piece of the tick ended at: what it is in the next piece, whatever rounding makes of it.
+  struct Forced {
+    bool is = false;
+    int side = 0;  // that pushes; 0: none
+    // `was`: what pushed in the piece; how deep the contacts of both sides are overlapped now.
+    void look(int was, double high_rad, double low_rad);
   };
   struct Friction {
     double held_nm;     // as long as it stands
@@ -114,14 +137,26 @@ class Shaft {
   bool slide_anew(double torque_nm, double holding_nm, ShaftTick& tick) const;
   void set_direction(std::int8_t direction);
   void prepare();
+  void prepare_pieces();
+  // The rigid shaft where stops are near, and the elastic one where contacts change: in pieces.
   ShaftTick solve_rigid(double torque_nm, const StopDistance& stops, bool freely) const;
-  ShaftTick solve_contact(double torque_nm, int side, double penetration, bool freely) const;
   ShaftTick solve_elastic(double rotor_torque_nm, const StopDistance& stops, bool freely) const;
-  // Both masses with coupling and stop as given; picks the friction states. The return is by how much the friction
-  // condition is violated, 0: solved.
-  double solve_pair(double rotor_torque_nm, double weight, const Coupling& coupling, const Stop& stop, bool freely,
-                    ShaftTick& tick) const;
+  ShaftTick solve_in_pieces(double rotor_torque_nm, const StopDistance& stops, bool freely) const;
+  // Both masses over `seconds` with coupling and stop as given; picks the friction states. The return is by how much
+  // the friction condition is violated, 0: solved.
+  double solve_pair(const Motion& from, double rotor_torque_nm, double seconds, double weight, const Coupling& coupling,
+                    const Stop& stop, bool freely, ShaftTick& tick) const;
+  Motion motion() const { return {speed_, load_speed_, twist_, direction_, load_direction_}; }
   Coupling coupling_of(double twist_rad) const;
+  double stop_push_nm(double penetration_rad, double inward_rad_s) const {
+    return load_.stop_stiffness_nm_per_rad * penetration_rad + load_.stop_damping_nms * inward_rad_s;
+  }
+  double flank_push_nm(double overlap_rad, double inward_rad_s) const {
+    return load_.stiffness_nm_per_rad * overlap_rad + load_.damping_nms * inward_rad_s;
+  }
+  double stop_heat_j(double before, double after, double push_nm) const;
+  int pushing_stop(const StopDistance& stops, double speed) const;
+  int pushing_flank(double twist_rad, double twist_rate) const;
 
   // Rigid shaft, every tick.
   double speed_ = 0.0;
@@ -151,6 +186,8 @@ class Shaft {
   double rotor_coulomb_;
   double brake_torque_ = 0.0;
   double coupling_weight_ = 0.5;
+  double piece_s_ = 0.0;       // a tick with contacts is cut into such
+  double piece_weight_ = 0.5;  // of the new speed in one
   Load load_;
 };
 

@@ -134,7 +134,7 @@ void Travel::update_quiet(std::int64_t position) {
   // A stop may be touched anywhere within its last count.
   if (high_stop_ != no_high_limit) high = std::min(high, high_stop_ - 1);
   if (low_stop_ != no_low_limit) low = std::max(low, low_stop_);
-  if (high < low) {  // within or beyond a stop: look again in every tick
+  if (beyond_stop(position) || high < low) {  // it pushes on the way out as well: look again in every tick
     quiet_from_ = position + far;
     quiet_span_ = 0;
     return;

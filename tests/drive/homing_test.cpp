@@ -219,6 +219,25 @@ TEST(Homing, EveryHardStopIsTimedAnew) {
   EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
 }
 
+// A hard stop throws the axis back, with all its torque, before it stands there.
+TEST(Homing, AHardStopIsFoundWhenTheShaftStands) {
+  const Method method = make_method(1, {leg(Direction::negative, HomingSpeed::fast, Until::stalled, Then::hold),
+                                        leg(Direction::positive, HomingSpeed::slow, Until::index, Then::latch)});
+  HomingConfig config = plain_config();
+  config.stall_cycles = 20;
+  Homing homing;
+  HomingInputs inputs;
+  homing.start(method, config, inputs);
+  homing.step(inputs);
+  inputs.torque = -2.0F;
+  for (int i = 0; i < 15; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
+  inputs.moves = true;
+  for (int i = 0; i < 30; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
+  inputs.moves = false;
+  for (int i = 0; i < 19; ++i) EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::keep);
+  EXPECT_EQ(homing.step(inputs).kind, HomingCommand::Kind::hold);
+}
+
 // Switch edge and index within one cycle: their order decides.
 TEST(Homing, IndexCountsOnlyAfterTheQualifyingEdge) {
   const auto latched_at = [](std::span<const SignalEdge> edges) -> std::optional<Counts> {

@@ -168,6 +168,60 @@ TEST(Coupling, LoadStandsByItsOwnFrictionWhileTheRotorTurnsInThePlay) {
   EXPECT_NEAR(rig.plant.load_position_counts(), 0.0, 1e-6);
 }
 
+// Both turn together, the damper pressed together; then the rotor is held. The load leaves the flank with the speed
+// that it has, and loses none before it meets the other one.
+TEST(Coupling, TheDamperOfABacklashNeverPulls) {
+  Parameters p = two_masses();
+  p.load.backlash_rad = 0.2;
+  p.load.damping_nms = 0.5;
+  Rig rig(p);
+  for (int i = 0; i < 400; ++i) rig.step_voltage(0.0, 2.0);
+  ASSERT_NEAR(rig.plant.coupling_twist_rad(), 0.1, 0.01) << "the rotor pushes the load";
+  const double speed = rig.plant.load_velocity_rpm() * rad_s_per_rpm;
+  ASSERT_GT(speed, 5.0);
+  rig.actuation.pwm_enabled = false;
+  rig.plant.lock_rotor(true);
+  int ticks = 0;
+  while (rig.plant.coupling_twist_rad() > -0.09) {
+    rig.step();
+    ++ticks;
+    ASSERT_NEAR(rig.plant.load_velocity_rpm() * rad_s_per_rpm, speed, 0.02 * speed) << ticks;
+  }
+  EXPECT_NEAR(ticks * h, 0.19 / speed, 0.1 * 0.19 / speed);
+}
+
+// The flanks throw a light load to and fro as a stop does: by their stiffness and damping, in any moment of a tick.
+TEST(Coupling, FlanksRebound) {
+  for (const double damping : {0.0, 0.02}) {
+    Parameters p = two_masses();
+    p.load.backlash_rad = 0.03;
+    p.load.stiffness_nm_per_rad = 1.0e3;
+    p.load.damping_nms = damping;
+    Rig rig(p);
+    rig.plant.lock_rotor(true);
+    rig.plant.set_external_torque_nm(-20.0);
+    rig.step();
+    rig.plant.set_external_torque_nm(0.0);
+    double speed = rig.plant.load_velocity_rpm() * rad_s_per_rpm;
+    ASSERT_GT(speed, 10.0);
+    const double ratio = damping / (2.0 * std::sqrt(1.0e3 * 1.0e-4));
+    const double share = std::sqrt(1.0 - ratio * ratio);
+    const double angle = std::numbers::pi - std::atan2(2.0 * ratio * share, 1.0 - 2.0 * ratio * ratio);
+    const double expected = -std::exp(-ratio / share * angle) * (std::cos(angle) - ratio / share * std::sin(angle));
+    for (int bounce = 0; bounce < 10; ++bounce) {
+      const double came = speed;
+      int ticks = 0;
+      while (speed * came > 0.0 && ++ticks < 16000) {
+        rig.step();
+        speed = rig.plant.load_velocity_rpm() * rad_s_per_rpm;
+      }
+      rig.run(12);  // to the end of the contact
+      speed = rig.plant.load_velocity_rpm() * rad_s_per_rpm;
+      EXPECT_NEAR(-speed / came, expected, 0.01 * expected) << damping << " bounce " << bounce;
+    }
+  }
+}
+
 TEST(Coupling, StiffOneMovesAsIfRigid) {
   Parameters rigid = two_masses();
   rigid.load.elastic = false;

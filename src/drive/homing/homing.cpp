@@ -132,9 +132,10 @@ Counts Homing::boundary(const SignalEdge& edge) const {
   return edge.signal == Signal::index ? edge.position + 1 - config_.index_width : edge.position + 1;
 }
 
-bool Homing::stalls(float torque) {
-  const float along = travel() == Direction::positive ? torque : -torque;
-  stall_count_ = along >= config_.stall_torque ? stall_count_ + 1 : 0;
+// A hard stop throws the axis back first: it has to stand as well.
+bool Homing::stalls(const HomingInputs& inputs) {
+  const float along = travel() == Direction::positive ? inputs.torque : -inputs.torque;
+  stall_count_ = along >= config_.stall_torque && !inputs.moves ? stall_count_ + 1 : 0;
   return stall_count_ >= config_.stall_cycles;
 }
 
@@ -171,7 +172,7 @@ HomingCommand Homing::run_leg(const HomingInputs& inputs) {
   }
   if (next_leg) return begin_leg(inputs);
   if (is_active(limit_ahead(), inputs)) return meet_limit();
-  if (leg().until == Until::stalled && stalls(inputs.torque)) {
+  if (leg().until == Until::stalled && stalls(inputs)) {
     stop_before(leg().next);
     return {.kind = Kind::hold, .position = inputs.position};
   }

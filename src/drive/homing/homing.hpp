@@ -54,6 +54,7 @@ struct HomingInputs {
   bool standing = true;                 // the demand is at rest; false as soon as a command moves it
   float torque = 0.0F;                  // fraction of rated torque, positive towards larger counts
   Counts position = 0;                  // actual position
+  bool moves = false;                   // the shaft does
 };
 
 struct HomingCommand {
@@ -118,7 +119,7 @@ class Homing {
   Counts boundary(const SignalEdge& edge) const;
   Counts distance_from_switch(const SignalEdge& edge) const;
   bool is_blind_to(const SignalEdge& edge) const;
-  bool stalls(float torque);
+  bool stalls(const HomingInputs& inputs);
   std::uint8_t first_leg(const HomingInputs& inputs) const;
   HomingCommand begin_leg(const HomingInputs& inputs);
   HomingCommand run_leg(const HomingInputs& inputs);

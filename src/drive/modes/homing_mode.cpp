@@ -8,6 +8,10 @@ namespace servodrome::drive {
 
 namespace {
 
+// A shaft that is faster does not stand: ripple is slower, and so is what is left of a rebound from a hard stop.
+constexpr double moving_share = 0.1;  // of 6099h:01
+constexpr double moving_rpm = 10.0;
+
 Cause cause_of(HomingError error) {
   switch (error) {
     case HomingError::unsupported_method: return Cause::homing_method;
@@ -84,11 +88,14 @@ MotionLimits HomingMode::motion(const Axis& axis, double velocity) const {
 }
 
 HomingInputs HomingMode::inputs(const Axis& axis) const {
+  const double moving = std::max(moving_share * axis.objects.homing_speed_switch * axis.units.velocity,
+                                 axis.rpm_to_counts_per_s(moving_rpm));
   return {.signals = axis.signals,
           .edges = axis.edges,
           .standing = axis.generator.standing(),
           .torque = axis.torque(),
-          .position = axis.encoder_position};
+          .position = axis.encoder_position,
+          .moves = std::abs(axis.velocity()) > moving};
 }
 
 void HomingMode::fail(Axis& axis, Cause cause) {

@@ -1,0 +1,26 @@
+"""Dry friction of the rotor, of the load, or of both as one shaft: it slides, or it stands and is held."""
+
+from state import sign
+
+
+class Mass:
+    def __init__(self, place, clamped=False):
+        self.place = place  # of its speed in the state
+        self.clamped = clamped  # by the bench: it stands whatever pulls
+        self.stands = clamped
+        self.direction = 0
+        self.sliding_nm = 0.0
+        self.static_nm = 0.0
+
+    def settle(self, speed, torque_nm):
+        """The mode that goes with the speed and the torque of everything else."""
+        holds = speed == 0.0 and 0.0 < self.static_nm >= abs(torque_nm)
+        self.stands = self.clamped or holds
+        self.direction = 0 if self.stands else sign(speed) or sign(torque_nm)
+
+    def break_away(self, torque_nm):
+        self.stands = False
+        self.direction = sign(torque_nm)
+
+    def acceleration(self, torque_nm, inertia):
+        return 0.0 if self.stands else (torque_nm - self.direction * self.sliding_nm) / inertia

@@ -1,0 +1,242 @@
+"""The machine as its physics has it: differential equations, one set for each of its modes, and where a mode ends.
+
+A mode is what stands and what slides, what touches what, and which diodes conduct; within one everything is smooth.
+The windings are taken in the rotor frame (d on the magnet, amplitude-invariant): power and torque are n/2 times the
+products of n phases. Signs are those of the plant: positive is where the encoder counts up.
+"""
+
+import math
+
+import numpy
+from contacts import Flanks, Stops
+from diode_bridge import DiodeBridge
+from friction import Mass
+from state import ANGLE, CASE, LINK, LOAD_ANGLE, LOAD_SPEED, SPEED, STAGE, STATES, WINDING, Event
+
+PRECHARGED = 0.97  # of the supply's voltage: then the relay bridges the precharge resistor
+
+
+def flux_linkage_vs(p):
+    """Torque = n/2 * pole pairs * flux * amplitude, and the amplitude is sqrt(2) times the A rms."""
+    return p["motor.torque_constant_nm_per_a"] / (0.5 * p["motor.phases"] * p["motor.pole_pairs"] * math.sqrt(2.0))
+
+
+class Machine:
+    def __init__(self, parameters):
+        p = self.p = parameters
+        self.flux = flux_linkage_vs(p)
+        self.half_phases = 0.5 * p["motor.phases"]
+        self.pole_pairs = p["motor.pole_pairs"] * p["encoder.direction"]
+        self.direct_h = p["motor.direct_inductance_h"]
+        self.quadrature_h = p["motor.quadrature_inductance_h"]
+        self.elastic = bool(p["load.elastic"])
+        self.load_inertia = p["load.inertia_kgm2"]
+        self.rotor_inertia = p["motor.rotor_inertia_kgm2"] + (0.0 if self.elastic else self.load_inertia)
+        self.rotor_viscous = p["motor.viscous_friction_nms"]
+        self.load_viscous = p["load.viscous_friction_nms"]
+        self.rad_per_count = 2.0 * math.pi / p["encoder.counts_per_revolution"]
+        self.precharge_ohm = max(
+            p["supply.precharge_time_constant_s"] / p["supply.capacitance_f"], p["supply.source_resistance_ohm"]
+        )
+
+        # What is held for a time.
+        self.alpha_v = self.beta_v = 0.0
+        self.pwm = self.open = self.chopper = self.connected = False
+        self.load_nm = 0.0
+
+        # The mode.
+        self.rotor = Mass(SPEED, bool(p["locked"]))
+        self.load = Mass(LOAD_SPEED)
+        self.masses = [self.rotor, self.load] if self.elastic else [self.rotor]
+        self.flanks = Flanks(p)
+        self.stops = Stops(p, self.rad_per_count)
+        self.bridge = DiodeBridge(self)
+        self.precharging = False
+        self.set_brake(True)
+
+    def first_state(self):
+        p = self.p
+        state = numpy.zeros(STATES)
+        state[[ANGLE, LOAD_ANGLE]] = p["encoder.start_position_counts"] * self.rad_per_count
+        self.connected = bool(p["supply.charged_at_start"])
+        state[LINK] = p["supply.volts"] if self.connected else 0.0
+        state[[WINDING, CASE, STAGE]] = p["thermal.ambient_c"]
+        return state
+
+    def set_brake(self, engaged):
+        p = self.p
+        rotor = p["motor.coulomb_friction_nm"] + (p["motor.brake_torque_nm"] if engaged else 0.0)
+        load = p["load.coulomb_friction_nm"], p["load.static_friction_nm"]
+        if self.elastic:
+            self.rotor.sliding_nm = self.rotor.static_nm = rotor
+            self.load.sliding_nm, self.load.static_nm = load
+        else:
+            self.rotor.sliding_nm, self.rotor.static_nm = rotor + load[0], rotor + load[1]
+
+    def hold(self, hold, state):
+        """Takes what is held from now on, and settles the modes that follow from it."""
+        u, v, w = (float(numpy.float32(volts)) for volts in hold.volts)
+        if not hold.pwm or hold.short:
+            u = v = w = 0.0
+        if self.p["motor.phases"] == 2:
+            self.alpha_v, self.beta_v = u, v
+        else:
+            self.alpha_v, self.beta_v = (2.0 * u - v - w) / 3.0, (v - w) / math.sqrt(3.0)
+            assert max(u, v, w) - min(u, v, w) <= state[LINK], "more voltage than the DC link has"
+        self.pwm = hold.pwm
+        was_open, self.open = self.open, not hold.pwm and not hold.short
+        self.load_nm = -(self.p["load.gravity_torque_nm"] + hold.external_nm)
+        self.chopper = hold.chopper
+        self.precharging = hold.connected and (self.precharging or not self.connected)
+        self.connected = hold.connected
+        if self.open and not was_open:
+            self.bridge.open(state)
+        self.settle(state)
+
+    def settle(self, state):
+        """The modes of precharge, bridge and friction that go with this state."""
+        self.precharging = self.precharging and state[LINK] < PRECHARGED * self.p["supply.volts"]
+        if self.open:
+            self.bridge.settle(state)
+        for mass, torque in zip(self.masses, self.torques_of(state)):
+            mass.settle(state[mass.place], torque)
+
+    def release(self, state):
+        """Masses that stand and are held no longer, since a contact has closed or opened."""
+        for mass, torque in zip(self.masses, self.torques_of(state)):
+            if mass.stands and not mass.clamped and abs(torque) > mass.static_nm:
+                mass.break_away(torque)
+
+    # --- The equations.
+
+    def resistance_ohm(self, winding_c):
+        p = self.p
+        return p["motor.resistance_ohm"] * (1.0 + p["motor.copper_temperature_coefficient"] * (winding_c - 25.0))
+
+    def torque_nm(self, direct, quadrature):
+        reluctance = (self.direct_h - self.quadrature_h) * direct
+        return self.half_phases * self.pole_pairs * (self.flux + reluctance) * quadrature
+
+    def current_slopes(self, direct, quadrature, direct_v, quadrature_v, resistance, electrical):
+        """Voltage = resistance * current + change of the flux, whose turning is seen from the rotor."""
+        back_d = -electrical * self.quadrature_h * quadrature
+        back_q = electrical * (self.direct_h * direct + self.flux)
+        return (
+            (direct_v - resistance * direct - back_d) / self.direct_h,
+            (quadrature_v - resistance * quadrature - back_q) / self.quadrature_h,
+        )
+
+    def torques(self, direct, quadrature, speed, angle, load_speed, load_angle):
+        """On the rotor (with a rigid load: the shaft) and on the load, of everything but dry friction."""
+        rotor = self.torque_nm(direct, quadrature) - self.rotor_viscous * speed
+        load = self.load_nm - self.load_viscous * load_speed - self.stops.torque_nm(load_speed, load_angle)
+        if not self.elastic:
+            return rotor + load, 0.0
+        coupling = self.flanks.torque_nm(speed - load_speed, angle - load_angle)
+        return rotor - coupling, load + coupling
+
+    def torques_of(self, state):
+        return self.torques(*state.tolist()[: LOAD_ANGLE + 1])
+
+    def derivative(self, _, state):
+        p = self.p
+        values = state.tolist()
+        direct, quadrature, speed, angle, load_speed, load_angle, link_v, winding_c, case_c, stage_c = values[:10]
+        resistance = self.resistance_ohm(winding_c)
+        electrical = self.pole_pairs * speed
+        if self.open:
+            d_direct, d_quadrature, power = self.bridge.derivative(values, resistance)
+        else:
+            cosine, sine = math.cos(self.pole_pairs * angle), math.sin(self.pole_pairs * angle)
+            direct_v = self.alpha_v * cosine + self.beta_v * sine
+            quadrature_v = self.beta_v * cosine - self.alpha_v * sine
+            d_direct, d_quadrature = self.current_slopes(
+                direct, quadrature, direct_v, quadrature_v, resistance, electrical
+            )
+            power = self.half_phases * (direct_v * direct + quadrature_v * quadrature)
+
+        torque = self.torque_nm(direct, quadrature)
+        on_rotor, on_load = self.torques(direct, quadrature, speed, angle, load_speed, load_angle)
+        acceleration = self.rotor.acceleration(on_rotor, self.rotor_inertia)
+        load_acceleration = self.load.acceleration(on_load, self.load_inertia) if self.elastic else acceleration
+
+        supply_v = p["supply.volts"] if self.connected else 0.0
+        source_ohm = self.precharge_ohm if self.precharging else p["supply.source_resistance_ohm"]
+        source_a = max(0.0, supply_v - link_v) / source_ohm  # the rectifier lets nothing back
+        standby_w = p["supply.standby_w"] if link_v > supply_v else 0.0  # else the source carries the electronics
+        leaks = 1.0 / p["supply.bleeder_resistance_ohm"]
+        if self.chopper:
+            leaks += 1.0 / p["supply.chopper_resistance_ohm"]
+        drawn_a = link_v * leaks + ((power + standby_w) / link_v if link_v > 0.0 else 0.0)
+
+        square_a2 = self.half_phases * (direct * direct + quadrature * quadrature)
+        copper_w = square_a2 * resistance
+        stage_w = square_a2 * p["thermal.stage_resistance_ohm"] + (p["thermal.stage_standby_w"] if self.pwm else 0.0)
+        to_case_w = (winding_c - case_c) / p["thermal.winding_to_case_k_per_w"]
+        from_case_w = (case_c - p["thermal.ambient_c"]) / p["thermal.case_to_ambient_k_per_w"]
+        from_stage_w = (stage_c - p["thermal.ambient_c"]) / p["thermal.stage_to_ambient_k_per_w"]
+        return [
+            d_direct,
+            d_quadrature,
+            acceleration,
+            speed,
+            load_acceleration,
+            load_speed,
+            (source_a - drawn_a) / p["supply.capacitance_f"],
+            (copper_w - to_case_w) / p["thermal.winding_heat_capacity_j_per_k"],
+            (to_case_w - from_case_w) / p["thermal.case_heat_capacity_j_per_k"],
+            (stage_w - from_stage_w) / p["thermal.stage_heat_capacity_j_per_k"],
+            torque,
+            power,
+            copper_w,
+            torque * speed,
+            source_a * link_v,
+            link_v * link_v * leaks,
+            standby_w,
+        ]
+
+    # --- Where a mode ends.
+
+    def events(self):
+        events = self.stops.events()
+        if self.elastic:
+            events += self.flanks.events()
+        for number, mass in enumerate(self.masses):
+            if mass.static_nm > 0.0 and not mass.clamped:
+                events.append(self.end_of_standing(number, mass) if mass.stands else self.end_of_sliding(number, mass))
+        if self.precharging:
+            threshold = PRECHARGED * self.p["supply.volts"]
+            events.append(Event(lambda state: threshold - state[LINK], self.end_precharge))
+        if self.open:
+            events += self.bridge.events()
+        return events
+
+    def end_of_standing(self, number, mass):
+        def margin_nm(state):
+            return mass.static_nm - abs(self.torques_of(state)[number])
+
+        return Event(margin_nm, lambda state: mass.break_away(self.torques_of(state)[number]))
+
+    def end_of_sliding(self, number, mass):
+        def rest(state):
+            state[[SPEED, LOAD_SPEED] if not self.elastic else [mass.place]] = 0.0
+            mass.settle(0.0, self.torques_of(state)[number])
+
+        return Event(lambda state: mass.direction * state[mass.place], rest)
+
+    def end_precharge(self, _):
+        self.precharging = False
+
+    # --- What is stored.
+
+    def stored_j(self, state):
+        """In the DC link, the windings, the moving masses, and in coupling and stops."""
+        direct, quadrature, speed, angle, load_speed, load_angle, link_v = state.tolist()[: LINK + 1]
+        link = 0.5 * self.p["supply.capacitance_f"] * link_v * link_v
+        magnetic = 0.5 * self.half_phases * (self.direct_h * direct**2 + self.quadrature_h * quadrature**2)
+        kinetic = 0.5 * self.rotor_inertia * speed * speed
+        elastic = self.stops.stored_j(load_angle)
+        if self.elastic:
+            kinetic += 0.5 * self.load_inertia * load_speed * load_speed
+            elastic += self.flanks.stored_j(angle - load_angle)
+        return link, magnetic, kinetic, elastic

@@ -1,0 +1,143 @@
+"""What the plant is compared in: each scenario with its runs, and what of them is held to which limit.
+
+A target is what the plant is to keep. Where it does not, `today` is what it has, rounded up: the limit until it does.
+"""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import electric_runs as electric
+import shaft_runs as shaft
+from hits import HIT_TICKS, fall, hits
+from measures import course, energy_lost, impulse, link_current, link_energy, mean, restitution, sunk
+
+
+@dataclass
+class Quantity:
+    name: str
+    measure: Callable
+    target: float  # percent, as all of these
+    today: float | None = None
+
+    @property
+    def limit(self):
+        return self.target if self.today is None else self.today
+
+
+@dataclass
+class Scenario:
+    name: str
+    runs: Callable
+    quantities: list
+
+
+COURSES = {
+    "current": course("direct_a", "quadrature_a"),
+    "torque": course("torque_nm"),
+    "speed": course("velocity_rpm"),
+    "load speed": course("load_velocity_rpm"),
+    "position": course("position_counts"),
+    "speed, reversals": course("velocity_rpm", at=shaft.REVERSED_AT),
+    "load speed, reversals": course("load_velocity_rpm", at=shaft.REVERSED_AT),
+    "link, change": course("dc_link_v", change=True),
+    "supplied": course("supplied_j"),
+    "chopped": course("chopped_j"),
+    "winding, rise": course("winding_c", change=True),
+    "case, rise": course("case_c", change=True),
+    "stage, rise": course("stage_c", change=True),
+    "current, of rated": course("direct_a", "quadrature_a", peak=electric.RATED_A),
+}
+
+
+def courses(*names, target=0.5, today=()):
+    """Quantities that are compared in every tick; `today`: those of them that do not keep the target."""
+    return [Quantity(name, COURSES[name], target, dict(today).get(name)) for name in names]
+
+
+def turning(rpm, today=()):
+    runs = functools.partial(electric.turning_step, rpm)
+    return Scenario(f"current step, {rpm} rpm", runs, courses("current", "torque", today=today))
+
+
+def play(name, load_kgm2, damping, today=()):
+    names = ("speed", "load speed", "speed, reversals", "load speed, reversals")
+    return Scenario(name, functools.partial(shaft.play, load_kgm2, damping), courses(*names, today=today))
+
+
+def hit(elastic, ticks):
+    measures = (("restitution", restitution, 2.0), ("impulse", impulse, 1.0), ("energy lost", energy_lost, 2.0))
+    quantities = [Quantity(*measure) for measure in measures]
+    name = f"{'elastic' if elastic else 'rigid'} hit, {ticks:g} ticks"
+    return Scenario(name, functools.partial(hits, ticks, elastic), quantities)
+
+
+def generator(share, *today):
+    ticks = electric.settled_periods(share)
+    measures = (("mean torque", mean("torque_nm", ticks)), ("mean link current", link_current(ticks)))
+    quantities = [Quantity(*measure, 5.0, limit) for measure, limit in zip(measures, today, strict=True)]
+    return Scenario(f"passive bridge, EMF {share:g}", functools.partial(electric.generator, share), quantities)
+
+
+def switch_off(name, current_a):
+    ticks = range(electric.SWITCH_OFF_TICK, electric.SWITCH_OFF_TICK + 20)
+    quantity = Quantity("energy to link", link_energy(ticks), 1.0)
+    return Scenario(f"switch-off, {name} current", functools.partial(electric.switch_off, current_a), [quantity])
+
+
+def rotating(rad_per_tick, today=()):
+    runs = functools.partial(electric.rotating, rad_per_tick)
+    return Scenario(f"rotating, {rad_per_tick:g} rad/tick", runs, courses("current", target=1.0, today=today))
+
+
+SCENARIOS = [
+    Scenario("current step, standing", electric.standing_step, courses("current", "torque")),
+    turning(1000),
+    turning(3000),
+    turning(6000, {"current": 1.4, "torque": 1.0}),
+    Scenario("current step, salient", electric.salient_step, courses("current", "torque")),
+    rotating(0.2),
+    rotating(0.5, {"current": 5.8}),
+    rotating(1.0, {"current": 29}),
+    Scenario("stepper, full step", electric.stepper, courses("current", "speed", "position")),
+    Scenario("torque step", electric.torque_step, courses("current", "torque", "speed")),
+    Scenario("short circuit", electric.short_circuit, courses("current", "torque", "speed")),
+    Scenario("viscous spin-down", shaft.spin_down, courses("speed", "position")),
+    Scenario("Coulomb stop", shaft.coulomb_stop, courses("speed", "position")),
+    Scenario("breakaway", shaft.breakaway, courses("speed", "position")),
+    Scenario("brake, gravity", shaft.brake, courses("speed", "position")),
+    Scenario(
+        "two masses, ring-down",
+        shaft.ring_down,
+        courses("speed", "load speed", today={"speed": 1.4, "load speed": 0.56}),
+    ),
+    Scenario("two masses, driven", shaft.elastic_driven, courses("current", "speed", "load speed")),
+    Scenario("stick-slip", shaft.stick_slip, courses("speed", "load speed")),
+    play("play, 10 reversals", 1.0e-4, 0.1),
+    play("play, light load", 1.0e-6, 0.01, {"load speed": 9}),
+    *(hit(elastic, ticks) for elastic in (False, True) for ticks in HIT_TICKS),
+    Scenario("fall on a stop", fall, [*courses("position"), Quantity("sag at rest", sunk(), 0.5)]),
+    Scenario(
+        "coasting, EMF 0.95", functools.partial(electric.generator, 0.95), courses("current, of rated", "speed")
+    ),
+    generator(1.05, 1900, 1900),
+    generator(1.15, 200, 190),
+    generator(1.5, 24, 20),
+    switch_off("rated", electric.RATED_A),
+    switch_off("peak", electric.PEAK_A),
+    Scenario("link, charge", electric.charge, courses("link, change")),
+    Scenario("link, precharge", electric.precharge, courses("link, change")),
+    Scenario("link, motoring sag", electric.sag, courses("link, change", "supplied")),
+    Scenario("link, regenerating", electric.regeneration, courses("link, change")),
+    Scenario(
+        "link, chopper",
+        functools.partial(electric.regeneration, electric.CHOPPER_FROM),
+        courses("link, change", "chopped", today={"link, change": 1.4}),
+    ),
+    Scenario("link, without supply", electric.buffered, courses("link, change")),
+    Scenario(
+        "copper heating, 100 s",
+        electric.heating,
+        courses("winding, rise", "case, rise", "stage, rise", "current"),
+    ),
+]

@@ -1,0 +1,87 @@
+"""Runs about friction, coupling, play and brake, the machine's currents being those that fixed voltages make."""
+
+import math
+
+from electric_runs import OHM, vector
+from runs import Hold, Run
+
+ROTOR_KGM2 = 0.28e-4
+
+
+def spin_down():
+    inertia = ROTOR_KGM2 + 0.28e-4
+    changes = {"load.inertia_kgm2": 0.28e-4, "load.viscous_friction_nms": 1.0e-3}
+    return [Run(changes, [Hold(1, external_nm=-100.0 * inertia * 16000), Hold(2400)])]
+
+
+def coulomb_stop():
+    changes = {"load.inertia_kgm2": 0.28e-4, "load.coulomb_friction_nm": 0.1, "load.static_friction_nm": 0.15}
+    return [Run(changes, [Hold(1, external_nm=-torque), Hold(1600)]) for torque in (40.0, 41.0, 100.0)]
+
+
+def breakaway():
+    """Held by less than the static torque, let go by more, kept moving by less than that, and stopped."""
+    changes = {"load.inertia_kgm2": 0.28e-4, "load.coulomb_friction_nm": 0.1, "load.static_friction_nm": 0.15}
+    torques = (0.149, -0.149, -0.151, -0.12, 0.0, 0.0, 0.149, 0.151)
+    return [Run(changes, [Hold(100, external_nm=torque) for torque in torques])]
+
+
+def brake():
+    """A hanging load is let go, falls, and is caught again."""
+    changes = {"load.inertia_kgm2": 5.0e-4, "load.gravity_torque_nm": 0.5, "motor.brake_torque_nm": 2.0}
+    holds = [Hold(100, brake_released=False), Hold(1000), Hold(800, brake_released=False)]
+    return [Run(changes, holds)]
+
+
+TWO_MASSES = {
+    "load.elastic": 1,
+    "load.inertia_kgm2": 1.0e-4,
+    "load.stiffness_nm_per_rad": 100.0,  # 340 Hz with both masses free
+    "load.damping_nms": 0.002,
+}
+
+
+def ring_down():
+    return [Run(TWO_MASSES, [Hold(1, external_nm=-100.0), Hold(1000)])]
+
+
+def elastic_driven():
+    """The stator's field is turned on by steps, and the rotor swings into it with the load behind."""
+    angles = (1.57, 2.6, 2.0, 3.1)
+    return [Run(TWO_MASSES, [Hold(250, vector(OHM * 6.0, angle), pwm=True) for angle in angles])]
+
+
+def stick_slip():
+    """The rotor follows a slow field and winds a soft coupling up until the load breaks loose, again and again."""
+    changes = TWO_MASSES | {
+        "load.stiffness_nm_per_rad": 5.0,
+        "load.coulomb_friction_nm": 0.05,
+        "load.static_friction_nm": 0.15,
+    }
+    step_ticks, steps, rad_per_step = 20, 100, 0.0125
+    return [Run(changes, [Hold(step_ticks, vector(OHM * 8.0, rad_per_step * n), pwm=True) for n in range(steps)])]
+
+
+REVERSAL_TICKS = 320
+REVERSALS = 10
+REVERSED_AT = [REVERSAL_TICKS * (half + 1) for half in range(REVERSALS + 1)]
+
+
+def play(load_kgm2, damping):
+    """The motor pulls to and fro, and each time the rotor crosses the play before the load follows. A weak motor of one
+    pole pair pulls alike at all speeds and angles that come of it: with 0.1 Nm."""
+    changes = {
+        "motor.pole_pairs": 1,
+        "motor.torque_constant_nm_per_a": 0.05,
+        "load.elastic": 1,
+        "load.inertia_kgm2": load_kgm2,
+        "load.stiffness_nm_per_rad": 500.0,
+        "load.damping_nms": damping,
+        "load.backlash_rad": 0.01,
+    }
+    current_a = 0.1 / 0.05 * math.sqrt(2.0)
+    holds = []
+    for half in range(REVERSALS + 1):
+        amplitude = (0.5 if half == 0 else 1.0) * OHM * current_a * (-1) ** half
+        holds.append(Hold(REVERSAL_TICKS, vector(amplitude, 0.5 * math.pi), pwm=True))
+    return [Run(changes, holds, longest_step_ticks=1.0)]

@@ -1,0 +1,37 @@
+"""The state of the machine as one vector, and the events at which its equations change."""
+
+import numpy
+
+TICKS_PER_SECOND = 16000
+TICK_S = 1.0 / TICKS_PER_SECOND
+
+# With a rigid load its speed and angle are the rotor's. After the temperatures come books: sums since the start.
+DIRECT, QUADRATURE, SPEED, ANGLE, LOAD_SPEED, LOAD_ANGLE, LINK, WINDING, CASE, STAGE = range(10)
+IMPULSE, TO_MOTOR, COPPER, WORK, SUPPLIED, CHOPPED, STANDBY = range(10, 17)
+STATES = 17
+
+# What a step may be wrong by. Of an angle a share of its size would be too much: stops are stiff.
+TOLERANCES = numpy.full(STATES, 1.0e-9)
+TOLERANCES[[ANGLE, LOAD_ANGLE]] = 1.0e-10
+TOLERANCES[IMPULSE:] = 1.0e-11
+RELATIVE_TOLERANCES = numpy.full(STATES, 1.0e-9)
+RELATIVE_TOLERANCES[[ANGLE, LOAD_ANGLE]] = 1.0e-13
+
+
+class Event:
+    """A function of the state that falls through zero where a mode ends, and what is done with the state then."""
+
+    terminal = True
+    direction = -1.0
+
+    def __init__(self, function, then, name=""):
+        self.function = function
+        self.then = then
+        self.name = name
+
+    def __call__(self, _, state):
+        return self.function(state)
+
+
+def sign(value):
+    return int(value > 0.0) - int(value < 0.0)
