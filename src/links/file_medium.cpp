@@ -11,6 +11,8 @@
 #include <unistd.h>
 #include <utility>
 
+#include "links/descriptor_advice.hpp"
+
 namespace servodrome::links {
 namespace {
 
@@ -42,7 +44,9 @@ FileMedium::FileMedium(const std::string& path, std::uint32_t size)
     : path_(std::filesystem::absolute(path).string()), file_(-1), size_(size) {
   OpenFile file{::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, S_IRUSR | S_IWUSR)};
   if (file.number < 0) {
-    fail(path, "cannot open: " + last_error() + "; choose a file in a folder that exists and may be written to");
+    const int reason = errno;
+    fail(path, "cannot open: " + last_error() + "; " +
+                   advice_for<std::string>(reason, "choose a file in a folder that exists and may be written to"));
   }
   struct stat status {};
   if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_error());

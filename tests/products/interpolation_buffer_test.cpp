@@ -43,6 +43,23 @@ TEST(InterpolationBuffer, ARecordTooManyIsRefused) {
   }
 }
 
+// A first record that is far away is caught up with by the profile's ramps. Bit 12 is bit 4 of the controlword all the
+// while ("ip mode active").
+TEST(InterpolationBuffer, AFarFirstRecordIsCaughtUpWith) {
+  Interpolating axis(1);
+  for (const std::uint16_t ramp : std::to_array<std::uint16_t>({0x6083, 0x6084})) axis.set(ramp, 0, 10 * 131072);
+  EXPECT_EQ(axis.record(131072), AbortCode::none);
+  axis.control(0x1F);
+  axis.run_ms(100);
+  EXPECT_NEAR(axis.device.drive().axis().generator.velocity() / 131072.0, 1.0, 0.1);
+  EXPECT_EQ(axis.status() & 0x1000, 0x1000);
+  axis.run_ms(1000);
+  EXPECT_EQ(axis.get(0x6062), 131072);
+  axis.control(0x0F);
+  axis.run_ms(1);
+  EXPECT_EQ(axis.status() & 0x1000, 0);
+}
+
 TEST(InterpolationBuffer, ARingTakesTheNewest) {
   Interpolating axis(4);
   axis.set(0x60C4, 3, 1);

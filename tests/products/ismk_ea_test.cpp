@@ -206,6 +206,43 @@ TEST_P(IsmkEaModes, CyclicSynchronousPosition) {
   EXPECT_EQ(bus.status() & 0x1000, 0);
 }
 
+// 607Ah far from where the axis is when mode 7 or 8 begins: caught up with at 6080h by 6083h and 6084h. Bit 12 of mode
+// 8 is 0 meanwhile; that of mode 7 is bit 4 of the controlword.
+TEST(IsmkEaFirstTarget, ThatIsFarIsCaughtUpWith) {
+  for (const auto& [mode, sync0_ns] :
+       {std::pair<std::int8_t, std::uint32_t>{7, 0}, {7, 1'000'000}, {8, 0}, {8, 1'000'000}}) {
+    SCOPED_TRACE(int{mode});
+    SCOPED_TRACE(sync0_ns);
+    Bus bus;
+    bus.set(0x6080, 0, 600);
+    for (const std::uint16_t ramp : std::to_array<std::uint16_t>({0x6083, 0x6084}))
+      bus.set(ramp, 0, std::llround(acceleration_dec_from_rps_s(100)));
+    bus.connect(sync0_ns);
+    bus.put<std::int8_t>(Bus::Out::mode, mode);
+    const std::int32_t target = bus.position() + 5 * 65536;
+    bus.put<std::int32_t>(Bus::Out::position, target);
+    bus.put<std::uint16_t>(Bus::Out::controlword, 0x2F);
+    bus.run_cycles(2, 1);
+    bus.put<std::uint16_t>(Bus::Out::controlword, 0x3F);
+    const drive::Generator& generator = bus.device.drive().axis().generator;
+    double before = generator.velocity() / 65536.0;
+    double fastest = 0.0;
+    double steepest = 0.0;
+    bus.run_cycles(300, 1, [&](int) {
+      const double turns_per_s = generator.velocity() / 65536.0;
+      fastest = std::max(fastest, turns_per_s);
+      steepest = std::max(steepest, std::abs(turns_per_s - before));
+      before = turns_per_s;
+    });
+    EXPECT_NEAR(fastest, 10.0, 0.1) << "6080h";
+    EXPECT_NEAR(steepest, 0.1, 0.02) << "in a millisecond";
+    EXPECT_EQ(bus.status() & 0x1000, mode == 7 ? 0x1000 : 0);
+    bus.run_cycles(700, 1);
+    EXPECT_NEAR(bus.position(), target, 65);
+    EXPECT_EQ(bus.status() & 0x10FF, 0x1037);
+  }
+}
+
 TEST_P(IsmkEaModes, ThePeriodIsOneWithThatOf3011) {
   bus.set(0x3011, 1, 3);
   EXPECT_EQ(bus.get(0x60C2, 1), 8);

@@ -28,7 +28,10 @@ class CommissioningRig : public testing::Test {
     }
     return text;
   }
-  CommissioningRig() { pass(std::chrono::milliseconds(300)); }
+  CommissioningRig() : CommissioningRig(line_of_all()) {}
+  explicit CommissioningRig(const std::string& line_file) : line_(line::test::settings_of(line_file)) {
+    pass(std::chrono::milliseconds(300));
+  }
 
   line::bench::Response ask(line::bench::Method method, const std::string& target, const std::string& body = {}) {
     std::vector<line::bench::RouteGroup> groups = commissioning_routes();
@@ -62,7 +65,7 @@ class CommissioningRig : public testing::Test {
     return job;
   }
 
-  line::Line line_{line::test::settings_of(line_of_all())};
+  line::Line line_;
   LineJobs jobs_{line_};
 };
 

@@ -46,7 +46,7 @@ type = "ethercat"
 
 class JobsTest : public testing::Test {
  protected:
-  JobsTest() { pass(300ms); }
+  JobsTest() : JobsTest(line_of_all()) {}
 
   Response ask(Method method, const std::string& target, const std::string& body = {}) {
     const line::bench::RouteGroup group = jobs_.routes();
@@ -94,7 +94,9 @@ class JobsTest : public testing::Test {
     EXPECT_EQ(view(axis)["state"], "operation enabled") << axis;
   }
 
-  line::Line line_{line::test::settings_of(line_of_all())};
+  explicit JobsTest(const std::string& line_file) : line_(line::test::settings_of(line_file)) { pass(300ms); }
+
+  line::Line line_;
   std::chrono::steady_clock::time_point wall_{};
   LineJobs jobs_{line_, [this] { return wall_; }};
 };
@@ -453,6 +455,30 @@ TEST_F(JobsTest, UnitsOfARevolution) {
   EXPECT_EQ(get("axes/ismc/units")["position_per_revolution"], 131072.0) << "it has no factors: encoder counts";
   ASSERT_EQ(ask(Method::post, "axes/ismc/power", R"({"action": "off"})").status, 200U);
   EXPECT_EQ(ask(Method::get, "axes/ismc/units").status, 409U) << "its factors cannot be asked for";
+}
+
+// The encoder of the ProNet manual's examples: a revolution is what the drive at hand has.
+class ManualsEncoder : public JobsTest {
+ protected:
+  ManualsEncoder()
+      : JobsTest(
+            "clock = \"virtual\"\n[[bus]]\nname = \"can0\"\n[[axis]]\nname = \"pronet\"\nproduct = \"pronet\"\nbus = "
+            "\"can0\"\nnode = 1\n[axis.encoder]\ncounts_per_revolution = 10000\n") {}
+  double true_turns() { return static_cast<double>(line_.axes()[0]->plant().position_counts()) / 10000.0; }
+};
+
+TEST_F(ManualsEncoder, UnitsOfARevolution) {
+  EXPECT_EQ(get("axes/pronet/units")["position_per_revolution"], 10000.0);
+  EXPECT_EQ(get("axes/pronet/units")["velocity_per_rps"], 600.0);
+}
+
+TEST_F(ManualsEncoder, MovesByRevolutions) {
+  make_ready("pronet");
+  const double before = true_turns();
+  expect_done("pronet", R"({"do": "move", "by": 3, "velocity": 5, "acceleration": 50, "units": "revolutions"})");
+  EXPECT_NEAR(true_turns() - before, 3.0, 0.01);
+  expect_done("pronet", R"({"do": "move", "to": -2, "velocity": 5, "acceleration": 50, "units": "revolutions"})");
+  EXPECT_NEAR(object("pronet", "6064/0"), -20000.0, 100.0);
 }
 
 struct Refusal {

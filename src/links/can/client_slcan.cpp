@@ -7,6 +7,7 @@
 #include <termios.h>
 
 #include "links/can/slcan_protocol.hpp"
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -44,7 +45,8 @@ SlcanClient::~SlcanClient() {
 }
 
 void SlcanClient::fail(std::error_code code, std::string_view what, std::string_view advice) const {
-  throw LinkError(code, fmt::format("\"{}\": {}; {}", to_string(CanLinkName(name_)), what, advice));
+  throw LinkError(code,
+                  fmt::format("\"{}\": {}; {}", to_string(CanLinkName(name_)), what, advice_for(code.value(), advice)));
 }
 
 void SlcanClient::open_tty() {

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <fmt/format.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 #include "links/pcap.hpp"
 
@@ -85,9 +86,8 @@ CanLog::CanLog(const std::string& path, Format format, std::string interface_nam
       file_(std::fopen(path.c_str(), "wb"), &std::fclose) {
   if (!file_) {
     const std::error_code code(errno, std::generic_category());
-    throw LinkError(code, fmt::format("cannot create the CAN log \"{}\": {}; choose a folder that exists and may be "
-                                      "written to",
-                                      path, code.message()));
+    throw LinkError(code, fmt::format("cannot create the CAN log \"{}\": {}; {}", path, code.message(),
+                                      advice_for(code.value(), "choose a folder that exists and may be written to")));
   }
   std::setvbuf(file_.get(), nullptr, _IOFBF, buffer_bytes);
   if (format_ == Format::pcap) {

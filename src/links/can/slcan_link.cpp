@@ -42,7 +42,14 @@ SlcanLink::~SlcanLink() {
   bus_.detach(port_);
 }
 
+// A client that has just opened it may have written already.
+bool SlcanLink::settled() {
+  if (counters_.clients == 0 && pty_.has_client()) wait_for_client();
+  return counters_.clients == 0 || !reading_ || !pty_.has_input();
+}
+
 void SlcanLink::wait_for_client() {
+  if (counters_.clients != 0) return;  // seen already, by settled()
   if (pty_.has_client()) {
     counters_.clients = 1;
     host_.wake();  // from now on what drives send is heard

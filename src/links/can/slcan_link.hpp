@@ -28,7 +28,7 @@ class SlcanLink final : public CanLink, private Receiver, private slcan::Control
   PortId port() const override { return port_; }
   std::string name() const override { return to_string(name_); }
   const LinkCounters& counters() const override { return counters_; }
-  bool settled() override { return counters_.clients == 0 || !reading_ || !pty_.has_input(); }
+  bool settled() override;
 
  private:
   void on_frame(const canopen::Frame& frame, Time at) override;

@@ -9,6 +9,7 @@
 #include <net/if.h>
 #include <sys/socket.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
@@ -18,8 +19,8 @@ constexpr int receive_buffer_bytes = 1 << 20;  // about 1300 frames: 100 ms of a
 
 [[noreturn]] void fail(const std::string& interface_name, std::string_view reason, std::string_view advice) {
   const std::error_code code(errno, std::generic_category());
-  throw LinkError(
-      code, fmt::format("cannot open \"socketcan:{}\": {} ({}); {}", interface_name, reason, code.message(), advice));
+  throw LinkError(code, fmt::format("cannot open \"socketcan:{}\": {} ({}); {}", interface_name, reason, code.message(),
+                                    advice_for(code.value(), advice)));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <fmt/format.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 #include "links/pcap.hpp"
 
@@ -24,10 +25,8 @@ EthercatLog::EthercatLog(const std::string& path, Time epoch)
     : epoch_(epoch), file_(std::fopen(path.c_str(), "wb"), &std::fclose) {
   if (!file_) {
     const std::error_code code(errno, std::generic_category());
-    throw LinkError(code,
-                    fmt::format("cannot create the EtherCAT log \"{}\": {}; choose a folder that exists and may be "
-                                "written to",
-                                path, code.message()));
+    throw LinkError(code, fmt::format("cannot create the EtherCAT log \"{}\": {}; {}", path, code.message(),
+                                      advice_for(code.value(), "choose a folder that exists and may be written to")));
   }
   std::setvbuf(file_.get(), nullptr, _IOFBF, buffer_bytes);
   const PcapFileHeader header{.link_type = PcapLink::ethernet};

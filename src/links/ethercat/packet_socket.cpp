@@ -15,6 +15,7 @@
 #include <sys/socket.h>
 #include <utility>
 
+#include "links/descriptor_advice.hpp"
 #include "links/ethercat/link_name.hpp"
 #include "links/link_error.hpp"
 
@@ -30,7 +31,8 @@ constexpr int smallest_mtu = 1500;
 
 [[noreturn]] void fail_raw(const std::string& link, std::string_view reason, std::string_view advice) {
   const std::error_code code(errno, std::generic_category());
-  throw LinkError(code, fmt::format("cannot open \"{}\": {} ({}); {}", link, reason, code.message(), advice));
+  throw LinkError(code, fmt::format("cannot open \"{}\": {} ({}); {}", link, reason, code.message(),
+                                    advice_for(code.value(), advice)));
 }
 
 // A fact about the interface (netdevice(7)).

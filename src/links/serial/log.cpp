@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <fmt/format.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 #include "links/pcap.hpp"
 
@@ -151,9 +152,8 @@ SerialLog::SerialLog(const std::string& path, Format format, std::string name, S
       }) {
   if (!file_) {
     const std::error_code code(errno, std::generic_category());
-    throw LinkError(code, fmt::format("cannot create the serial log \"{}\": {}; choose a folder that exists and may be "
-                                      "written to",
-                                      path, code.message()));
+    throw LinkError(code, fmt::format("cannot create the serial log \"{}\": {}; {}", path, code.message(),
+                                      advice_for(code.value(), "choose a folder that exists and may be written to")));
   }
   std::setvbuf(file_.get(), nullptr, _IOFBF, serial_log_buffer_bytes);
   if (format_ == Format::pcapng) write(SerialPcapng::header());

@@ -28,7 +28,11 @@ StreamLink::~StreamLink() {
   line_.detach(port_);
 }
 
-bool StreamLink::settled() { return !is_open() || !is_reading_ || !is_readable(stream_.native_handle()); }
+// A client that has just opened it may have written already.
+bool StreamLink::settled() {
+  if (!is_open()) look_for_client();
+  return !is_open() || !is_reading_ || !is_readable(stream_.native_handle());
+}
 
 void StreamLink::open() {
   counters_.clients = 1;
@@ -116,7 +120,12 @@ PtyLink::PtyLink(const PtyName& name, std::unique_ptr<Pty> pty, SerialLine& line
   wait_for_client();
 }
 
+void PtyLink::look_for_client() {
+  if (pty_->has_client()) wait_for_client();
+}
+
 void PtyLink::wait_for_client() {
+  if (is_open()) return;  // seen already, by settled()
   if (pty_->has_client()) {
     open();
     return;

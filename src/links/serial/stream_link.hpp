@@ -34,6 +34,8 @@ class StreamLink : public SerialLink, private SerialStation {
   bool is_open() const { return counters_.clients > 0; }
   // The other end is gone; the stream is at rest.
   virtual void lost() = 0;
+  // Opens the stream if there is somebody at the other end.
+  virtual void look_for_client() {}
   boost::asio::steady_timer& timer() { return timer_; }
   const std::shared_ptr<bool>& alive() const { return alive_; }
 
@@ -70,6 +72,7 @@ class PtyLink final : public StreamLink {
   PtyLink(const PtyName& name, std::unique_ptr<Pty> pty, SerialLine& line, boost::asio::io_context& io, LineHost& host);
 
   void lost() override;
+  void look_for_client() override;
   void wait_for_client();
 
   PtyName name_;
