@@ -15,7 +15,7 @@
 //
 // Contacts are springs with dampers that push and never pull: the hard stops, and the flanks of a backlash. A tick in
 // which one of them opens, closes or pushes is cut into pieces, as many as its vibration needs, and each piece ends
-// where a contact does. What vibrates faster than the finest piece can show is damped away: see `fastest_shown_rad_s`.
+// where a contact does. What vibrates faster than the finest piece can show is damped away: from some 2e6 rad/s on.
 namespace servodrome::plant {
 
 // Speeds in rad/s at the end of a tick and their means over it; positions move by mean * tick.
@@ -96,9 +96,6 @@ class Shaft {
   double twist_rad() const { return twist_; }
   double kinetic_j() const;
   double elastic_j(const StopDistance& stops) const;
-
-  // Contacts that vibrate faster, rad/s, do not rebound as their stiffness says.
-  static constexpr double fastest_shown_rad_s = 2.0e6;
 
  private:
   // Coupling as an active spring with its deflection at the start of the step, or the gap of the backlash.
