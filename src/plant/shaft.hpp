@@ -151,7 +151,7 @@ class Shaft {
   double flank_push_nm(double overlap_rad, double inward_rad_s) const {
     return load_.stiffness_nm_per_rad * overlap_rad + load_.damping_nms * inward_rad_s;
   }
-  double stop_heat_j(double before, double after, double push_nm) const;
+  double stop_heat_j(const StopDistance& gaps, int side, double way, double mean, double weight) const;
   int pushing_stop(const StopDistance& stops, double speed) const;
   int pushing_flank(double twist_rad, double twist_rate) const;
 

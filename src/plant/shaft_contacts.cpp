@@ -65,14 +65,25 @@ int Shaft::pushing_flank(double twist_rad, double twist_rate) const {
   return 0;
 }
 
-// What the damping of a stop takes while the penetration goes from `before` to `after` against a push of `push_nm`: all
-// that the spring does not keep. A stop that has let go gives nothing back of what its spring still had.
-double Shaft::stop_heat_j(double before, double after, double push_nm) const {
+// What the damping of the stops takes on a `way` with the speed `mean` against the stop of this `side` (0: none
+// pushes): all that the spring does not keep. A stop that has let go gives nothing back of what its spring still had.
+double Shaft::stop_heat_j(const StopDistance& gaps, int side, double way, double mean, double weight) const {
   const auto stored = [this](double penetration) {
     const double deep = std::max(penetration, 0.0);
     return 0.5 * load_.stop_stiffness_nm_per_rad * deep * deep;
   };
-  return push_nm * (after - before) - (stored(after) - stored(before));
+  double heat_j = 0.0;
+  for (const int each : {1, -1}) {
+    const double before = each > 0 ? gaps.high : gaps.low;
+    const double after = before + each * way;
+    if (each == side) {
+      heat_j += stop_push_nm(before + weight * each * way, each * mean) * (after - before);
+    } else if (before <= 0.0) {
+      continue;
+    }
+    heat_j -= stored(after) - stored(before);
+  }
+  return heat_j;
 }
 
 ShaftTick Shaft::solve_rigid(double torque_nm, const StopDistance& stops, bool freely) const {
@@ -137,11 +148,7 @@ ShaftTick Shaft::solve_rigid(double torque_nm, const StopDistance& stops, bool f
       end = time > 0.0 ? end_after(time) : speed;
     }
     const double way = time * mean();
-    for (const int each : {1, -1}) {
-      const double before = each > 0 ? gaps.high : gaps.low;
-      const double push = each == side ? stop_push_nm(before + weight * each * way, each * mean()) : 0.0;
-      if (each == side || before > 0.0) stop_j += stop_heat_j(before, before + each * way, push);
-    }
+    stop_j += stop_heat_j(gaps, side, way, mean(), weight);
     moved += way;
     gaps = {stops.low - moved, stops.high + moved};
     if (time > 0.0) forced.look(side, gaps.high, gaps.low);
@@ -232,11 +239,7 @@ ShaftTick Shaft::solve_in_pieces(double rotor_torque_nm, const StopDistance& sto
     }
     if (time > 0.0) {
       const double way = time * piece.load_mean;
-      for (const int each : {1, -1}) {
-        const double before = each > 0 ? gaps.high : gaps.low;
-        const double push = each == side ? stop_push_nm(before + weight * each * way, each * piece.load_mean) : 0.0;
-        if (each == side || before > 0.0) stop_j += stop_heat_j(before, before + each * way, push);
-      }
+      stop_j += stop_heat_j(gaps, side, way, piece.load_mean, weight);
       moved += time * piece.mean;
       load_moved += way;
       now = {piece.end, piece.load_end, twist_ + moved - load_moved, piece.direction, piece.load_direction};

@@ -56,8 +56,8 @@ serial = "rs"
 
 struct Service {
   const char* name;
-  const char* greeting;  // what is written at first, and answered
-  const char* half;      // what has no answer yet
+  const char* greeting;  // sent first; the server answers it
+  const char* half;      // sent next; the server does not answer it
 };
 // A frame of no drive; half a request; half a header.
 const Service services[] = {{"socketcand", "< open can0 >< rawmode >", "< send 123 1 00 >"},

@@ -265,20 +265,6 @@ TEST(LineServer, LatenessOfServiceIsLag) {
   EXPECT_GE(lag() - before, 5 * 8.0);
 }
 
-constexpr std::string_view serial_line = R"(
-clock = "virtual"
-[api]
-address = "127.0.0.1:0"
-[[bus]]
-name = "rs"
-type = "rs485"
-links = ["tcp:127.0.0.1:0"]
-[[axis]]
-name = "x"
-product = "generic402"
-serial = "rs"
-)";
-
 // `bytes` sent to a link, and as many as an answer has.
 std::vector<std::uint8_t> ask_link(links::ByteClient& client, const std::vector<std::uint8_t>& bytes,
                                    std::size_t expected) {

@@ -17,7 +17,22 @@ namespace servodrome::line::test {
 using boost::asio::ip::tcp;
 namespace http = boost::beast::http;
 
-// A server in a thread of its own, as the world sees it.
+// A drive on an RS485 line that is served by Modbus TCP.
+inline constexpr std::string_view serial_line = R"(
+clock = "virtual"
+[api]
+address = "127.0.0.1:0"
+[[bus]]
+name = "rs"
+type = "rs485"
+links = ["tcp:127.0.0.1:0"]
+[[axis]]
+name = "x"
+product = "generic402"
+serial = "rs"
+)";
+
+// A server in a thread of its own, as its clients see it.
 class Running {
  public:
   explicit Running(const LineSettings& settings) : server_(settings), thread_([this] { server_.run(); }) {}

@@ -1,5 +1,5 @@
-// A client need not sleep and hope: what it wrote to a link of any kind before it asked for time acts at the instant
-// before time passes (docs/bench-api.md, Clock). Of socketcand: line_server_test.
+// What a client wrote to a link of any kind before it asked for clock/advance acts before time passes
+// (docs/bench-api.md, Clock). The client does not need to sleep first. The test for socketcand is in line_server_test.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <unistd.h>
@@ -33,20 +33,6 @@ links = ["mem:"]
 [[axis]]
 name = "x"
 product = "ismc"
-)";
-
-constexpr std::string_view serial_line = R"(
-clock = "virtual"
-[api]
-address = "127.0.0.1:0"
-[[bus]]
-name = "rs"
-type = "rs485"
-links = ["tcp:127.0.0.1:0"]
-[[axis]]
-name = "x"
-product = "generic402"
-serial = "rs"
 )";
 
 constexpr std::string_view ethercat_line = R"(

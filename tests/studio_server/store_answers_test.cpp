@@ -103,7 +103,7 @@ class StoreAnswers : private Folder, public CommissioningRig, public testing::Wi
       }
     }
     pass(100ms);
-    if (keeps()) expect_fault();  // what is kept at once has no answer of its own
+    if (keeps()) expect_fault();  // such a product stores by itself and answers no command
   }
 };
 INSTANTIATE_TEST_SUITE_P(Products, StoreAnswers, testing::ValuesIn(makers), [](const auto& instance) {

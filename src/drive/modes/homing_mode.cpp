@@ -8,7 +8,7 @@ namespace servodrome::drive {
 
 namespace {
 
-// A shaft that is faster does not stand: ripple is slower, and so is what is left of a rebound from a hard stop.
+// A shaft that turns faster than this does not stand. Ripple and the end of a rebound from a hard stop are slower.
 constexpr double moving_share = 0.1;  // of 6099h:01
 constexpr double moving_rpm = 10.0;
 

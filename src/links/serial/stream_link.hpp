@@ -34,7 +34,7 @@ class StreamLink : public SerialLink, private SerialStation {
   bool is_open() const { return counters_.clients > 0; }
   // The other end is gone; the stream is at rest.
   virtual void lost() = 0;
-  // Opens the stream if there is somebody at the other end.
+  // Opens the stream if a client has opened the other end.
   virtual void look_for_client() {}
   boost::asio::steady_timer& timer() { return timer_; }
   const std::shared_ptr<bool>& alive() const { return alive_; }

@@ -1,4 +1,4 @@
-// plant_trace: steps a plant through a scenario on standard input and writes what it did to standard output.
+// plant_trace reads a scenario from standard input, steps a plant through it, and writes a trace to standard output.
 //
 // A scenario is lines of words. First parameters, by the names of parameters.hpp, those not named being the defaults:
 //   load.inertia_kgm2 = 1e-4
