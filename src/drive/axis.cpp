@@ -69,12 +69,12 @@ double Axis::approach_velocity(double velocity, double deceleration) const {
 }
 
 bool Axis::too_fast_for_software_limit(double deceleration) const {
-  const double velocity = generator.velocity();
-  const double steepest = std::max(quick_stop_ramp(), deceleration);
-  if (velocity == 0.0 || steepest <= 0.0 || !software_limits_active()) return false;
-  const double way = std::max(0.0, velocity * velocity / (2.0 * steepest) - std::abs(velocity) * cycle_s);
-  const Counts end = generator.nearest_position() + static_cast<Counts>(std::copysign(way, velocity));
-  return static_cast<double>(nearest_within_software_limits(end) - end) * velocity < 0.0;
+  if (deceleration <= 0.0 || !software_limits_active()) return false;
+  const MotionState next = generator.after(cycle_s);
+  constexpr double least = 1.0;  // counts: the way that is planned ends at a limit, to rounding
+  const double way = std::max(0.0, next.velocity * next.velocity / (2.0 * deceleration) - least);
+  const Counts end = generator.nearest_position() + round_to_integer(next.position + std::copysign(way, next.velocity));
+  return static_cast<double>(nearest_within_software_limits(end) - end) * next.velocity < 0.0;
 }
 
 Counts Axis::nearest_within_software_limits(Counts target) const {

@@ -412,8 +412,8 @@ struct Axis {
     limited = true;
     come_to_rest(RampShape::linear, steeper);
   }
-  // The demand, which is to stop at the software limit ahead with this deceleration (counts/s^2), cannot, not even with
-  // the quick stop's.
+  // After one cycle more of the motion that is planned, this deceleration (counts/s^2) no longer brings the demand to
+  // rest before the software limit ahead.
   bool too_fast_for_software_limit(double deceleration) const;
 };
 

@@ -59,6 +59,13 @@ Trajectory::Result Generator::continue_to(Counts target, double end_velocity, co
   return plan_position(from, remainder, target, end_velocity, limits, shape);
 }
 
+MotionState Generator::after(double cycle_seconds) const {
+  MotionState next = planned_ ? trajectory_.at(elapsed_s_ + cycle_seconds) : state_;
+  if (!planned_) next.position += next.velocity * cycle_seconds;
+  next.position -= static_cast<double>(round_to_integer(state_.position));
+  return next;
+}
+
 void Generator::step(double cycle_seconds) {
   last_cycle_s_ = cycle_seconds;
   if (!planned_) {

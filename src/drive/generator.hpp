@@ -30,6 +30,8 @@ class Generator {
   void place(Counts position, double fraction, double velocity);
 
   void step(double cycle_seconds);
+  // Where step() would lead, its position counted from nearest_position().
+  MotionState after(double cycle_seconds) const;
 
   // The coordinates moved: every position grows by `delta`.
   void shift(Counts delta) { base_ += delta; }

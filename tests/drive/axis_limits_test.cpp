@@ -189,30 +189,35 @@ TEST_F(LimitedAxis, NearWhereTheRampJustEndsBeforeTheLimit) {
   EXPECT_FALSE(axis.near_software_limit(100000.0));
 }
 
-TEST_F(LimitedAxis, TooFastWhereNotEvenTheQuickStopEndsBeforeTheLimit) {
+// At 10000 counts/s and 100000 counts/s^2 the way is 500 counts, and 5 more are those of the cycle to come.
+TEST_F(LimitedAxis, TooFastWhereARampAfterOneCycleMoreEndsBeyondTheLimit) {
   for (const int sign : {1, -1}) {
     const auto too_fast = [&](Counts way, double deceleration) {
       demand(sign > 0 ? 2000 - way : -1000 + way, sign * 10000.0);
       return axis.too_fast_for_software_limit(deceleration);
     };
-    EXPECT_FALSE(too_fast(495, 0.0));  // 500 counts less those of a cycle
-    EXPECT_TRUE(too_fast(494, 0.0));
-    EXPECT_FALSE(too_fast(245, 200000.0)) << "the steeper of the two";
-    EXPECT_TRUE(too_fast(244, 200000.0));
-    EXPECT_TRUE(too_fast(494, 50000.0));
-    EXPECT_FALSE(too_fast(495, 50000.0));
+    EXPECT_FALSE(too_fast(504, 100000.0)) << "to a count, which rounding may make of it";
+    EXPECT_TRUE(too_fast(503, 100000.0));
+    EXPECT_FALSE(too_fast(254, 200000.0));
+    EXPECT_TRUE(too_fast(253, 200000.0));
+    EXPECT_FALSE(too_fast(10, 0.0)) << "without a ramp nothing can be said";
   }
   demand(2500, 0.0);
-  EXPECT_FALSE(axis.too_fast_for_software_limit(0.0));
+  EXPECT_FALSE(axis.too_fast_for_software_limit(100000.0));
   demand(2500, -10000.0);
-  EXPECT_FALSE(axis.too_fast_for_software_limit(0.0)) << "on its way back";
+  EXPECT_FALSE(axis.too_fast_for_software_limit(100000.0)) << "on its way back";
   demand(2500, 10000.0);
-  EXPECT_TRUE(axis.too_fast_for_software_limit(0.0));
-  objects.quick_stop_deceleration = 0;
-  EXPECT_FALSE(axis.too_fast_for_software_limit(0.0)) << "without a ramp nothing can be said";
-  objects.quick_stop_deceleration = 100000;
+  EXPECT_TRUE(axis.too_fast_for_software_limit(100000.0));
   objects.max_position_range_limit = 9999;
-  EXPECT_TRUE(axis.too_fast_for_software_limit(0.0)) << "in a range as well";
+  EXPECT_TRUE(axis.too_fast_for_software_limit(100000.0)) << "in a range as well";
+}
+
+// An axis that becomes faster needs more way after the cycle.
+TEST_F(LimitedAxis, TooFastCountsTheSpeedThatTheCycleToComeAdds) {
+  demand(2000 - 510, 10000.0);
+  EXPECT_FALSE(axis.too_fast_for_software_limit(100000.0));
+  axis.generator.run_at(1e6, {1e6, 1e6, 1e6, 1.0}, RampShape::linear);
+  EXPECT_TRUE(axis.too_fast_for_software_limit(100000.0)) << "10500 counts/s, 551 counts";
 }
 
 TEST_F(LimitedAxis, PositionsWithinTheRange) {

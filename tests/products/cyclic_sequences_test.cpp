@@ -125,6 +125,51 @@ TEST(CyclicPosition, KeepsWhatALimitHoldsThroughAHalt) {
   EXPECT_NEAR(axis.turns(), held - 0.5, 0.01) << "away from it at once";
 }
 
+// The stream goes on; the limit lies behind the axis. It brakes by 6085h and comes back to the limit.
+TEST(CyclicPosition, BrakesByTheQuickStopsRampWhenALimitIsSetBehindIt) {
+  Reference axis(8);
+  axis.set(0x6085, 0, 100 * 131072);
+  std::int32_t target = 0;
+  for (int i = 0; i < 300; ++i) stream(axis, target, std::min(30 * 131, 26 * i), 1);
+  const double there = axis.turns();
+  const double speed = axis.turns_per_s();
+  ASSERT_NEAR(speed, 30.0, 0.1);
+  axis.limit_turns(-1.0, there - 2.0);
+  double slowest_change = 0.0;
+  double before = speed;
+  double furthest = there;
+  for (int i = 0; i < 290; ++i) {
+    stream(axis, target, 30 * 131, 1);
+    slowest_change = std::min(slowest_change, axis.turns_per_s() - before);
+    before = axis.turns_per_s();
+    furthest = std::max(furthest, axis.turns());
+  }
+  EXPECT_GT(slowest_change, -0.15) << "turns/s in a millisecond: the ramp has 0.1";
+  EXPECT_NEAR(furthest - there, speed * speed / 200.0, 0.1);
+  EXPECT_TRUE(axis.bit(11));
+  EXPECT_FALSE(axis.bit(12)) << "not yet at the limit";
+  stream(axis, target, 0, 3000);
+  EXPECT_NEAR(axis.turns(), there - 2.0, 0.001);
+}
+
+TEST(VelocityOffset, DoesNotPushTheAxisBeyondASoftwareLimit) {
+  Reference axis(8);
+  axis.limit_turns(-5.0, 0.5);
+  std::int32_t target = 0;
+  stream(axis, target, 131, 1000);
+  axis.set(0x60B1, 0, 2'000'000);
+  double furthest = 0.0;
+  for (int i = 0; i < 500; ++i) {
+    axis.run_ms(1);
+    furthest = std::max(furthest, axis.turns());
+  }
+  EXPECT_LT(furthest, 0.502);
+  EXPECT_TRUE(axis.bit(11));
+  axis.set(0x60B1, 0, -2'000'000);
+  axis.run_ms(500);
+  EXPECT_LT(axis.turns(), 0.45) << "the other way is free";
+}
+
 TEST(VelocityOffset, IsLeftOutAfterASwitchUntilItHasAnotherValue) {
   Reference axis(8);
   axis.set(0x60B1, 0, 2'000'000);

@@ -1,5 +1,6 @@
 #include "products/ismk/ismk_ea.hpp"
 
+#include <array>
 #include <cmath>
 #include <gtest/gtest.h>
 #include <tuple>
@@ -283,11 +284,31 @@ TEST(IsmkEaMaster, LostIsAnAlarmIfWanted) {
   }
 }
 
-TEST(IsmkEaMaster, LeavingOperationalIsNone) {
+TEST(IsmkEaMaster, LeavingOperationalWithPowerIsAnAlarmIfWanted) {
+  for (const std::uint8_t state : std::to_array<std::uint8_t>({4, 2, 1})) {
+    for (const int wanted : {0, 1}) {
+      SCOPED_TRACE(wanted);
+      Bus bus;
+      bus.set(0x6007, 0, wanted);
+      bus.connect();
+      bus.enable(3);
+      bus.put<std::int32_t>(Bus::Out::velocity, static_cast<std::int32_t>(velocity_dec_from_rpm(300)));
+      bus.run_cycles(300, 1);
+      EXPECT_NEAR(bus.plant.velocity_rpm(), 300.0, 20.0);
+      EXPECT_EQ(bus.request(state), bus.good(state));
+      bus.run_ms(2000);
+      EXPECT_EQ(bus.device.drive().is_active(drive::Cause::communication_lost), wanted == 1);
+      EXPECT_NEAR(bus.plant.velocity_rpm(), wanted == 1 ? 0.0 : 300.0, 20.0);
+    }
+  }
+}
+
+TEST(IsmkEaMaster, LeavingOperationalWithoutPowerIsNone) {
   Bus bus;
   bus.set(0x6007, 0, 1);
   bus.connect();
   bus.enable(3);
+  bus.word(0x06, 300);
   EXPECT_EQ(bus.request(4), bus.good(4));
   bus.run_ms(20);
   EXPECT_FALSE(bus.device.drive().is_active(drive::Cause::communication_lost));

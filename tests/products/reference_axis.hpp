@@ -6,7 +6,6 @@
 #include "products/generic402/generic402.hpp"
 #include "rig.hpp"
 
-// The reference drive with an axis of 131072 counts a turn, enabled in a mode, with a switch for the positive limit.
 namespace servodrome::test {
 
 // A set-point of `stroke` that is given, relative to where the axis is.
@@ -20,6 +19,19 @@ void one_move(RigType& rig, std::int64_t stroke) {
   rig.control(0x0F);
 }
 
+// A set-point by the edge of bit 4 in `word`, which is taken back.
+template <typename RigType>
+void absolute_move(RigType& rig, std::int64_t target, std::uint16_t word) {
+  const auto without = static_cast<std::uint16_t>(word ^ 0x10);
+  rig.set(0x607A, 0, target);
+  rig.control(without);
+  rig.run_ms(2);
+  rig.control(word);
+  rig.run_ms(2);
+  rig.control(without);
+}
+
+// The reference drive with an axis of 131072 counts a turn, enabled in a mode, with a switch for the positive limit.
 struct Reference : Rig<products::Generic402> {
   explicit Reference(std::int64_t mode, const plant::Parameters& parameters = default_plant()) : Rig(parameters) {
     set(0x6060, 0, mode);

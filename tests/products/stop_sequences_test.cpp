@@ -1,5 +1,6 @@
 #include <cmath>
 #include <gtest/gtest.h>
+#include <random>
 
 #include "ismk_rig.hpp"
 #include "jmc_bus.hpp"
@@ -459,6 +460,36 @@ TEST(SoftwareLimitSetInMotion, LetsAnAxisComeIn) {
   EXPECT_TRUE(axis.bit(10));
 }
 // The axis catches up with a far cyclic target. New limits exclude that target: the axis comes to rest.
+// With ramps that leave no way to spare, whatever speed the axis still gains in the cycle in which it has to brake.
+TEST(SoftwareLimits, AreNotPassedByEndVelocitiesOrChangesOnSetPoint) {
+  std::mt19937 random(1);
+  const auto draw = [&random](double least, double greatest) {
+    return std::uniform_real_distribution<>(least, greatest)(random);
+  };
+  const auto ramp = [&draw] { return 131072.0 * std::exp(draw(std::log(5.0), std::log(2000.0))); };
+  for (int n = 0; n < 60; ++n) {
+    SCOPED_TRACE(n);
+    Reference axis(1);
+    const double braking = ramp();
+    const double speed = draw(2.0, 45.0);
+    const double limit = draw(3.0, 12.0);
+    axis.set(0x6083, 0, std::lround(ramp()));
+    axis.set(0x6084, 0, std::lround(braking));
+    axis.set(0x6085, 0, std::lround(braking));
+    axis.set(0x6081, 0, std::lround(131072.0 * speed));
+    axis.limit_turns(-20.0, limit);
+    const bool on_set_point = n % 2 != 0;
+    if (!on_set_point) axis.set(0x6082, 0, std::lround(131072.0 * draw(0.0, speed)));
+    test::absolute_move(axis, std::lround(131072.0 * (limit - draw(0.0, 1.0))), 0x1F);
+    if (on_set_point) test::absolute_move(axis, std::lround(131072.0 * (limit - draw(-1.0, 0.5))), 0x21F);
+    double furthest = 0.0;
+    for (int i = 0; i < 4000; ++i) {
+      axis.run_ms(1);
+      furthest = std::max(furthest, axis.turns());
+    }
+    EXPECT_LT(furthest, limit + 0.02);
+  }
+}
 TEST(SoftwareLimitSetInMotion, HoldsACyclicTargetThatLiesOutsideNow) {
   Reference axis(8);
   axis.set(0x6083, 0, 131072 * 10);

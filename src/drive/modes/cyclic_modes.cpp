@@ -42,10 +42,13 @@ void CyclicSyncPosition::step(Axis& axis) {
 }
 
 // 60B1h goes to the velocity loop as it is, up to the greatest speed. It does not push the axis, which the position
-// loop holds, towards an active limit switch. When the switch opens, 60B1h is left out until it has another value.
+// loop holds, towards an active limit switch or beyond a software limit. There 60B1h is left out until it has another
+// value.
 void CyclicSyncPosition::add_velocity_offset(Axis& axis) {
   const double offset = axis.units.velocity_to_counts(axis.objects.velocity_offset);
-  const bool pushes = axis.active(offset < 0.0 ? Signal::negative_limit : Signal::positive_limit);
+  const bool at_switch = axis.active(offset < 0.0 ? Signal::negative_limit : Signal::positive_limit);
+  const Axis::Room room = axis.room();
+  const bool pushes = at_switch || (offset < 0.0 ? room.below : room.above) <= 0.0;
   if (pushes) held_offset_ = axis.objects.velocity_offset;
   if (axis.objects.velocity_offset == held_offset_) {
     axis.limited = true;

@@ -270,6 +270,7 @@ void ProfilePosition::step(Axis& axis) {
                            current.shape);
     passing_ = true;
   }
+  brake_before_limit(axis);
   axis.generator.step(axis.cycle_s);
   if (axis.generator.finished() && !interrupted_ && count_ == 0 && !immediate_pending_) {
     if (running_) running_ = running_set_point_.end_velocity > 0.0;
@@ -297,16 +298,6 @@ void ProfilePosition::halt(Axis& axis) {
 void ProfilePosition::keep_to_limits(Axis& axis) {
   if (!axis.software_limits_active()) return;
   if (!running_) return axis.rest_within_limits();
-  // With its end velocity, or on a way that leads past the limit and back, as a new set-point under way may plan it.
-  const double ramp = axis.ramp(running_set_point_.deceleration, axis.objects.max_deceleration);
-  const bool passes =
-      !axis.generator.standing() && (axis.generator.finished() ? axis.near_software_limit(axis.quick_stop_ramp())
-                                                               : axis.too_fast_for_software_limit(ramp));
-  if (passes) {
-    axis.limited = true;
-    axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
-    return interrupt(axis, 0);
-  }
   const std::int64_t clipped = axis.within_limits_of_turn(target_user_);
   if (clipped == target_user_) return;
   if (axis.policy.out_of_limits == OutOfLimits::fault) return axis.raise(Cause::position_limit);
@@ -315,11 +306,25 @@ void ProfilePosition::keep_to_limits(Axis& axis) {
   const Counts target = axis.units.to_counts(clipped);
   const double velocity = axis.generator.velocity();
   const auto way = static_cast<double>(target - axis.generator.nearest_position());
-  const double deceleration = axis.profile_deceleration();
+  const double deceleration = axis.ramp(running_set_point_.deceleration, axis.objects.max_deceleration);
   if (velocity * way >= 0.0 && velocity * velocity <= 2.0 * deceleration * std::abs(way)) {
     return plan(axis, running_set_point_, target, false);
   }
   axis.come_to_rest(RampShape::linear, axis.quick_stop_ramp());
+  interrupt(axis, 0);
+}
+
+// A set-point with an end velocity, or one whose way leads past the limit and back as it was given under way: the axis
+// brakes as late as it can by the steeper of the motion's ramp and the quick stop's.
+void ProfilePosition::brake_before_limit(Axis& axis) {
+  if (!running_ || axis.generator.standing() || !axis.software_limits_active()) return;
+  const double own = axis.ramp(running_set_point_.deceleration, axis.objects.max_deceleration);
+  const double steepest = std::max(own, axis.quick_stop_ramp());
+  const bool passes =
+      axis.generator.finished() ? axis.near_software_limit(steepest) : axis.too_fast_for_software_limit(steepest);
+  if (!passes) return;
+  axis.limited = true;
+  axis.come_to_rest(RampShape::linear, steepest);
   interrupt(axis, 0);
 }
 

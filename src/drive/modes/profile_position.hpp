@@ -46,6 +46,7 @@ class ProfilePosition {
   bool may_chain(const Axis& axis);
   void track(Axis& axis);
   void keep_to_limits(Axis& axis);
+  void brake_before_limit(Axis& axis);
   void keep_to_speed(Axis& axis);
   Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
   bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);

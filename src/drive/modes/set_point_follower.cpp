@@ -104,8 +104,14 @@ bool runs_beyond_limits(const Axis& axis, Line line) {
   return user < axis.objects.min_position_limit || user > axis.objects.max_position_limit;
 }
 
+// 607Dh was set so that the last target lies outside: the axis comes to rest, and the next target is a first one.
+void SetPointFollower::keep_to_limits(Axis& axis) {
+  if (following_ && given_up_at_limits(axis, target_)) stop();
+}
+
 // Whether the line leads on to the target from the one before; false: it begins with it, to be there in `cycles`.
 bool SetPointFollower::begin(Axis& axis, std::int64_t user, double cycles) {
+  keep_to_limits(axis);
   // One that comes long before the next is due is the lost one, late.
   const bool lost_one = std::exchange(bridging_, false) && due_ > 2.0 * jitter;
   if (following_) return !too_late(due_) && !lost_one;
@@ -163,7 +169,7 @@ void SetPointFollower::await_late_target(const Axis& axis) {
 }
 
 void SetPointFollower::step(Axis& axis) {
-  if (following_ && given_up_at_limits(axis, target_)) stop();
+  keep_to_limits(axis);
   if (!following_) return await_target(axis);
   const bool streamed = streams_;
   if (streamed && due_ <= -jitter) await_late_target(axis);

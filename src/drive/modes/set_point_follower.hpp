@@ -58,6 +58,7 @@ class SetPointFollower {
   double period_cycles(const Axis& axis) { return period_.cycles(axis); }
 
  private:
+  void keep_to_limits(Axis& axis);
   bool begin(Axis& axis, std::int64_t user, double cycles);
   void lead_to(Axis& axis, std::int64_t user);
   void await_late_target(const Axis& axis);

@@ -18,14 +18,15 @@ ethercat::SiiDescription IsmkEa::sii_description(const Settings& settings) {
           .dc_modes = clock_modes};
 }
 
-// As on CAN: with 6007h = 1 a lost master is an alarm, otherwise nothing at all; one that leaves Operational itself is
-// not lost (L3215, L3306).
+// As on CAN: with 6007h = 1 a lost master is an alarm, otherwise nothing at all (L3215, L3306). A master that leaves
+// Operational itself is lost to an axis that it has left enabled.
 void IsmkEa::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time) {
   using ethercat::AlState;
   if (from == AlState::pre_operational && to == AlState::safe_operational) {
     servo().set_set_point_period(1e-9 * objects().communication.output_sync.sync0_cycle_time_ns);
   }
-  const bool lost = from == AlState::operational && cause != ethercat::AlStatusCode::none;
+  const bool left_enabled = drive().energised() && drive().state() != drive::PowerState::fault_reaction_active;
+  const bool lost = from == AlState::operational && (cause != ethercat::AlStatusCode::none || left_enabled);
   if (lost && objects().servo.drive.abort_connection_option_code == 1) drive().raise(drive::Cause::communication_lost);
 }
 
