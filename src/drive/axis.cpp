@@ -4,18 +4,34 @@
 
 namespace servodrome::drive {
 
+bool Axis::range_set() const {
+  const std::int32_t low = objects.min_position_range_limit;
+  const std::int32_t high = objects.max_position_range_limit;
+  const bool all = low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max();
+  return low < high && !all;
+}
+
+Axis::UserLimits Axis::software_limits() const {
+  UserLimits limits{objects.min_position_limit, objects.max_position_limit};
+  if (policy.software_limits_switch_range_off || !range_set()) return limits;
+  const UserLimits range{objects.min_position_range_limit, objects.max_position_range_limit};
+  if (limits.least <= range.least && limits.greatest >= range.greatest) return limits;
+  return {std::max(limits.least, range.least), std::min(limits.greatest, range.greatest)};
+}
+
 bool Axis::software_limits_active() const {
   const std::int32_t low = objects.min_position_limit;
   const std::int32_t high = objects.max_position_limit;
   if (low >= high) return false;
   if (low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max()) return false;
-  return homed || !policy.software_limits_need_homing;
+  const UserLimits limits = software_limits();
+  return limits.least < limits.greatest && (homed || !policy.software_limits_need_homing);
 }
 
 bool Axis::beyond_software_limits() const {
   if (!software_limits_active()) return false;
-  const auto beyond = [this](std::int64_t user) {
-    return user < objects.min_position_limit || user > objects.max_position_limit;
+  const auto beyond = [limits = software_limits()](std::int64_t user) {
+    return user < limits.least || user > limits.greatest;
   };
   return beyond(to_user_position(position())) || beyond(to_user_position(generator.nearest_position())) ||
          (commanded && beyond(*commanded));
@@ -33,8 +49,9 @@ bool Axis::held_by_position_limit() const {
 bool Axis::at_limit(bool positive) const {
   if (active(positive ? Signal::positive_limit : Signal::negative_limit)) return true;
   if (!software_limits_active()) return false;
+  const UserLimits limits = software_limits();
   const std::int64_t user = to_user_position(generator.nearest_position());
-  return positive != units.position_inverted ? user >= objects.max_position_limit : user <= objects.min_position_limit;
+  return positive != units.position_inverted ? user >= limits.greatest : user <= limits.least;
 }
 
 bool Axis::keeps_software_limits() const {
@@ -44,11 +61,9 @@ bool Axis::keeps_software_limits() const {
 Axis::Room Axis::room_from(Counts place) const {
   constexpr double endless = std::numeric_limits<double>::infinity();
   if (!keeps_software_limits()) return {endless, endless};
-  if (const std::int64_t turn = units.to_user(place) - to_user_position(place); turn != 0) {
-    place -= units.to_counts(turn);
-  }
-  const auto [low, high] =
-      std::minmax({units.to_counts(objects.min_position_limit), units.to_counts(objects.max_position_limit)});
+  if (const std::int64_t turn = turn_of(place); turn != 0) place -= units.to_counts(turn);
+  const UserLimits limits = software_limits();
+  const auto [low, high] = std::minmax({units.to_counts(limits.least), units.to_counts(limits.greatest)});
   return {static_cast<double>(place - low), static_cast<double>(high - place)};
 }
 
@@ -80,18 +95,16 @@ bool Axis::too_fast_for_software_limit(double deceleration) const {
 Counts Axis::nearest_within_software_limits(Counts target) const {
   if (!software_limits_active()) return target;
   const std::int64_t turn = turn_of_demand();
-  const auto [least, greatest] = std::minmax(
-      {units.to_counts(turn + objects.min_position_limit), units.to_counts(turn + objects.max_position_limit)});
+  const UserLimits limits = software_limits();
+  const auto [least, greatest] =
+      std::minmax({units.to_counts(turn + limits.least), units.to_counts(turn + limits.greatest)});
   return std::clamp(target, least, greatest);
 }
 
 std::int64_t Axis::position_range() const {
-  const std::int64_t low = objects.min_position_range_limit;
-  const std::int64_t high = objects.max_position_range_limit;
-  if (low >= high) return 0;
-  if (low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max()) return 0;
+  if (!range_set()) return 0;
   if (policy.software_limits_switch_range_off && software_limits_active()) return 0;
-  return high - low + 1;
+  return std::int64_t{objects.max_position_range_limit} - objects.min_position_range_limit + 1;
 }
 
 bool Axis::limits_bound_range() const {
@@ -99,14 +112,23 @@ bool Axis::limits_bound_range() const {
                                       objects.max_position_limit < objects.max_position_range_limit);
 }
 
-std::int64_t Axis::turn_of_demand() const {
-  const Counts demand_now = generator.nearest_position();
-  return units.to_user(demand_now) - to_user_position(demand_now);
+std::int64_t Axis::turn_of(Counts place) const {
+  const std::int64_t shown = to_user_position(place);
+  const std::int64_t turn = units.to_user(place) - shown;
+  if (!software_limits_active()) return turn;
+  const UserLimits limits = software_limits();
+  const std::int64_t range = position_range();
+  const std::int64_t length = range != 0 ? range : std::int64_t{1} << 32;
+  // A count beyond an end of the range the position shown is at its other end, and so would be the limits.
+  if (shown - limits.greatest > limits.least + length - shown) return turn + length;
+  if (limits.least - shown > shown + length - limits.greatest) return turn - length;
+  return turn;
 }
 
 std::int64_t Axis::within_limits_of_turn(std::int64_t user) const {
   const std::int64_t turn = turn_of_demand();
-  return turn + std::clamp<std::int64_t>(user - turn, objects.min_position_limit, objects.max_position_limit);
+  const UserLimits limits = software_limits();
+  return turn + std::clamp(user - turn, limits.least, limits.greatest);
 }
 
 std::int64_t Axis::to_user_position(Counts application) const {

@@ -350,16 +350,28 @@ struct Axis {
   std::int64_t to_user_position(Counts application) const;
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
+  // 607Dh in user units; where that leaves less than the whole range 607Bh, an end of the range is a limit as well:
+  // behind it the positions go on at the other end, which 607Dh forbids.
+  struct UserLimits {
+    std::int64_t least;
+    std::int64_t greatest;
+  };
+  UserLimits software_limits() const;
   bool software_limits_active() const;
+  bool range_set() const;  // 607Bh names a range, whether it is in force or not
   // Whether 607Dh leaves less than the whole range 607Bh.
   bool limits_bound_range() const;
-  // Where the turn of the range, or of the 32 bits of 6064h, begins in which the demand is, in user units.
-  std::int64_t turn_of_demand() const;
+  // Where the turn of the range, or of the 32 bits of 6064h, begins in which a place is, in user units. What the
+  // software limits forbid belongs to the turn of the nearer limit.
+  std::int64_t turn_of(Counts place) const;
+  std::int64_t turn_of_demand() const { return turn_of(generator.nearest_position()); }
   // The nearest to a position in user units that the software limits allow, in the turn of the range the demand is in.
   std::int64_t within_limits_of_turn(std::int64_t user) const;
   bool beyond_software_limits() const;  // command, demand or position
   bool at_software_limit(std::int64_t user) const {
-    return software_limits_active() && (user <= objects.min_position_limit || user >= objects.max_position_limit);
+    if (!software_limits_active()) return false;
+    const UserLimits limits = software_limits();
+    return user <= limits.least || user >= limits.greatest;
   }
   // Whether a target of counts lies within the software limits in the turn the demand is in, or these are off.
   bool within_software_limits(Counts target) const { return nearest_within_software_limits(target) == target; }

@@ -212,8 +212,8 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
     const bool demanded = situation.loop == Loop::position;
     const std::int64_t user = axis.to_user_position(demanded ? axis.generator.nearest_position() : axis.position());
     const double direction = axis.units.position_inverted ? -axis.generator.velocity() : axis.generator.velocity();
-    if ((user < objects.min_position_limit && direction < 0.0) ||
-        (user > objects.max_position_limit && direction > 0.0)) {
+    const Axis::UserLimits limits = axis.software_limits();
+    if ((user < limits.least && direction < 0.0) || (user > limits.greatest && direction > 0.0)) {
       present_.set(Cause::position_limit);
     }
   }

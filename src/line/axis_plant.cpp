@@ -65,6 +65,11 @@ void read_axis_plant(TableReader& reader, AxisSettings& axis) {
   read_group(reader, "supply", axis.plant.supply, supply_keys);
   read_group(reader, "encoder", axis.plant.encoder, encoder_keys);
   read_group(reader, "thermal", axis.plant.thermal, thermal_keys);
+  // Either group switches its imperfections on, unless it says ideal = true.
+  if (reader.table("stage") != nullptr) axis.plant.stage.ideal = false;
+  if (reader.table("sensors") != nullptr) axis.plant.sensors.ideal = false;
+  read_group(reader, "stage", axis.plant.stage, stage_keys);
+  read_group(reader, "sensors", axis.plant.sensors, sensors_keys);
   std::vector<std::string> switches;
   const toml::table* travel = reader.table("travel");
   if (travel != nullptr && axis.product != nullptr) {

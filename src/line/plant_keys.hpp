@@ -78,6 +78,28 @@ inline constexpr std::array encoder_keys{
     SERVODROME_KEY(plant::Encoder, index_width_counts),
 };
 
+inline constexpr std::array stage_keys{
+    SERVODROME_KEY(plant::Stage, ideal),         SERVODROME_KEY(plant::Stage, delay_ticks),
+    SERVODROME_KEY(plant::Stage, dead_time_us),  SERVODROME_KEY(plant::Stage, dead_time_compensation),
+    SERVODROME_KEY(plant::Stage, switch_drop_v), SERVODROME_KEY(plant::Stage, modulation_limit),
+};
+
+inline constexpr std::array sensors_keys{
+    SERVODROME_KEY(plant::Sensors, ideal),
+    SERVODROME_KEY(plant::Sensors, seed),
+    SERVODROME_KEY(plant::Sensors, current_range_a),
+    SERVODROME_KEY(plant::Sensors, current_bits),
+    SERVODROME_KEY(plant::Sensors, current_noise),
+    SERVODROME_KEY(plant::Sensors, current_offset),
+    SERVODROME_KEY(plant::Sensors, current_gain_error),
+    SERVODROME_KEY(plant::Sensors, encoder_noise_arcsec),
+    SERVODROME_KEY(plant::Sensors, encoder_latency_us),
+    SERVODROME_KEY(plant::Sensors, eccentricity_arcsec),
+    SERVODROME_KEY(plant::Sensors, encoder_lines),
+    SERVODROME_KEY(plant::Sensors, interpolation_arcsec),
+    SERVODROME_KEY(plant::Sensors, interpolation_second_arcsec),
+};
+
 inline constexpr std::array thermal_keys{
     SERVODROME_KEY(plant::Thermal, ambient_c),
     SERVODROME_KEY(plant::Thermal, winding_heat_capacity_j_per_k),

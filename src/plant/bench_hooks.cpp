@@ -200,7 +200,8 @@ Energy Plant::energy() const {
           .magnetic_j = windings_.magnetic_j(),
           .kinetic_j = shaft_.kinetic_j(),
           .elastic_j = shaft_.elastic_j(stop_distance()),
-          .stop_j = stop_j_};
+          .stop_j = stop_j_,
+          .switch_j = switch_j_};
 }
 
 }  // namespace servodrome::plant

@@ -108,6 +108,8 @@ std::vector<std::string> validate(const Parameters& p) {
   const Supply& s = p.supply;
   const Encoder& e = p.encoder;
   const Thermal& t = p.thermal;
+  const Stage& g = p.stage;
+  const Sensors& n = p.sensors;
   const double last_count = e.counts_per_revolution - 1.0;
   const std::array checks{
       Check{"motor.rated_torque_nm", m.rated_torque_nm, 1.0e-6, 1.0e5},
@@ -161,6 +163,22 @@ std::vector<std::string> validate(const Parameters& p) {
       Check{"thermal.stage_to_ambient_k_per_w", t.stage_to_ambient_k_per_w, 1.0e-4, 1.0e4},
       Check{"thermal.stage_standby_w", t.stage_standby_w, 0.0, 1.0e5},
       Check{"thermal.stage_resistance_ohm", t.stage_resistance_ohm, 0.0, 100.0},
+      Check{"stage.delay_ticks", static_cast<double>(g.delay_ticks), 0.0, 3.0},
+      Check{"stage.dead_time_us", g.dead_time_us, 0.0, 10.0},
+      Check{"stage.dead_time_compensation", g.dead_time_compensation, 0.0, 1.0},
+      Check{"stage.switch_drop_v", g.switch_drop_v, 0.0, 10.0},
+      Check{"stage.modulation_limit", g.modulation_limit, 0.1, 1.0},
+      Check{"sensors.current_range_a", n.current_range_a, 0.0, 1.0e5},
+      Check{"sensors.current_bits", static_cast<double>(n.current_bits), 0.0, 24.0},
+      Check{"sensors.current_noise", n.current_noise, 0.0, 0.1},
+      Check{"sensors.current_offset", n.current_offset, 0.0, 0.1},
+      Check{"sensors.current_gain_error", n.current_gain_error, 0.0, 0.2},
+      Check{"sensors.encoder_noise_arcsec", n.encoder_noise_arcsec, 0.0, 36000.0},
+      Check{"sensors.encoder_latency_us", n.encoder_latency_us, 0.0, 250.0},
+      Check{"sensors.eccentricity_arcsec", n.eccentricity_arcsec, 0.0, 36000.0},
+      Check{"sensors.encoder_lines", static_cast<double>(n.encoder_lines), 0.0, 1.0e6},
+      Check{"sensors.interpolation_arcsec", n.interpolation_arcsec, 0.0, 36000.0},
+      Check{"sensors.interpolation_second_arcsec", n.interpolation_second_arcsec, 0.0, 36000.0},
   };
   for (const Check& one : checks) check(messages, one.name, one.value, one.least, one.most);
   if (e.direction != 1 && e.direction != -1) messages.emplace_back("encoder.direction: must be 1 or -1");

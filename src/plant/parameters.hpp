@@ -111,6 +111,33 @@ struct Thermal {
   double stage_resistance_ohm = 0.1;            // [0, 100] per phase, of the switches: heats, does not drop voltage
 };
 
+// What the power stage does beside what it is told. Typical values of a drive of some hundred watts.
+struct Stage {
+  bool ideal = true;                    // none of it
+  int delay_ticks = 1;                  // [0, 3] from the sampling of the currents to the voltage that answers it
+  double dead_time_us = 1.5;            // [0, 10] of a half bridge
+  double dead_time_compensation = 0.9;  // [0, 1] share of it that the drive makes up for
+  double switch_drop_v = 1.0;           // [0, 10] across a transistor or diode that conducts
+  double modulation_limit = 0.96;       // [0.1, 1] share of the DC link that the duty cycles reach
+};
+
+// What the sensors of current and position tell. Current errors are shares of the range.
+struct Sensors {
+  bool ideal = true;                         // the truth, in whole counts
+  std::uint32_t seed = 1;                    // of noise, offsets, gains and phases
+  double current_range_a = 0.0;              // [0, 1e5] amplitude; 0: supply.overcurrent_a
+  int current_bits = 12;                     // [0, 24] of the converter, for both directions; 0: as fine as can be
+  double current_noise = 0.0003;             // [0, 0.1] r.m.s.
+  double current_offset = 0.001;             // [0, 0.1] at most, of each phase, after the drive's own calibration
+  double current_gain_error = 0.005;         // [0, 0.2] at most, of each phase
+  double encoder_noise_arcsec = 2.0;         // [0, 36000] r.m.s.
+  double encoder_latency_us = 20.0;          // [0, 250]
+  double eccentricity_arcsec = 20.0;         // [0, 36000] amplitude, once per turn
+  int encoder_lines = 64;                    // [0, 1000000] signal periods of a turn; 0: no interpolation
+  double interpolation_arcsec = 5.0;         // [0, 36000] amplitude, once per signal period
+  double interpolation_second_arcsec = 3.0;  // [0, 36000] twice per signal period
+};
+
 struct Parameters {
   Motor motor;
   Load load;
@@ -119,6 +146,8 @@ struct Parameters {
   std::array<Switch, most_switches> switches{};
   std::size_t switch_count = 0;  // the first `switch_count` are fitted
   Thermal thermal;
+  Stage stage;
+  Sensors sensors;
 };
 
 // What is wrong with `parameters`, one message each, beginning with the name of the parameter ("motor.pole_pairs:

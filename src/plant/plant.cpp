@@ -78,11 +78,14 @@ Plant::Plant(const Parameters& parameters)
       bus_overcurrent_a_(parameters.supply.bus_overcurrent_a),
       cogging_(parameters.motor.cogging_torque_nm > 0.0),
       unusual_(parameters.motor.phases == 2 ? two_phases : 0),
+      imperfect_(!parameters.stage.ideal || !parameters.sensors.ideal),
       counts_per_revolution_(parameters.encoder.counts_per_revolution),
       travel_(parameters.encoder, parameters.switches, parameters.switch_count),
       dc_link_(parameters.supply),
       shaft_(parameters.motor, parameters.load),
       heat_(parameters.thermal),
+      stage_(parameters.stage, parameters.motor.phases, parameters.supply.overcurrent_a),
+      measurement_(parameters.sensors, parameters.encoder.counts_per_revolution, parameters.supply.overcurrent_a),
       parameters_(parameters) {
   travel_.set_stops(parameters.load.low_stop_counts, parameters.load.high_stop_counts);
   place(parameters.encoder.start_position_counts);
@@ -95,11 +98,28 @@ void Plant::place(std::int64_t position_counts) {
   position_ = position_counts;
   fraction_ = 0.0;
   travel_.place(position_);
+  measurement_.place({position_, fraction_});
   wrap_single_turn();
   update_angle(electrical_phase());
 }
 
 void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
+  if (imperfect_) return step_imperfect(actuation, feedback);
+  step_machine(actuation, feedback);
+}
+
+void Plant::step_imperfect(const drive::Actuation& actuation, drive::Feedback& feedback) {
+  if (stage_.ideal()) {
+    step_machine(actuation, feedback);
+  } else {
+    step_machine(stage_.apply(actuation, current_a_, dc_link_.volts()), feedback);
+    switch_j_ += stage_.loss_w() * h;
+  }
+  current_a_ = feedback.phase_current_a;
+  if (!measurement_.ideal()) measurement_.measure({position_, fraction_}, (unusual_ & encoder_frozen) != 0, feedback);
+}
+
+void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& feedback) {
   feedback.edge_count = 0;
   if (pending_edge_count_ != 0) [[unlikely]] {
     feedback.edges = pending_edges_;
@@ -197,7 +217,7 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   }
   rests_ = rested && at_rest();
 
-  dc_link_.step(windings.power_w, actuation.chopper_on && !injected(Injection::chopper_broken),
+  dc_link_.step(windings.power_w + stage_.loss_w(), actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
   current_squared_sum_ += windings.mean_direct_a * windings.mean_direct_a +
                           windings.mean_quadrature_a * windings.mean_quadrature_a + windings.more_heat_a2;
@@ -437,7 +457,9 @@ void Plant::update_heat(bool pwm) {
   current_squared_sum_ = 0.0;
   const double copper_w = mean_square * windings_.resistance_ohm();
   copper_j_ += copper_w * Heat::ticks_per_step * h;
-  heat_.step(copper_w, mean_square * parameters_.thermal.stage_resistance_ohm +
+  const double switch_w = (switch_j_ - heated_switch_j_) / (Heat::ticks_per_step * h);
+  heated_switch_j_ = switch_j_;
+  heat_.step(copper_w, mean_square * parameters_.thermal.stage_resistance_ohm + switch_w +
                            (pwm ? parameters_.thermal.stage_standby_w : 0.0));
   update_resistance();
   update_readings();

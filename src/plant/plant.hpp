@@ -7,7 +7,9 @@
 #include "plant/dc_link.hpp"
 #include "plant/heat.hpp"
 #include "plant/injection.hpp"
+#include "plant/measurement.hpp"
 #include "plant/parameters.hpp"
+#include "plant/power_stage.hpp"
 #include "plant/shaft.hpp"
 #include "plant/travel.hpp"
 #include "plant/windings.hpp"
@@ -27,6 +29,7 @@ struct Energy {
   double kinetic_j = 0.0;      // now in rotor and load
   double elastic_j = 0.0;      // now in coupling and hard stops
   double stop_j = 0.0;         // into the damping of the hard stops
+  double switch_j = 0.0;       // into switches and diodes that drop voltage (Stage::switch_drop_v)
 };
 
 // One axis: what a drive's power stage and terminals are connected to. A pure function of its parameters and of the
@@ -107,6 +110,8 @@ class Plant {
     bool blocked = false;  // open_phase: freewheeling, or no path for a current at all
   };
 
+  void step_machine(const drive::Actuation& actuation, drive::Feedback& feedback);
+  void step_imperfect(const drive::Actuation& actuation, drive::Feedback& feedback);
   WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const;
   WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft, const Guess& guess) const;
   Stationary inverter_voltage(const drive::Actuation& actuation, double mean_factor) const;
@@ -165,6 +170,7 @@ class Plant {
   std::int32_t brake_countdown_ = 0;  // ticks until the command takes effect; 0: settled
   std::uint8_t unusual_ = 0;
   bool bridges_run_ = false;  // in the last tick, of two phases
+  bool imperfect_;            // the stage or the sensors
   bool rests_ = false;        // held by friction and without current: nothing moves until the drive or the bench acts
   std::uint32_t encoder_faults_ = 0;
   std::uint32_t hardware_faults_ = 0;
@@ -179,6 +185,11 @@ class Plant {
 
   // Now and then.
   Heat heat_;
+  PowerStage stage_;
+  Measurement measurement_;
+  std::array<float, 3> current_a_{};  // of the phases, as it truly is: kept where it is not measured so
+  double switch_j_ = 0.0;
+  double heated_switch_j_ = 0.0;  // of it, before the last heat step
   double copper_j_ = 0.0;
   double resistance_at_c_ = 25.0;  // winding temperature the resistance in use belongs to
   std::int64_t frozen_position_ = 0;

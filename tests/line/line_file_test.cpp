@@ -353,6 +353,25 @@ TEST(LineFile, StoresLieBesideTheFile) {
   EXPECT_EQ(file.settings.axes[0].store, "/some/where/drives/x.bin");
 }
 
+TEST(LineFile, AStageAndSensorsAreIdealUnlessTheyAreNamed) {
+  const auto axis_of = [](const char* text) {
+    const LineFile file = parse_line_file(text, "line.toml", all_products());
+    EXPECT_TRUE(file.diagnostics.empty());
+    return file.settings.axes.at(0);
+  };
+  EXPECT_TRUE(axis_of(AXIS).plant.stage.ideal);
+  EXPECT_TRUE(axis_of(AXIS).plant.sensors.ideal);
+  EXPECT_EQ(axis_of(AXIS).motor_data.voltage_delay_ticks, 0);
+  const AxisSettings real = axis_of(AXIS "[axis.stage]\ndelay_ticks=2\n[axis.sensors]\n");
+  EXPECT_FALSE(real.plant.stage.ideal);
+  EXPECT_FALSE(real.plant.sensors.ideal);
+  EXPECT_EQ(real.motor_data.voltage_delay_ticks, 2);
+  const AxisSettings off = axis_of(AXIS "[axis.stage]\nideal=true\n[axis.sensors]\nideal=true\nseed=3\n");
+  EXPECT_TRUE(off.plant.stage.ideal);
+  EXPECT_TRUE(off.plant.sensors.ideal);
+  EXPECT_EQ(off.motor_data.voltage_delay_ticks, 0);
+}
+
 TEST(LineFile, TheReferenceHasEveryKey) {
   const std::string reference = text_of(source_dir + "/docs/line-file.md");
   const auto expect = [&reference](std::string_view key) {
@@ -363,6 +382,8 @@ TEST(LineFile, TheReferenceHasEveryKey) {
   for (const auto& key : supply_keys) expect(key.name);
   for (const auto& key : encoder_keys) expect(key.name);
   for (const auto& key : thermal_keys) expect(key.name);
+  for (const auto& key : stage_keys) expect(key.name);
+  for (const auto& key : sensors_keys) expect(key.name);
   for (const auto& key : nameplate_keys) expect(key.name);
   for (const char* key : {"clock",
                           "address",

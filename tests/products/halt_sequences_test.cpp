@@ -172,6 +172,56 @@ TEST(SoftwareLimitInARange, HoldsTheModesWithoutATargetPosition) {
   }
 }
 
+// 607Dh reaches beyond an end of the range: behind it the positions go on where 607Dh forbids them.
+struct HalfBound : Reference {
+  explicit HalfBound(std::int64_t mode) : Reference(mode) { set(0x6085, 0, 131072 * 100); }
+  void bind() {
+    set(0x607B, 1, -131072 * 2);
+    set(0x607B, 2, 131072 * 10 - 1);
+    limit_turns(-50.0, 5.0);
+  }
+  double least_in(int milliseconds) {
+    double least = turns();
+    for (int i = 0; i < milliseconds; ++i) run_ms(1), least = std::min(least, turns());
+    return least;
+  }
+};
+
+TEST(SoftwareLimitInARange, AnEndOfTheRangeIsALimitAsWell) {
+  for (const std::int64_t mode : {3, 4, 9, 10}) {
+    SCOPED_TRACE(mode);
+    HalfBound axis(mode);
+    axis.bind();
+    axis.set(0x60FF, 0, -131072 * 5);
+    axis.set(0x6071, 0, -100);
+    EXPECT_GT(axis.least_in(3000), -2.1);
+    EXPECT_NEAR(axis.turns(), -2.0, 0.1);
+    EXPECT_TRUE(axis.bit(11));
+    axis.set(0x60FF, 0, 131072 * 5);
+    axis.set(0x6071, 0, 100);
+    axis.run_ms(3000);
+    EXPECT_NEAR(axis.turns(), 5.0, 0.1) << "the way back is free, up to the other one";
+  }
+}
+
+// A shaft a little beyond the end shows a position at the other end of the range.
+TEST(SoftwareLimitInARange, TargetsAreThoseOfTheNearerLimitFromBeyondAnEnd) {
+  for (const std::int64_t mode : {1, 8}) {
+    SCOPED_TRACE(mode);
+    HalfBound axis(1);
+    test::absolute_move(axis, -131072 * 2 - 300, 0x1F);
+    axis.run_ms(3000);
+    axis.bind();
+    axis.set(0x6060, 0, mode);
+    axis.run_ms(50);
+    ASSERT_GT(axis.get(0x6064), 131072 * 9);
+    if (mode == 1) test::absolute_move(axis, -131072, 0x1F);
+    for (int i = 0; i < 3000 && mode == 8; ++i) axis.set(0x607A, 0, -131072), axis.run_ms(1);
+    EXPECT_GT(axis.least_in(4000), -2.01);
+    EXPECT_NEAR(axis.turns(), -1.0, 0.001);
+  }
+}
+
 // A switch that opens again, and a halt that ends, are no command to go on.
 TEST(AfterALimitSwitch, AVelocityWaitsForAnotherTarget) {
   for (const std::int64_t mode : {3, 9}) {

@@ -72,7 +72,8 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   commutation_phase_ = phase_of(motor.commutation_offset_turns);
   flux_linkage_vs_ = motor.torque_constant_nm_per_a / (phase_factor(motor.phases) * pole_pairs);
   electrical_rad_per_count_ = sense * 2.0F * pi * pole_pairs / counts;
-  half_tick_turns_ = sense * 0.5F * tick_s * pole_pairs / counts;
+  const float middle_ticks = 0.5F + static_cast<float>(motor.voltage_delay_ticks);
+  ahead_turns_ = sense * middle_ticks * tick_s * pole_pairs / counts;
 
   // The winding, v held for a tick: i' = a i + (1 - a) v / R, a = exp(-R T / L). With the zero of the PI on a, the
   // closed loop is i' = p i + (1 - p) reference, p = exp(-bandwidth T): a first order without overshoot.
@@ -295,9 +296,9 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
     state_.following_error_counts = demand_.position - feedback.position_counts;
     run_locked<Phases>(feedback, phase, actuation);
   } else if (active) {
-    // The voltage acts until the next sample: turn it to where the rotor is half-way there.
-    const SinCos ahead{angle.sine * half_tick_.cosine + angle.cosine * half_tick_.sine,
-                       angle.cosine * half_tick_.cosine - angle.sine * half_tick_.sine};
+    // The voltage acts for a tick: turn it to where the rotor is in the middle of that.
+    const SinCos ahead{angle.sine * ahead_.cosine + angle.cosine * ahead_.sine,
+                       angle.cosine * ahead_.cosine - angle.sine * ahead_.sine};
     run_current_loop<Phases>(current, {0.0F, current_reference_a_}, electrical_rad_per_s_, ahead, feedback.dc_link_v,
                              actuation);
   } else {
@@ -335,11 +336,11 @@ void Cascade::measure_velocity(Counts position) {
   state_.velocity_counts_per_s = velocity;
   electrical_rad_per_s_ = velocity * electrical_rad_per_count_;
   if (velocity == 0.0F) {
-    half_tick_ = {0.0F, 1.0F};
+    ahead_ = {0.0F, 1.0F};
     return;
   }
-  const float turns = clip(velocity * half_tick_turns_, -0.25F, 0.25F);
-  half_tick_ = sin_cos(phase_of(turns));
+  const float turns = clip(velocity * ahead_turns_, -0.25F, 0.25F);
+  ahead_ = sin_cos(phase_of(turns));
 }
 
 float Cascade::filtered_velocity(float measured) {

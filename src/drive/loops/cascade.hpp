@@ -171,8 +171,8 @@ class Cascade {
   float feed_forward_ = 0.0F;       // torque, fraction of rated
   float current_reference_a_ = 0.0F;
   float electrical_rad_per_s_ = 0.0F;
-  SinCos half_tick_{0.0F, 1.0F};  // what the rotor turns by in half a tick
-  Phase phase_ = 0;               // the electrical angle, with its sine and cosine
+  SinCos ahead_{0.0F, 1.0F};  // what the rotor turns by until the middle of the voltage
+  Phase phase_ = 0;           // the electrical angle, with its sine and cosine
   SinCos angle_{0.0F, 1.0F};
   CurrentController direct_;
   CurrentController quadrature_;
@@ -200,9 +200,9 @@ class Cascade {
   float braking_v_per_rad_s_ = 0.0F;        // of the DC link per electrical rad/s, with which the peak current brakes
   float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
   float electrical_rad_per_count_ = 0.0F;
-  float half_tick_turns_ = 0.0F;  // electrical turns in half a tick per counts/s
-  float velocity_kp_ = 0.0F;      // fraction of rated torque per counts/s
-  float velocity_ki_ = 0.0F;      // likewise, per velocity period
+  float ahead_turns_ = 0.0F;  // electrical turns until then per counts/s
+  float velocity_kp_ = 0.0F;  // fraction of rated torque per counts/s
+  float velocity_ki_ = 0.0F;  // likewise, per velocity period
   float setpoint_weight_ = 1.0F;
   float integral_limit_ = 0.0F;  // fraction of rated torque
   float handover_decay_ = 0.0F;  // per velocity period

@@ -30,7 +30,7 @@ Gains default_gains(const MotorData& motor, Rates rates, const Bandwidths& bandw
   // The current loop's first order as its delay. Half a velocity period each for the difference and the hold is what
   // the two filters, exact for held inputs, are quicker than their continuous prototypes.
   const float current_pole = std::exp(-2.0F * pi * bandwidths.current_hz * tick_s);
-  const float delay_s = tick_s * (1.0F / (1.0F - current_pole) - 0.5F);
+  const float delay_s = tick_s * (1.0F / (1.0F - current_pole) - 0.5F + static_cast<float>(motor.voltage_delay_ticks));
   const float filter_lag = std::atan(1.0F / velocity_filter_ratio) + std::atan(1.0F / torque_filter_ratio);
   const float lag_available = pi / 2.0F - phase_margin - filter_lag;
 

@@ -140,15 +140,15 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
       return low + (within < 0 ? within + range : within);
     };
     std::int64_t distance = wrapped(user) - wrapped(now);
-    // Round the other way lies what 607Dh forbids.
-    const unsigned direction = axis.limits_bound_range() ? 0u : (set_point.option >> 6) & 3u;
+    const unsigned direction = (set_point.option >> 6) & 3u;
     if (direction == 1 && distance > 0) distance -= range;  // negative only
     if (direction == 2 && distance < 0) distance += range;  // positive only
     if (direction == 3) {                                   // the shortest way; half a turn goes positive
       if (2 * distance > range) distance -= range;
       if (2 * distance <= -range) distance += range;
     }
-    user = now + distance;
+    // Round the other way lies what 607Dh forbids.
+    user = axis.limits_bound_range() ? axis.turn_of_demand() + wrapped(user) : now + distance;
   } else {
     // 6064h shows 32 bits of the position: an absolute target means the turn of that counter the axis is in.
     const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());

@@ -40,8 +40,8 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
   axis.commanded = user;
   const bool limits = axis.software_limits_active();
   if (limits) {  // as positions in the range 607Bh, if there is one
-    const std::int64_t clipped =
-        std::clamp<std::int64_t>(user, axis.objects.min_position_limit, axis.objects.max_position_limit);
+    const Axis::UserLimits bounds = axis.software_limits();
+    const std::int64_t clipped = std::clamp(user, bounds.least, bounds.greatest);
     if (clipped != user && axis.policy.out_of_limits == OutOfLimits::fault) axis.raise(Cause::position_limit);
     axis.limited = clipped != user;
     user = clipped;
@@ -53,9 +53,9 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
     std::int64_t distance = (user - now) % range;
     if (distance > range / 2) distance -= range;
     if (distance < -(range / 2)) distance += range;
-    if (axis.limits_bound_range()) distance = user - axis.to_user_position(last);  // the other way is forbidden
-    user = now + distance;
-  } else if (limits) {  // the other way is forbidden
+    // Round the other way lies what 607Dh forbids.
+    user = axis.limits_bound_range() ? axis.turn_of(last) + user : now + distance;
+  } else if (limits) {  // likewise
     user += axis.turn_of_demand();
   } else {
     const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
@@ -100,8 +100,9 @@ bool given_up_at_limits(Axis& axis, Counts target) {
 bool runs_beyond_limits(const Axis& axis, Line line) {
   if (!axis.software_limits_active()) return false;
   line.step(true);
+  const Axis::UserLimits bounds = axis.software_limits();
   const std::int64_t user = axis.to_user_position(line.now());
-  return user < axis.objects.min_position_limit || user > axis.objects.max_position_limit;
+  return user < bounds.least || user > bounds.greatest;
 }
 
 // 607Dh was set so that the last target lies outside: the axis comes to rest, and the next target is a first one.
