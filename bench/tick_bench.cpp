@@ -62,18 +62,18 @@ double axes_ns(std::vector<std::unique_ptr<Rig>>& rigs, int batches, int batch) 
 }
 
 template <typename Device>
-void measure(const char* name, double bare) {
+void measure(const char* name, double bare, const plant::Parameters& parameters = test::default_plant()) {
   using Rig = test::Rig<Device>;
   for (const int axes : {1, 256}) {
     std::vector<std::unique_ptr<Rig>> rigs;
     for (int i = 0; i < axes; ++i) {
-      rigs.push_back(std::make_unique<Rig>());
+      rigs.push_back(std::make_unique<Rig>(parameters));
       start_moving(*rigs.back());
     }
     double best = 1e9;
     for (int repeat = 0; repeat < 15; ++repeat) best = std::min(best, axes_ns(rigs, axes == 1 ? 4000 : 20, 16));
     std::printf(
-        "%-10s %4d axes  %7.1f ns per tick and axis   %6.1f x real time   %5.2f x bare loop   %zu + %zu bytes\n", name,
+        "%-20s %4d axes  %7.1f ns per tick and axis   %6.1f x real time   %5.2f x bare loop   %zu + %zu bytes\n", name,
         axes, best, 62500.0 / best / axes, best / bare, sizeof(Device), sizeof(plant::Plant));
   }
 }
@@ -86,4 +86,7 @@ int main() {
   std::printf("bare scalar loop     %7.1f ns per tick\n", bare);
   measure<products::Ismc>("ismc", bare);
   measure<products::Generic402>("generic402", bare);
+  plant::Parameters imperfect = test::default_plant();
+  imperfect.stage.ideal = imperfect.sensors.ideal = false;
+  measure<products::Generic402>("generic402 imperfect", bare, imperfect);
 }

@@ -28,35 +28,39 @@ class Measurement {
   // Once a tick.
   void measure(const ShaftPlace& place, bool frozen, drive::Feedback& feedback);
   // The shaft was put somewhere else without moving.
-  void place(const ShaftPlace& place) { before_.fill(place); }
+  void place(const ShaftPlace& place) { past_.fill(place); }
 
  private:
   struct CurrentSensor {
-    double offset_a = 0.0;
-    double gain = 1.0;
+    float gain = 1.0F;
+    float offset_a = 0.0F;
   };
-  static constexpr std::size_t longest_latency_ticks = 4;
+  static constexpr std::size_t past_ticks = 8;  // a power of two, more than the longest latency has
 
-  void measure_currents(drive::Feedback& feedback);
-  void measure_position(const ShaftPlace& place, drive::Feedback& feedback);
-  double latency_counts(const ShaftPlace& place);
-  double encoder_error_counts(double turns);
+  void measure_currents(const std::array<float, 4>& noise, drive::Feedback& feedback) const;
+  void measure_position(const ShaftPlace& place, double noise, drive::Feedback& feedback) const;
+  double latency_counts(const ShaftPlace& place) const;
+  double encoder_error_counts(double turns) const;
 
   bool ideal_;
   Noise noise_;
   std::array<CurrentSensor, 3> currents_{};
-  double range_a_;
-  double least_step_a_;  // 0: none
-  double current_noise_a_;
+  float range_a_;
+  float least_step_a_;  // 0: none
+  float steps_per_a_;
+  float current_noise_a_;
   double counts_per_revolution_;
+  double turns_per_count_;
   double latency_ticks_;
   double position_noise_counts_;
   double eccentricity_counts_;
   double eccentricity_phase_;  // turns, as below
   double lines_;
-  std::array<double, 2> interpolation_counts_;
-  std::array<double, 2> interpolation_phase_{};
-  std::array<ShaftPlace, longest_latency_ticks + 1> before_{};  // at the ends of the ticks before, the newest first
+  // Amplitudes at the phase of the signal period: sine and cosine, once and twice per period.
+  std::array<double, 2> once_counts_{};
+  std::array<double, 2> twice_counts_{};
+  std::size_t tick_ = 0;
+  std::array<ShaftPlace, past_ticks> past_{};  // of tick n at n modulo its size
 };
 
 }  // namespace servodrome::plant

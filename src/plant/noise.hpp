@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cmath>
+#include <array>
 #include <cstdint>
 
 namespace servodrome::plant {
@@ -10,13 +10,18 @@ class Noise {
  public:
   explicit Noise(std::uint64_t seed) : state_(seed) {}
 
-  // Mean 0, standard deviation 1, nearly normal: the sum of four even draws, so never beyond 3.5.
-  double normal() {
-    const std::uint64_t bits = next();
-    const std::uint64_t pairs = (bits & 0x0000FFFF0000FFFFU) + (bits >> 16 & 0x0000FFFF0000FFFFU);
-    const auto sum = static_cast<std::int64_t>((pairs & 0xFFFFFFFFU) + (pairs >> 32));
-    const double deviation = std::sqrt(4.0 / 12.0) * 65536.0;
-    return (static_cast<double>(sum) - 2.0 * 65535.0) / deviation;
+  // Four draws of mean 0 and standard deviation 1, each the sum of two even ones: nearly normal, never beyond 2.45.
+  std::array<float, 4> four() {
+    const std::uint64_t first = next();
+    const std::uint64_t second = next();
+    constexpr float deviation = 26754.9F;  // 65536 / sqrt 6
+    std::array<float, 4> result{};
+    for (unsigned i = 0; i < 4; ++i) {
+      const auto one = static_cast<std::int32_t>(first >> 16 * i & 0xFFFFU);
+      const auto other = static_cast<std::int32_t>(second >> 16 * i & 0xFFFFU);
+      result[i] = static_cast<float>(one - other) * (1.0F / deviation);
+    }
+    return result;
   }
   // Even in -1 .. 1.
   double even() { return static_cast<double>(next() >> 11) * 0x1p-52 - 1.0; }

@@ -36,7 +36,7 @@ drive::Actuation PowerStage::apply(const drive::Actuation& commanded, const std:
 
   std::array<double, 3> volts{};
   for (std::size_t phase = 0; phase < 3; ++phase) {
-    const double wanted = static_cast<double>(due[phase]);
+    const auto wanted = static_cast<double>(due[phase]);
     volts[phase] = std::isfinite(wanted) ? wanted : 0.0;
   }
   const double most = modulation_limit_ * link_v;
