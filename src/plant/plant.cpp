@@ -12,6 +12,7 @@ namespace {
 constexpr double h = drive::tick_seconds;
 constexpr double two_pi = 2.0 * std::numbers::pi;
 constexpr double largest_fraction = 0x1.fffffffffffffp-1;
+constexpr double close_share = 1.0e-10;  // of the speed, to which windings in pieces and shaft agree about it
 
 constexpr std::uint32_t bit(drive::HardwareFault fault) { return static_cast<std::uint32_t>(fault); }
 
@@ -69,7 +70,7 @@ const Parameters& valid(const Parameters& parameters) {
 
 Plant::Plant(const Parameters& parameters)
     : windings_(valid(parameters).motor, parameters.encoder.direction),
-      half_angle_per_speed_(0.5 * h * windings_.pole_pairs()),
+      angle_per_speed_(h * windings_.pole_pairs()),
       counts_per_speed_(h * parameters.encoder.counts_per_revolution / two_pi),
       phase_per_count_(phases_in_turn * windings_.pole_pairs() / parameters.encoder.counts_per_revolution),
       phase_per_speed_(counts_per_speed_ * phase_per_count_),
@@ -138,25 +139,8 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   const double other_torque = rotor_torque + shaft_.load_torque_nm();
   const ShaftResponse response = shaft_.response(other_torque);
 
-  // The rotor frame at mid-tick, from the angle at the start and the speed expected. Over the tick the rotor turns
-  // under the constant voltage, which shortens its mean: sin(x) / x of half the angle.
-  const double half_angle = half_angle_per_speed_ * (response.offset_rad_s + response.slope * torque_nm_);
-  const double x2 = half_angle * half_angle;
-  double turn_sine;
-  double turn_cosine;
-  double mean_factor;
-  if (x2 < 0.25) [[likely]] {
-    mean_factor = 1.0 - x2 * (1.0 / 6.0) * (1.0 - x2 * (1.0 / 20.0));
-    turn_sine = half_angle * mean_factor;
-    turn_cosine = 1.0 - x2 * 0.5 * (1.0 - x2 * (1.0 / 12.0) * (1.0 - x2 * (1.0 / 30.0)));
-  } else {
-    turn_sine = std::sin(half_angle);
-    turn_cosine = std::cos(half_angle);
-    mean_factor = turn_sine / half_angle;
-  }
+  const Turn turn = foresee(response.offset_rad_s + response.slope * torque_nm_);
   const double phase = electrical_phase();
-  const double sine = sine_ * turn_cosine + cosine_ * turn_sine;
-  const double cosine = cosine_ * turn_cosine - sine_ * turn_sine;
 
   const double link_v = dc_link_.volts();
   const double u = static_cast<double>(actuation.phase_voltage_v[0]);
@@ -165,30 +149,31 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   const double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
   const double sum = u + v + w;
   const bool usual = actuation.pwm_enabled && !actuation.short_circuit && (unusual_ & ~encoder_frozen) == 0 &&
-                     range <= link_v && sum - sum == 0.0;  // finite
-  const double alpha = (2.0 * u - (v + w)) * (mean_factor * (1.0 / 3.0));
-  const double beta = (v - w) * (mean_factor * 0.57735026918962576);
-  const double direct_v = alpha * cosine + beta * sine;
-  const double quadrature_v = beta * cosine - alpha * sine;
+                     range <= link_v && sum - sum == 0.0 && windings_.turns_little(turn);  // finite
+  const double alpha = (2.0 * u - (v + w)) * (1.0 / 3.0);
+  const double beta = (v - w) * 0.57735026918962576;
+  const double direct_v = alpha * cosine_ + beta * sine_;
+  const double quadrature_v = beta * cosine_ - alpha * sine_;
   const auto excitation = [&] {
-    if (usual) return Excitation{.direct_v = direct_v, .quadrature_v = quadrature_v};
-    return unusual_excitation(actuation, sine, cosine, mean_factor);
+    if (usual) return Excitation{.volts = {alpha, beta}};
+    return unusual_excitation(actuation);
   };
-
-  // The usual tick is these two lines each with its exception: currents, then motion.
-  const Guess guess{torque_nm_, windings_.direct_a};
-  WindingTick windings = windings_.driven(direct_v, quadrature_v, response, guess);
-  if (!usual || !windings_.settled(windings, response, guess)) [[unlikely]] {
-    windings = solve_windings(excitation(), response);
+  if (!usual) [[unlikely]]
     bridges_run_ = actuation.pwm_enabled && !actuation.short_circuit;
-  }
+
+  // The usual tick is two lines each with its exception: currents, then motion.
+  WindingTick windings;
   ShaftTick shaft;
   if (shaft_.elastic()) {
     windings.torque_nm = torque_nm_;
     shaft = solve_general(excitation(), rotor_torque, windings);
     stop_j_ += shaft.stop_j;
-  } else if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]] {
-    shaft = solve_turning(excitation(), other_torque, windings, shaft);
+  } else {
+    windings = windings_.driven(direct_v, quadrature_v, turn, response);
+    if (!usual || astray(windings)) [[unlikely]]
+      windings = solve_windings(excitation(), response);
+    if (!shaft_.slide(windings.torque_nm + other_torque, shaft)) [[unlikely]]
+      shaft = solve_turning(excitation(), other_torque, windings, shaft);
   }
   double moved = fraction_ + shaft.mean * counts_per_speed_;
   double whole = floor_of(moved);
@@ -278,35 +263,78 @@ std::uint32_t Plant::overcurrent_bits(const drive::Feedback& feedback) const {
   return bits;
 }
 
-WindingTick Plant::solve_windings(const Excitation& excitation, const ShaftResponse& shaft, const Guess& guess) const {
-  if (excitation.bridge == Bridge::driven) [[likely]] {
-    return windings_.driven(excitation.direct_v, excitation.quadrature_v, shaft, guess);
+WindingTick Plant::solve_driven(Stationary volts, const Turn& turn, const ShaftResponse& shaft) const {
+  const double direct_v = volts.alpha * cosine_ + volts.beta * sine_;
+  const double quadrature_v = volts.beta * cosine_ - volts.alpha * sine_;
+  if (windings_.turns_little(turn)) [[likely]] {
+    return windings_.driven(direct_v, quadrature_v, turn, shaft);
   }
-  if (excitation.bridge == Bridge::freewheeling) return windings_.freewheeling(dc_link_.volts(), shaft, guess);
-  if (excitation.axis.direct == 0.0 && excitation.axis.quadrature == 0.0) return {};
-  return windings_.along(excitation.axis, excitation.along_v, excitation.blocked, shaft, guess);
+  return windings_.driven_in_pieces(direct_v, quadrature_v, turn);
+}
+
+WindingTick Plant::solve_turn(const Excitation& excitation, const Turn& turn, const ShaftResponse& shaft,
+                              const Guess& guess) const {
+  const Stationary volts = excitation.volts;
+  if (excitation.bridge == Bridge::driven) return solve_driven(volts, turn, shaft);
+  if (excitation.bridge == Bridge::freewheeling) {
+    return windings_.freewheeling(dc_link_.volts(), sine_, cosine_, turn);
+  }
+  const Stationary axis = excitation.axis;
+  if (axis.alpha == 0.0 && axis.beta == 0.0) return {};
+  const double along_v = excitation.blocked ? dc_link_.volts() * windings_.bridge_share()
+                                            : volts.alpha * axis.alpha + volts.beta * axis.beta;
+  const double turn_sine = std::sin(0.5 * turn.angle);
+  const double turn_cosine = std::cos(0.5 * turn.angle);
+  const double sine = sine_ * turn_cosine + cosine_ * turn_sine;  // at mid-tick
+  const double cosine = cosine_ * turn_cosine - sine_ * turn_sine;
+  return windings_.along({axis.alpha * cosine + axis.beta * sine, axis.beta * cosine - axis.alpha * sine}, along_v,
+                         excitation.blocked, shaft, guess);
 }
 
 WindingTick Plant::solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const {
-  Guess guess{torque_nm_, windings_.direct_a};
-  WindingTick tick = solve_windings(excitation, shaft, guess);
-  for (int pass = 0; !windings_.settled(tick, shaft, guess); ++pass) {
-    if (pass == 8) {
-      return solve_bracketed(excitation, [&](double torque) { return shaft.offset_rad_s + shaft.slope * torque; });
-    }
-    guess = {tick.torque_nm, tick.mean_direct_a};
-    tick = solve_windings(excitation, shaft, guess);
+  const Turn turn = foresee(shaft.offset_rad_s + shaft.slope * torque_nm_);
+  if (excitation.bridge == Bridge::driven && windings_.turns_little(turn)) [[likely]] {
+    const WindingTick tick = solve_driven(excitation.volts, turn, shaft);
+    if (!astray(tick)) return tick;
   }
-  return tick;
+  return solve_further(excitation, shaft);
+}
+
+// Speed and torque of the tick by Newton's method, and then by the line through the last two.
+WindingTick Plant::solve_further(const Excitation& excitation, const ShaftResponse& shaft) const {
+  const bool driven = excitation.bridge == Bridge::driven;
+  double torque = torque_nm_;
+  double last_torque = 0.0;
+  double last_missed = 0.0;
+  double falls = driven ? windings_.per_speed_nm() * shaft.slope : 0.0;  // Nm per Nm, with what it does to the speed
+  for (int pass = 0; pass < 12; ++pass) {
+    const Turn turn = foresee(shaft.offset_rad_s + shaft.slope * torque);
+    const WindingTick tick = solve_turn(excitation, turn, shaft, {torque, windings_.direct_a});
+    if (driven && windings_.turns_little(turn)) {
+      if (!astray(tick)) return tick;
+      torque = tick.torque_nm;
+      continue;
+    }
+    const double missed = tick.torque_nm - torque;
+    if (std::abs(shaft.slope * missed) <= close_share * std::abs(turn.speed)) return tick;
+    if (pass > 0 && torque != last_torque) falls = -(missed - last_missed) / (torque - last_torque) - 1.0;
+    last_torque = torque;
+    last_missed = missed;
+    torque += missed / (1.0 + falls);
+  }
+  return solve_bracketed(excitation, [&](double trial) { return shaft.offset_rad_s + shaft.slope * trial; });
 }
 
 // The torque at which windings and shaft agree, when nothing faster finds it: torque - torque(speed(torque)) changes
-// sign because the windings' torque is bounded.
+// sign because the windings' torque is bounded. Where the speed jumps, as a contact is met or not, they cannot agree:
+// the torque is then that of the shaft, on the side of the jump on which energy is lost.
 template <typename MeanSpeed>
 WindingTick Plant::solve_bracketed(const Excitation& excitation, MeanSpeed mean_speed) const {
   WindingTick tick;
+  double speed = 0.0;
   const auto excess = [&](double torque) {
-    tick = solve_windings(excitation, {mean_speed(torque), 0.0}, {torque, windings_.direct_a});
+    speed = mean_speed(torque);
+    tick = solve_turn(excitation, foresee(speed), {speed, 0.0}, {torque, windings_.direct_a});
     return torque - tick.torque_nm;
   };
   double reach = std::abs(excess(torque_nm_)) + 1.0e-6;
@@ -318,6 +346,9 @@ WindingTick Plant::solve_bracketed(const Excitation& excitation, MeanSpeed mean_
     const double middle = 0.5 * (low + high);
     (excess(middle) > 0.0 ? high : low) = middle;
   }
+  double torque = low;
+  if (excess(low) * speed > 0.0) excess(torque = high);
+  tick.torque_nm = torque;
   return tick;
 }
 
@@ -354,8 +385,8 @@ ShaftTick Plant::solve_general(const Excitation& excitation, double rotor_torque
 }
 
 // What the bridges put across the windings, as far as the DC link and shorted outputs let them; of a star against its
-// point. Times `mean_factor`.
-Plant::Stationary Plant::inverter_voltage(const drive::Actuation& actuation, double mean_factor) const {
+// point.
+Plant::Stationary Plant::inverter_voltage(const drive::Actuation& actuation) const {
   const double link_v = dc_link_.volts();
   std::array<double, 3> volts{};
   for (std::size_t phase = 0; phase < 3; ++phase) {
@@ -370,7 +401,7 @@ Plant::Stationary Plant::inverter_voltage(const drive::Actuation& actuation, dou
       volts[winding] = std::clamp(volts[winding], -link_v, link_v);
       if (shorted(winding)) volts[winding] = 0.5 * (volts[winding] - link_v);
     }
-    return {volts[0] * mean_factor, volts[1] * mean_factor};
+    return {volts[0], volts[1]};
   }
   const auto [least, most] = std::minmax({volts[0], volts[1], volts[2]});
   const double scale = most - least > link_v ? link_v / (most - least) : 1.0;  // the hexagon
@@ -379,18 +410,13 @@ Plant::Stationary Plant::inverter_voltage(const drive::Actuation& actuation, dou
     volts[phase] = scale * (volts[phase] - middle);  // the terminals, against the middle of the DC link
     if (shorted(phase)) volts[phase] = -0.5 * link_v;
   }
-  return {(2.0 * volts[0] - volts[1] - volts[2]) * (mean_factor * (1.0 / 3.0)),
-          (volts[1] - volts[2]) * (mean_factor * 0.57735026918962576)};
+  return {(2.0 * volts[0] - volts[1] - volts[2]) * (1.0 / 3.0), (volts[1] - volts[2]) * 0.57735026918962576};
 }
 
-Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation, double sine, double cosine,
-                                            double mean_factor) const {
+Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation) const {
   const bool freewheeling = !actuation.pwm_enabled && !actuation.short_circuit;
   Excitation excitation;
-  Stationary mean;
-  if (actuation.pwm_enabled && !actuation.short_circuit) mean = inverter_voltage(actuation, mean_factor);
-  excitation.direct_v = mean.alpha * cosine + mean.beta * sine;
-  excitation.quadrature_v = mean.beta * cosine - mean.alpha * sine;
+  if (actuation.pwm_enabled && !actuation.short_circuit) excitation.volts = inverter_voltage(actuation);
   excitation.blocked = freewheeling;
   excitation.bridge = freewheeling ? Bridge::freewheeling : Bridge::driven;
 
@@ -399,14 +425,12 @@ Plant::Excitation Plant::unusual_excitation(const drive::Actuation& actuation, d
   excitation.bridge = Bridge::open_phase;
   if ((open & (open - 1u)) != 0) return excitation;  // two wires cut: no current has a way
   // The current flows at right angles to the axis of the open phase.
-  Stationary axis{.alpha = 0.0, .beta = 1.0};
+  excitation.axis = {.alpha = 0.0, .beta = 1.0};
   if (open != 1u) {
-    axis = (unusual_ & two_phases) != 0 ? Stationary{.alpha = 1.0, .beta = 0.0}
-                                        : Stationary{.alpha = 0.86602540378443865, .beta = open == 2u ? 0.5 : -0.5};
+    excitation.axis = (unusual_ & two_phases) != 0
+                          ? Stationary{.alpha = 1.0, .beta = 0.0}
+                          : Stationary{.alpha = 0.86602540378443865, .beta = open == 2u ? 0.5 : -0.5};
   }
-  excitation.axis = {axis.alpha * cosine + axis.beta * sine, axis.beta * cosine - axis.alpha * sine};
-  excitation.along_v =
-      freewheeling ? dc_link_.volts() * windings_.bridge_share() : mean.alpha * axis.alpha + mean.beta * axis.beta;
   return excitation;
 }
 

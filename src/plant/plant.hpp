@@ -100,23 +100,29 @@ class Plant {
     double beta = 0.0;
   };
 
-  // What the inverter does in this tick, in the rotor frame at mid-tick.
+  // What the inverter does in this tick, as the stator has it.
   struct Excitation {
     Bridge bridge = Bridge::driven;
-    double direct_v = 0.0;
-    double quadrature_v = 0.0;
-    Axis axis{};  // open_phase: of the current
-    double along_v = 0.0;
-    bool blocked = false;  // open_phase: freewheeling, or no path for a current at all
+    Stationary volts{};
+    Stationary axis{};     // open_phase: of the current; of nothing: there is no path for one
+    bool blocked = false;  // open_phase: freewheeling
   };
 
   void step_machine(const drive::Actuation& actuation, drive::Feedback& feedback);
   void step_imperfect(const drive::Actuation& actuation, drive::Feedback& feedback);
+  Turn foresee(double speed_rad_s) const { return {speed_rad_s, angle_per_speed_ * speed_rad_s}; }
+  // Whether the shaft turns otherwise than foreseen, by more than the windings may take for small.
+  bool astray(const WindingTick& tick) const {
+    constexpr double most_rad = 1.0e-3;  // electrical
+    return std::abs(angle_per_speed_ * tick.unforeseen_rad_s) > most_rad;
+  }
+  WindingTick solve_driven(Stationary volts, const Turn& turn, const ShaftResponse& shaft) const;
+  WindingTick solve_turn(const Excitation& excitation, const Turn& turn, const ShaftResponse& shaft,
+                         const Guess& guess) const;
   WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft) const;
-  WindingTick solve_windings(const Excitation& excitation, const ShaftResponse& shaft, const Guess& guess) const;
-  Stationary inverter_voltage(const drive::Actuation& actuation, double mean_factor) const;
-  Excitation unusual_excitation(const drive::Actuation& actuation, double sine, double cosine,
-                                double mean_factor) const;
+  WindingTick solve_further(const Excitation& excitation, const ShaftResponse& shaft) const;
+  Stationary inverter_voltage(const drive::Actuation& actuation) const;
+  Excitation unusual_excitation(const drive::Actuation& actuation) const;
   template <typename MeanSpeed>
   WindingTick solve_bracketed(const Excitation& excitation, MeanSpeed mean_speed) const;
   template <typename SolveShaft>
@@ -149,8 +155,8 @@ class Plant {
   double torque_nm_ = 0.0;
   double sine_ = 0.0;  // of the electrical angle at the end of the last tick
   double cosine_ = 1.0;
-  double half_angle_per_speed_;  // electrical rad in half a tick per rad/s
-  std::int64_t position_ = 0;    // counts; true position = position_ + fraction_
+  double angle_per_speed_;     // electrical rad in a tick per rad/s
+  std::int64_t position_ = 0;  // counts; true position = position_ + fraction_
   double fraction_ = 0.0;
   double single_turn_ = 0.0;  // counts, whole ones
   double counts_per_speed_;   // counts in a tick per rad/s

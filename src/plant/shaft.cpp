@@ -120,8 +120,10 @@ Shaft::Coupling Shaft::coupling_of(double twist_rad) const {
   return {half == 0.0, twist_};
 }
 
-double Shaft::solve_pair(const Motion& from, double rotor_torque_nm, double seconds, double weight,
-                         const Coupling& coupling, const Stop& stop, bool freely, ShaftTick& best) const {
+double Shaft::solve_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
+                         const Stop& stop, bool freely, ShaftTick& best) const {
+  const double seconds = step.seconds;
+  const double weight = step.weight;
   const double old = 1.0 - weight;
   const double stiffness = coupling.engaged ? load_.stiffness_nm_per_rad : 0.0;
   const double spring = stiffness * coupling.deflection_rad;
@@ -141,11 +143,30 @@ double Shaft::solve_pair(const Motion& from, double rotor_torque_nm, double seco
       rotor_torque_nm + rotor_rate * from.speed - old * (rotor_viscous_ * from.speed + old_link) - spring;
   const double load_drive = load_torque_ + load_rate * from.load_speed -
                             old * ((load_viscous + stop_link) * from.load_speed - old_link) + spring - stop_spring;
-  const double determinant = m11 * m22 - m12 * m12;
+  const double inverse = 1.0 / (m11 * m22 - m12 * m12);
 
+  const auto take = [&](int rotor_way, int load_way, double end, double load_end, double slope) {
+    best.end = limited(end);
+    best.load_end = limited(load_end);
+    best.direction = static_cast<std::int8_t>(rotor_way);
+    best.load_direction = static_cast<std::int8_t>(load_way);
+    best.slope = weight * slope;
+    best.mean = old * from.speed + weight * best.end;
+    best.load_mean = old * from.load_speed + weight * best.load_end;
+  };
   // What held each mass before is tried first; a standing one may hold more than a sliding one.
   const int was = from.direction;
   const int load_was = from.load_direction;
+  if (was != 0 && load_was != 0) [[likely]] {
+    const double p = rotor_drive - was * rotor_friction_nm_;
+    const double q = load_drive - load_was * load_.coulomb_friction_nm;
+    const double end = (p * m22 - m12 * q) * inverse;
+    const double load_end = (m11 * q - m12 * p) * inverse;
+    if (end * was >= 0.0 && load_end * load_was >= 0.0) [[likely]] {
+      take(was, load_was, end, load_end, m22 * inverse);
+      return 0.0;
+    }
+  }
   const double load_hold = load_was == 0 && !freely ? load_.static_friction_nm : load_.coulomb_friction_nm;
   const std::array<int, 3> rotor_order{was, was == 0 ? 1 : 0, was == 0 ? -1 : -was};
   const std::array<int, 3> load_order{load_was, load_was == 0 ? 1 : 0, load_was == 0 ? -1 : -load_was};
@@ -158,9 +179,9 @@ double Shaft::solve_pair(const Motion& from, double rotor_torque_nm, double seco
       double v = 0.0;
       double slope = 0.0;
       if (s != 0 && t != 0) {
-        w = (p * m22 - m12 * q) / determinant;
-        v = (m11 * q - m12 * p) / determinant;
-        slope = m22 / determinant;
+        w = (p * m22 - m12 * q) * inverse;
+        v = (m11 * q - m12 * p) * inverse;
+        slope = m22 * inverse;
       } else if (s != 0) {
         w = p / m11;
         slope = 1.0 / m11;
@@ -173,13 +194,7 @@ double Shaft::solve_pair(const Motion& from, double rotor_torque_nm, double seco
       const double violation = std::max({rotor_violation, load_violation, 0.0});
       if (least >= 0.0 && violation >= least) continue;
       least = violation;
-      best.end = limited(w);
-      best.load_end = limited(v);
-      best.direction = static_cast<std::int8_t>(s);
-      best.load_direction = static_cast<std::int8_t>(t);
-      best.slope = weight * slope;
-      best.mean = old * from.speed + weight * best.end;
-      best.load_mean = old * from.load_speed + weight * best.load_end;
+      take(s, t, w, v, slope);
       if (violation == 0.0) return 0.0;
     }
   }
@@ -191,7 +206,7 @@ ShaftTick Shaft::solve_elastic(double rotor_torque_nm, const StopDistance& stops
   const Coupling now = coupling_of(twist_);
   if (stops.high <= 0.0 && stops.low <= 0.0 && !freely) {
     ShaftTick tick;
-    solve_pair(motion(), rotor_torque_nm, h, coupling_weight_, now, {0, 0.0}, freely, tick);
+    solve_pair(motion(), rotor_torque_nm, {h, coupling_weight_}, now, {0, 0.0}, freely, tick);
     const double twist = twist_ + h * (tick.mean - tick.load_mean);
     const Coupling then = coupling_of(twist);
     const bool same = then.engaged == now.engaged && then.deflection_rad == now.deflection_rad;

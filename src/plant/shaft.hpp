@@ -139,9 +139,13 @@ class Shaft {
   ShaftTick solve_rigid(double torque_nm, const StopDistance& stops, bool freely) const;
   ShaftTick solve_elastic(double rotor_torque_nm, const StopDistance& stops, bool freely) const;
   ShaftTick solve_in_pieces(double rotor_torque_nm, const StopDistance& stops, bool freely) const;
-  // Both masses over `seconds` with coupling and stop as given; picks the friction states. The return is by how much
+  struct Step {
+    double seconds;
+    double weight;  // of the speed at the end in the mean one
+  };
+  // Both masses over a step with coupling and stop as given; picks the friction states. The return is by how much
   // the friction condition is violated, 0: solved.
-  double solve_pair(const Motion& from, double rotor_torque_nm, double seconds, double weight, const Coupling& coupling,
+  double solve_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
                     const Stop& stop, bool freely, ShaftTick& tick) const;
   Motion motion() const { return {speed_, load_speed_, twist_, direction_, load_direction_}; }
   Coupling coupling_of(double twist_rad) const;

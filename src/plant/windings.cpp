@@ -1,7 +1,9 @@
 #include "plant/windings.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 
 #include "drive/hardware.hpp"
 #include "plant/fitting.hpp"
@@ -11,6 +13,28 @@ namespace servodrome::plant {
 namespace {
 constexpr double h = drive::tick_seconds;
 constexpr double one_over_sqrt3 = 0.57735026918962576;
+
+// The means of s^k exp(-decay s) over s from 0 to 1: the highest as a series or, where that is long, in closed form;
+// what follows from it by parts.
+std::array<double, 5> moments_of(double decay) {
+  constexpr std::size_t highest = 4;
+  std::array<double, highest + 1> moments{};
+  const double end = std::exp(-decay);
+  if (decay < 2.0) {
+    double power = 1.0;
+    for (double n = 0.0; std::abs(power) > 1.0e-18; n += 1.0) {
+      moments[highest] += power / (n + highest + 1.0);
+      power *= -decay / (n + 1.0);
+    }
+    for (std::size_t k = highest; k > 0; --k) moments[k - 1] = (decay * moments[k] + end) / static_cast<double>(k);
+  } else {
+    moments[0] = (1.0 - end) / decay;
+    for (std::size_t k = 1; k <= highest; ++k) {
+      moments[k] = (static_cast<double>(k) * moments[k - 1] - end) / decay;
+    }
+  }
+  return moments;
+}
 }  // namespace
 
 double flux_linkage_vs(const Motor& motor) {
@@ -28,68 +52,40 @@ Windings::Windings(const Motor& motor, int direction)
       direct_inductance_(motor.direct_inductance_h),
       quadrature_inductance_(motor.quadrature_inductance_h),
       saliency_(motor.direct_inductance_h - motor.quadrature_inductance_h),
+      small_angle_(saliency_ == 0.0 ? small_angle : 0.0),
+      flux_by_inductance_(flux_ / motor.quadrature_inductance_h),
+      per_volt_(h / motor.quadrature_inductance_h),
+      emf_per_speed_(h * pole_pairs_ * flux_by_inductance_),
+      per_speed_nm_(emf_per_speed_ * torque_constant_),
       bridge_share_(motor.phases == 2 ? 1.0 : one_over_sqrt3) {
   set_resistance_ohm(motor.resistance_ohm);
 }
 
-void Windings::set_resistance_ohm(double resistance_ohm) {
-  resistance_ = resistance_ohm;
-  const double direct_weight = fitted_weight(resistance_ * h / direct_inductance_);
-  const double quadrature_weight = fitted_weight(resistance_ * h / quadrature_inductance_);
-  inverse_direct_weight_ = 1.0 / direct_weight;
-  inverse_quadrature_weight_ = 1.0 / quadrature_weight;
-  direct_memory_ = direct_inductance_ / (direct_weight * h);
-  quadrature_memory_ = quadrature_inductance_ / (quadrature_weight * h);
+// exp(-j angle s) in powers of the angle, with the moments of a weight.
+Windings::Series Windings::series_of(std::span<const double> moments) {
+  return {moments[0], -moments[1], -moments[2] / 2.0, moments[3] / 6.0};
 }
 
-WindingTick Windings::freewheeling(double dc_link_v, const ShaftResponse& shaft, const Guess& guess) const {
-  const double torque_nm = guess.torque_nm;
-  const double effective_flux = flux_ + saliency_ * guess.direct_a;
-  const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
-  const double coupling = pole_pairs_ * shaft.slope * effective_flux;
-  const double direct = direct_inductance_ / h * direct_a;
-  const double quadrature = quadrature_inductance_ / h * quadrature_a - speed * flux_ + coupling * torque_nm;
-  const double threshold = dc_link_v * bridge_share_;
-  const double source2 = direct * direct + quadrature * quadrature;
-  const double margin = source2 - threshold * threshold;
-  // What backward Euler leaves out of the energy of a current that falls: half L di^2.
-  const auto left_out_w = [&](double end_d, double end_q) {
-    const double change_d = end_d - direct_a;
-    const double change_q = end_q - quadrature_a;
-    return phase_factor_ * 0.5 / h *
-           (direct_inductance_ * change_d * change_d + quadrature_inductance_ * change_q * change_q);
-  };
-  if (margin <= 0.0) return {.power_w = -left_out_w(0.0, 0.0)};  // it died within the tick, through the diodes
-  const double direct_impedance = direct_inductance_ / h + resistance_;
-  const double quadrature_impedance =
-      quadrature_inductance_ / h + resistance_ + coupling * torque_per_flux_ * effective_flux;
-  const double direct_reactance = speed * direct_inductance_;
-  const double quadrature_reactance = speed * quadrature_inductance_;
-  // |current| from (Z r + threshold)^2 + (X r)^2 = source^2, with the mean of the axes for Z; the bridge then looks
-  // like a resistance of threshold / r.
-  const double z = 0.5 * (direct_impedance + quadrature_impedance);
-  const double square = z * z + direct_reactance * quadrature_reactance;
-  const double half = z * threshold;
-  const double magnitude = margin / (half + std::sqrt(half * half + square * margin));
-  const double bridge = threshold / magnitude;
-  const double a = direct_impedance + bridge;
-  const double b = quadrature_impedance + bridge;
-  const double inverse = 1.0 / (a * b + direct_reactance * quadrature_reactance);
-  const double d = (direct * b + quadrature_reactance * quadrature) * inverse;
-  const double q = (quadrature * a - direct_reactance * direct) * inverse;
-  // The link takes what its voltage takes of the current that flowed more than at the end of the tick, the resistance
-  // the rest.
-  const double square_a = d * d + q * q;
-  const double more_a = std::sqrt(direct_a * direct_a + quadrature_a * quadrature_a) - std::sqrt(square_a);
-  const double left_out = left_out_w(d, q);
-  const double to_link = std::min(left_out, phase_factor_ * 0.5 * threshold * std::max(0.0, more_a));
-  return {.mean_direct_a = d,
-          .mean_quadrature_a = q,
-          .end_direct_a = d,
-          .end_quadrature_a = q,
-          .more_heat_a2 = (left_out - to_link) / (phase_factor_ * resistance_),
-          .power_w = -phase_factor_ * bridge * square_a - to_link,
-          .torque_nm = torque_nm_of(d, q)};
+void Windings::set_resistance_ohm(double resistance_ohm) {
+  resistance_ = resistance_ohm;
+  decay_ = resistance_ * per_volt_;
+  // Of shares s of the tick: exp(-decay s) is kept of a current, (1 - exp(-decay s)) / decay has a voltage made, and
+  // 1 - s is left for what an EMF drives from s on. The voltage is the same all the time.
+  const std::array<double, 5> keeps = moments_of(decay_);
+  std::array<double, 4> makes{};
+  std::array<double, 4> left{};
+  std::array<double, 4> even{};
+  for (std::size_t k = 0; k < even.size(); ++k) {
+    even[k] = 1.0 / static_cast<double>(k + 1);
+    makes[k] = per_volt_ * (even[k] - keeps[k]) / decay_;
+    left[k] = keeps[k] - keeps[k + 1];
+  }
+  kept_ = series_of(keeps);
+  pushed_ = series_of(makes);
+  opposed_ = series_of(left);
+  seen_ = series_of(even);
+
+  prepare_pieces();
 }
 
 WindingTick Windings::along(Axis axis, double voltage_v, bool freewheeling, const ShaftResponse& shaft,

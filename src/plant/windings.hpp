@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <span>
 
 #include "drive/hardware.hpp"
 #include "plant/parameters.hpp"
@@ -9,10 +10,13 @@
 //   Ld did/dt = vd - R id + we Lq iq,   Lq diq/dt = vq - R iq - we (Ld id + flux),
 //   torque = n/2 p (flux + (Ld - Lq) id) iq,   n phases.
 //
-// Each axis is integrated with the exponentially fitted weight of fitting.hpp: exact at standstill, exact in the steady
-// state at any speed, second order in between (error (we h)^2 / 12 of the rotation in a tick). The shaft's response to
-// the torque of the same tick, mean velocity = offset + slope * torque, is part of the equations, so that neither a
-// light rotor nor a small inductance can make the two step on each other's heels.
+// The inverter's voltage stands still in the stator while the rotor turns. Of a round rotor (Ld = Lq) the solution of a
+// tick at constant speed is known in closed form, means of exponentials, and taken as powers of the angle of the tick.
+// A salient rotor, one that turns far in a tick, and all switches open are solved in pieces: by the stator's flux
+// linkage, which turning does not change. docs/decisions/0020-windings-turn-exactly.md has the formulas.
+//
+// The speed is foreseen, and what the torque of the tick itself changes of it is part of the solution: mean velocity =
+// offset + slope * torque. So neither a light rotor nor a small inductance can make the two step on each other's heels.
 namespace servodrome::plant {
 
 struct ShaftResponse {
@@ -20,6 +24,13 @@ struct ShaftResponse {
   double slope = 0.0;         // rad/s per Nm; 0 while the rotor stands still
 };
 
+// How the rotor turns in a tick, as foreseen.
+struct Turn {
+  double speed = 0.0;  // of the shaft, rad/s, the mean
+  double angle = 0.0;  // electrical rad in the tick
+};
+
+// What a tick is linearised at where its solution needs it.
 struct Guess {
   double torque_nm = 0.0;
   double direct_a;
@@ -34,6 +45,7 @@ struct WindingTick {
   double more_heat_a2 = 0.0;  // square of the current that heats besides the mean's
   double power_w = 0.0;       // from the inverter into the motor
   double torque_nm = 0.0;
+  double unforeseen_rad_s = 0.0;  // driven(): by how much the shaft turns faster than foreseen
 };
 
 // A direction across the rotor frame: of the only current that flows while one phase is open.
@@ -49,48 +61,60 @@ class Windings {
   void set_resistance_ohm(double resistance_ohm);
   double resistance_ohm() const { return resistance_; }
 
-  // Voltage applied by the inverter. `guess` is where the product of speed and current is linearised: the last tick.
-  // With a round rotor (Ld = Lq) the result does not depend on it; a salient one may need a better guess, see
-  // settled().
-  WindingTick driven(double direct_v, double quadrature_v, const ShaftResponse& shaft, const Guess& guess) const {
-    const double torque_nm = guess.torque_nm;
-    const double effective_flux = flux_ + saliency_ * guess.direct_a;
-    const double speed = pole_pairs_ * (shaft.offset_rad_s + shaft.slope * torque_nm);
-    const double coupling = pole_pairs_ * shaft.slope * effective_flux;
-    const double direct = direct_v + direct_memory_ * direct_a;
-    const double quadrature = quadrature_v + (quadrature_memory_ * quadrature_a - speed * flux_ + coupling * torque_nm);
-    const double direct_impedance = direct_memory_ + resistance_;
-    const double quadrature_impedance = quadrature_memory_ + resistance_ + coupling * torque_per_flux_ * effective_flux;
-    const double direct_reactance = speed * direct_inductance_;
-    const double quadrature_reactance = speed * quadrature_inductance_;
-    const double inverse = 1.0 / (direct_impedance * quadrature_impedance + direct_reactance * quadrature_reactance);
-    const double mean_d = direct * (quadrature_impedance * inverse) + quadrature * (quadrature_reactance * inverse);
-    const double mean_q = quadrature * (direct_impedance * inverse) - direct * (direct_reactance * inverse);
+  // Whether driven() may be used.
+  bool turns_little(const Turn& turn) const { return std::abs(turn.angle) < small_angle_; }
+
+  // Voltage applied by the inverter, as the rotor sees it at the start of the tick.
+  WindingTick driven(double direct_v, double quadrature_v, const Turn& turn, const ShaftResponse& shaft) const {
+    const double angle = turn.angle;
+    const double square = angle * angle;
+    const Complex kept = of(kept_, angle, square);
+    const Complex pushed = of(pushed_, angle, square);
+    const Complex opposed = of(opposed_, angle, square);
+    const Complex seen = of(seen_, angle, square);
+    const double foreseen = opposed.re * (angle * flux_by_inductance_);
+    const double free_q =
+        (kept.re * quadrature_a + kept.im * direct_a) + ((pushed.re * quadrature_v + pushed.im * direct_v) - foreseen);
+    // By the speed that its torque makes besides.
+    const double per_speed_nm = opposed.re * per_speed_nm_;
+    const double share = 1.0 / (1.0 + per_speed_nm * shaft.slope);  // does not wait for the voltage
+    const double ahead = shaft.offset_rad_s - turn.speed;
+    const double torque_nm = torque_constant_ * free_q * share - per_speed_nm * ahead * share;
+    const double unforeseen = ahead + shaft.slope * torque_nm;
+    const double emf = angle * flux_by_inductance_ + unforeseen * emf_per_speed_;
+
+    const double mean_q = free_q - opposed.re * (unforeseen * emf_per_speed_);
+    const double mean_d = (kept.re * direct_a - kept.im * quadrature_a) +
+                          ((pushed.re * direct_v - pushed.im * quadrature_v) + opposed.im * emf);
+    const double mean_direct_v = seen.re * direct_v - seen.im * quadrature_v;
+    const double mean_quadrature_v = seen.re * quadrature_v + seen.im * direct_v;
+    const double change_d = (mean_direct_v * per_volt_ - decay_ * mean_d) + angle * mean_q;
+    const double change_q = (mean_quadrature_v * per_volt_ - decay_ * mean_q) - (angle * mean_d + emf);
+    // Voltage and current both turn within the tick, which their means do not show.
+    const double turned_w = angle * (1.0 / 12.0) * (mean_quadrature_v * change_d - mean_direct_v * change_q);
     return {.mean_direct_a = mean_d,
             .mean_quadrature_a = mean_q,
-            .end_direct_a = direct_a + (mean_d - direct_a) * inverse_direct_weight_,
-            .end_quadrature_a = quadrature_a + (mean_q - quadrature_a) * inverse_quadrature_weight_,
-            .power_w = (direct_v * mean_d + quadrature_v * mean_q) * phase_factor_,
-            .torque_nm = torque_nm_of(mean_d, mean_q)};
+            .end_direct_a = direct_a + change_d,
+            .end_quadrature_a = quadrature_a + change_q,
+            .power_w = phase_factor_ * ((mean_direct_v * mean_d + mean_quadrature_v * mean_q) + turned_w),
+            .torque_nm = torque_nm,
+            .unforeseen_rad_s = unforeseen};
   }
 
-  // All switches open: the current flows through the diodes against the DC link until it is gone, and again when the
-  // back-EMF is higher than the link. The bridge is taken as a voltage opposing the current vector, of the smallest
-  // back-EMF at which it conducts: dc_link_v / sqrt(3) of three phases (a line-to-line peak of dc_link_v), dc_link_v of
-  // two windings with full bridges. Backward Euler, so that it ends at nothing.
-  WindingTick freewheeling(double dc_link_v, const ShaftResponse& shaft, const Guess& guess) const;
+  // As driven(), of any rotor at any speed.
+  WindingTick driven_in_pieces(double direct_v, double quadrature_v, const Turn& turn) const;
+
+  // About by how much the mean torque falls with the speed, Nm per rad/s.
+  double per_speed_nm() const { return opposed_.zeroth * per_speed_nm_; }
+
+  // All switches open: the diodes of the bridge hold the voltages between the phases within the DC link's, and
+  // conduct where these would exceed it. `sine` and `cosine` are of the angle at the start of the tick.
+  WindingTick freewheeling(double dc_link_v, double sine, double cosine, const Turn& turn) const;
 
   // One phase open: current only along `axis` (a unit vector, at mid-tick). `voltage_v` lies along it, or,
-  // freewheeling, is the magnitude that opposes the current.
+  // freewheeling, is the magnitude that opposes the current. Backward Euler, linearised at the guess.
   WindingTick along(Axis axis, double voltage_v, bool freewheeling, const ShaftResponse& shaft,
                     const Guess& guess) const;
-
-  // Whether the speed that made the currents is the speed their torque makes, to 1e-7 electrical rad in the tick.
-  bool settled(const WindingTick& tick, const ShaftResponse& shaft, const Guess& guess) const {
-    const double missed = std::abs(tick.torque_nm - guess.torque_nm) +
-                          std::abs(torque_saliency_ * (tick.mean_direct_a - guess.direct_a) * tick.mean_quadrature_a);
-    return saliency_ == 0.0 || std::abs(pole_pairs_ * shaft.slope) * missed * drive::tick_seconds < 1.0e-7;
-  }
 
   void commit(const WindingTick& tick) {
     direct_a = tick.end_direct_a;
@@ -114,6 +138,37 @@ class Windings {
   double quadrature_a = 0.0;
 
  private:
+  struct Complex {
+    double re;
+    double im;
+  };
+  // The mean over a tick of what turns backwards with the angle, with a weight: a series in the angle whose terms have
+  // the weight's moments. Better than 4e-5 below `small_angle`.
+  struct Series {
+    double zeroth = 0.0;
+    double first = 0.0;
+    double second = 0.0;
+    double third = 0.0;
+  };
+  static constexpr double small_angle = 0.25;
+  static Complex of(const Series& series, double angle, double square) {
+    return {series.zeroth + square * series.second, angle * (series.first + square * series.third)};
+  }
+
+  static Series series_of(std::span<const double> moments);
+
+  // Of a tick that is cut into them.
+  struct Pieces {
+    int count = 1;
+    double direct_rate = 0.0;  // L / duration
+    double quadrature_rate = 0.0;
+    double direct_weight = 0.5;  // of the current at the end in the mean
+    double quadrature_weight = 0.5;
+  };
+  template <typename Voltage>
+  WindingTick in_pieces(const Pieces& pieces, const Turn& turn, bool passive, const Voltage& voltage) const;
+  void prepare_pieces();
+
   double phase_factor_;
   double pole_pairs_;
   double torque_per_flux_;  // n/2 p
@@ -122,13 +177,21 @@ class Windings {
   double torque_saliency_;
   double direct_inductance_;
   double quadrature_inductance_;
-  double saliency_;  // Ld - Lq
-  double bridge_share_;
+  double saliency_;     // Ld - Lq
+  double small_angle_;  // of none in a salient rotor
+  double flux_by_inductance_;
+  double per_volt_;  // h / L
   double resistance_ = 0.0;
-  double direct_memory_ = 0.0;  // L / (weight h): what the old current is worth in volts
-  double quadrature_memory_ = 0.0;
-  double inverse_direct_weight_ = 2.0;
-  double inverse_quadrature_weight_ = 2.0;
+  double decay_ = 0.0;    // R h / L
+  Series kept_;           // of a round rotor, in the mean current: what is left of the current at the start,
+  Series pushed_;         // what the voltage makes,
+  Series opposed_;        // and the back-EMF; both in what their volts make in h / L
+  Series seen_;           // the voltage itself
+  double emf_per_speed_;  // as `opposed_` takes it
+  double per_speed_nm_;   // torque of the current that this would make in h / L
+  double bridge_share_;
+  Pieces whole_;
+  Pieces pieces_;
 };
 
 }  // namespace servodrome::plant

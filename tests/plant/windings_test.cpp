@@ -227,9 +227,10 @@ TEST(Windings, BackEmfAboveTheLinkFeedsIt) {
   rig.spin_up(3000.0);
   rig.run(3200);
   const double emf_peak = flux_linkage_vs(p.motor) * 5.0 * rig.speed_rad_s() * std::sqrt(3.0);
-  // Charged at once, while the shaft still turned faster; nothing flows back since.
-  EXPECT_GT(rig.plant.dc_link_v(), emf_peak);
-  EXPECT_LT(rig.plant.dc_link_v(), 1.05 * emf_peak);
+  // Charged up to the peak, in ever shorter pulses: 8 degrees around each peak and some mA are left of the last
+  // percent.
+  EXPECT_GT(rig.plant.dc_link_v(), 0.98 * emf_peak);
+  EXPECT_LT(rig.plant.dc_link_v(), 1.01 * emf_peak);
   EXPECT_LT(rig.plant.velocity_rpm(), 3000.0);
 }
 

@@ -55,9 +55,9 @@ def courses(*names, target=0.5, today=()):
     return [Quantity(name, COURSES[name], target, dict(today).get(name)) for name in names]
 
 
-def turning(rpm, today=()):
+def turning(rpm):
     runs = functools.partial(electric.turning_step, rpm)
-    return Scenario(f"current step, {rpm} rpm", runs, courses("current", "torque", today=today))
+    return Scenario(f"current step, {rpm} rpm", runs, courses("current", "torque"))
 
 
 def play(name, load_kgm2, damping, today=()):
@@ -72,33 +72,33 @@ def hit(elastic, ticks):
     return Scenario(name, functools.partial(hits, ticks, elastic), quantities)
 
 
-def generator(share, *today):
+def generator(share):
     ticks = electric.settled_periods(share)
     measures = (("mean torque", mean("torque_nm", ticks)), ("mean link current", link_current(ticks)))
-    quantities = [Quantity(*measure, 5.0, limit) for measure, limit in zip(measures, today, strict=True)]
+    quantities = [Quantity(*measure, 5.0) for measure in measures]
     return Scenario(f"passive bridge, EMF {share:g}", functools.partial(electric.generator, share), quantities)
 
 
 def switch_off(name, current_a):
     ticks = range(electric.SWITCH_OFF_TICK, electric.SWITCH_OFF_TICK + 20)
-    quantity = Quantity("energy to link", link_energy(ticks), 1.0)
-    return Scenario(f"switch-off, {name} current", functools.partial(electric.switch_off, current_a), [quantity])
+    quantities = [Quantity("energy to link", link_energy(ticks), 1.0), *courses("current")]
+    return Scenario(f"switch-off, {name} current", functools.partial(electric.switch_off, current_a), quantities)
 
 
-def rotating(rad_per_tick, today=()):
+def rotating(rad_per_tick):
     runs = functools.partial(electric.rotating, rad_per_tick)
-    return Scenario(f"rotating, {rad_per_tick:g} rad/tick", runs, courses("current", target=1.0, today=today))
+    return Scenario(f"rotating, {rad_per_tick:g} rad/tick", runs, courses("current", target=1.0))
 
 
 SCENARIOS = [
     Scenario("current step, standing", electric.standing_step, courses("current", "torque")),
     turning(1000),
     turning(3000),
-    turning(6000, {"current": 1.4, "torque": 1.0}),
+    turning(6000),
     Scenario("current step, salient", electric.salient_step, courses("current", "torque")),
     rotating(0.2),
-    rotating(0.5, {"current": 5.8}),
-    rotating(1.0, {"current": 29}),
+    rotating(0.5),
+    rotating(1.0),
     Scenario("stepper, full step", electric.stepper, courses("current", "speed", "position")),
     Scenario("torque step", electric.torque_step, courses("current", "torque", "speed")),
     Scenario("short circuit", electric.short_circuit, courses("current", "torque", "speed")),
@@ -120,9 +120,9 @@ SCENARIOS = [
     Scenario(
         "coasting, EMF 0.95", functools.partial(electric.generator, 0.95), courses("current, of rated", "speed")
     ),
-    generator(1.05, 1900, 1900),
-    generator(1.15, 200, 190),
-    generator(1.5, 24, 20),
+    generator(1.05),
+    generator(1.15),
+    generator(1.5),
     switch_off("rated", electric.RATED_A),
     switch_off("peak", electric.PEAK_A),
     Scenario("link, charge", electric.charge, courses("link, change")),

@@ -1,0 +1,108 @@
+// The windings in pieces of a tick: a salient or a fast rotor, and all switches open.
+#include <cmath>
+
+#include "drive/hardware.hpp"
+#include "plant/diode_bridge.hpp"
+#include "plant/fitting.hpp"
+#include "plant/windings.hpp"
+
+namespace servodrome::plant {
+
+namespace {
+
+constexpr int most_pieces = 16;
+
+// As the rotor sees it after it has turned.
+Vector turned(Vector a, double sine, double cosine) { return {cosine * a.d + sine * a.q, cosine * a.q - sine * a.d}; }
+
+}  // namespace
+
+void Windings::prepare_pieces() {
+  for (Pieces* pieces : {&whole_, &pieces_}) {
+    pieces->count = pieces == &whole_ ? 1 : most_pieces;
+    pieces->direct_rate = direct_inductance_ * pieces->count / drive::tick_seconds;
+    pieces->quadrature_rate = quadrature_inductance_ * pieces->count / drive::tick_seconds;
+    pieces->direct_weight = fitted_weight(resistance_ / pieces->direct_rate);
+    pieces->quadrature_weight = fitted_weight(resistance_ / pieces->quadrature_rate);
+  }
+}
+
+// The stator's flux linkage changes by the voltage less that of the resistance, whatever the rotor does: the linkage of
+// the start, turned, is all that the turning asks for. Torque and heat are what makes the energies of a piece agree to
+// the last bit, with every saliency and angle, so that nothing can swing itself up. `passive`: the voltage comes from
+// what gives nothing, and where the mean current of a piece would take something of it, that at its end does not.
+template <typename Voltage>
+WindingTick Windings::in_pieces(const Pieces& pieces, const Turn& turn, bool passive, const Voltage& voltage) const {
+  const double angle = turn.angle / pieces.count;
+  const double sine = std::sin(angle);
+  const double cosine = std::cos(angle);
+  const double sine_share = std::abs(angle) < 1.0e-4 ? 1.0 - angle * angle / 6.0 : sine / angle;
+  const double cosine_share = std::abs(angle) < 1.0e-4 ? 0.5 * angle : (1.0 - cosine) / angle;
+  const double flux_v = flux_ * pieces.count / drive::tick_seconds;
+  Vector current{direct_a, quadrature_a};
+  Vector mean;
+  double square_a2 = 0.0;
+  double power_w = 0.0;
+  double torque_vs = 0.0;
+  for (int i = 0; i < pieces.count; ++i) {
+    const Vector start = current;
+    const Vector old = turned(start, sine, cosine);
+    const Vector linkage =
+        turned({pieces.direct_rate * start.d + flux_v, pieces.quadrature_rate * start.q}, sine, cosine);
+    const auto step = [&](double direct_weight, double quadrature_weight, bool again) {
+      const Vector impedance{pieces.direct_rate + resistance_ * direct_weight,
+                             pieces.quadrature_rate + resistance_ * quadrature_weight};
+      const Vector kept{linkage.d - flux_v - resistance_ * (1.0 - direct_weight) * old.d,
+                        linkage.q - resistance_ * (1.0 - quadrature_weight) * old.q};
+      const Vector volts = voltage(sine, cosine, kept, impedance, again);
+      current = {(kept.d + volts.d) / impedance.d, (kept.q + volts.q) / impedance.q};
+      const Vector change = current - old;
+      const Vector through{old.d + direct_weight * change.d, old.q + quadrature_weight * change.q};
+      const double power = dot(volts, through);
+      if (passive && !again && power > 0.0) return false;
+      mean = mean + through;
+      // What the step takes of a strongly damped current besides its mean is heat as well.
+      square_a2 += dot(through, through) + (pieces.direct_rate * (direct_weight - 0.5) * change.d * change.d +
+                                            pieces.quadrature_rate * (quadrature_weight - 0.5) * change.q * change.q) /
+                                               resistance_;
+      power_w += power;
+      torque_vs += flux_ * (sine_share * through.q + cosine_share * through.d) +
+                   sine_share * 0.5 * saliency_ * (current.d * start.q + current.q * start.d);
+      return true;
+    };
+    if (!step(pieces.direct_weight, pieces.quadrature_weight, false)) step(1.0, 1.0, true);
+  }
+  const double share = 1.0 / pieces.count;
+  mean = share * mean;
+  return {.mean_direct_a = mean.d,
+          .mean_quadrature_a = mean.q,
+          .end_direct_a = current.d,
+          .end_quadrature_a = current.q,
+          .more_heat_a2 = share * square_a2 - dot(mean, mean),
+          .power_w = phase_factor_ * share * power_w,
+          .torque_nm = torque_per_flux_ * share * torque_vs};
+}
+
+WindingTick Windings::driven_in_pieces(double direct_v, double quadrature_v, const Turn& turn) const {
+  Vector volts{direct_v, quadrature_v};
+  const bool slow = std::abs(turn.angle) < 0.1 && resistance_ < 0.1 * whole_.direct_rate;
+  return in_pieces(slow ? whole_ : pieces_, turn, false, [&](double sine, double cosine, Vector, Vector, bool) {
+    return volts = turned(volts, sine, cosine);
+  });
+}
+
+// In each piece there is one voltage that would leave no current. The bridge makes it if it can, as then its diodes
+// block, and else the one that leaves the least energy.
+WindingTick Windings::freewheeling(double dc_link_v, double sine, double cosine, const Turn& turn) const {
+  const double emf_v = std::abs(turn.angle / drive::tick_seconds * flux_);
+  if (direct_a == 0.0 && quadrature_a == 0.0 && emf_v <= dc_link_v * bridge_share_) return {};
+  Vector phase_u{cosine, -sine};
+  return in_pieces(pieces_, turn, true,
+                   [&](double turn_sine, double turn_cosine, Vector kept, Vector impedance, bool again) {
+                     if (!again) phase_u = turned(phase_u, turn_sine, turn_cosine);
+                     const DiodeBridge bridge(phase_factor_ == 1.0, dc_link_v, phase_u);
+                     return bridge.nearest(-1.0 * kept, {1.0 / impedance.d, 1.0 / impedance.q});
+                   });
+}
+
+}  // namespace servodrome::plant
