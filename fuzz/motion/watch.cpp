@@ -311,11 +311,14 @@ void Watch::look() {
     beyond_targets();
     unasked();
     torque();
-    bits();
-    limit_bit();
-    following_error_bit();
     errors();
-    error_registers();
+    constexpr std::int64_t bits_every = 4;  // ticks: what these judge lasts for some milliseconds, and a drive's cycle
+    if (tick_ % bits_every == 0) {
+      bits();
+      limit_bit();
+      following_error_bit();
+      error_registers();
+    }
     shown_position();
     touch_probes();
     lost_master();
