@@ -90,10 +90,13 @@ void Watch::lost_master() {
     if (consumer != std::exchange(consumer_, consumer)) consumer_since_ = tick_;
   }
   constexpr std::uint32_t of_master = 127;
-  const std::int64_t since = std::max({consumer_since_, nmt_since_, around_->joined}) + ms(5);
+  // The loss itself makes the node pre-operational (1029h).
+  const canopen::NmtState nmt = node->nmt_state();
+  const bool left = nmt == canopen::NmtState::pre_operational && nmt_since_ > around_->last_heartbeat;
+  const bool hears = nmt == canopen::NmtState::operational || left;
+  const std::int64_t since = std::max({consumer_since_, left ? 0 : nmt_since_, around_->joined}) + ms(5);
   const bool watched = consumer_ >> 16 == of_master && (consumer_ & 0xFFFF) != 0 && !around_->cut &&
-                       around_->quiet_bus && node->nmt_state() == canopen::NmtState::operational &&
-                       around_->last_heartbeat > since;
+                       around_->quiet_bus && hears && around_->last_heartbeat > since;
   // Exactly when it is due, so that an operation that begins afterwards is one of its own.
   const std::int64_t due = around_->last_heartbeat + ms(static_cast<double>(consumer_ & 0xFFFF) + 5.0);
   if (!watched || tick_ != due) return;
