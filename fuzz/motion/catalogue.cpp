@@ -28,6 +28,12 @@ Variant variant_of(const line::Product& product, std::string_view model) {
   for (const drive::Method& method : drive.policy().homing_methods) {
     variant.homing_methods.push_back(static_cast<std::uint16_t>(method.number));
   }
+  dictionary::Dictionary& objects = line.axes().front()->device().bus_dictionary();
+  for (const std::uint16_t index :
+       std::to_array<std::uint16_t>({0x1016, 0x6007, 0x607B, 0x607C, 0x607E, 0x6082, 0x60B8, 0x60F2})) {
+    const bool array = index == 0x1016 || index == 0x607B;
+    if (objects.find(index, array ? 1 : 0) != nullptr) variant.objects.push_back(index);
+  }
   return variant;
 }
 
@@ -77,6 +83,10 @@ line::AxisSettings axis_settings(const AxisSetup& setup, std::size_t number) {
     plant.switches[2].from_counts = -setup.travel_counts / 16;
     plant.switches[2].to_counts = setup.travel_counts / 16;
     plant.switch_count = 3;
+  }
+  if (setup.stop_counts > 0) {
+    plant.load.low_stop_counts = -setup.stop_counts;
+    plant.load.high_stop_counts = setup.stop_counts;
   }
   axis.motor_data = line::motor_data_of(plant);
   axis.serial_number = static_cast<std::uint32_t>(number + 1);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -21,8 +22,12 @@ struct Variant {
   std::uint32_t modes = 0;  // drive::mode_bit()
   bool records = false;     // interpolated position follows 60C1h, not 607Ah
   std::vector<std::uint16_t> homing_methods;
+  std::vector<std::uint16_t> objects;  // which it has of those that not every product has
 
   bool has(drive::Mode mode) const { return (modes & drive::mode_bit(mode)) != 0; }
+  bool has_object(std::uint16_t index) const {
+    return std::find(objects.begin(), objects.end(), index) != objects.end();
+  }
   bool on_ethercat() const { return product->fieldbus == line::Fieldbus::ethercat; }
   // Units of the drive for motor revolutions, and for revolutions per s and per s^2.
   double position(double revolutions) const {

@@ -17,7 +17,7 @@ const char* state_text(std::size_t state) { return drive::name(static_cast<drive
 bool possible(const Variant& variant, std::size_t state, Kind kind) {
   if (state == 0) return false;  // passed at once
   if (kind == Kind::al) return variant.on_ethercat();
-  if (kind == Kind::nmt || kind == Kind::cut) return !variant.on_ethercat();
+  if (kind == Kind::nmt || kind == Kind::heartbeat || kind == Kind::cut) return !variant.on_ethercat();
   return true;
 }
 

@@ -18,6 +18,8 @@ struct Tree {
     for (unsigned i = level; i < levels; ++i) count *= ways;
     return count;
   }
+  // The first leaf of the tree that this sequence belongs to.
+  std::uint64_t first_leaf(std::uint64_t number) const { return number / leaves() * leaves(); }
 };
 
 struct Drawn {

@@ -17,6 +17,7 @@ constexpr std::int64_t enable_limit = 600 * ticks_per_ms;
 constexpr std::int64_t master_period = ticks_per_ms;
 constexpr int longest_braking = 10'000 * ticks_per_ms;
 constexpr std::int64_t crowd_window = 4 * ticks_per_ms;
+constexpr std::int64_t stop_linger = ticks_per_ms;  // a shaft springs back from a hard stop for a little while
 constexpr std::int64_t load_window = 50 * ticks_per_ms;
 
 }  // namespace
@@ -77,6 +78,8 @@ class Life::Machine final : public FrameListener {
   struct AxisState {
     Surroundings around;
     Stream stream;
+    bool held = false;                    // the rotor, by the bench
+    std::int64_t touched = -stop_linger;  // tick, of a hard stop
     bool enabling = false;
     std::int64_t enabling_until = 0;
     bool set_up = false;
@@ -105,13 +108,16 @@ class Life::Machine final : public FrameListener {
     if (tick_ >= set_up_tick) {
       if (tick_ % master_period == 0) {
         for (std::size_t i = 0; i < axes_.size(); ++i) poll_axis(i);
-        master_->poll();
+        if (master_->poll()) {
+          for (AxisState& one : axes_) one.around.last_heartbeat = tick_;
+        }
       }
       if (tick_ % cycle_ticks_ == 0) run_cycle();
     }
     ++tick_;
     line_.run_until(tick_ * line::tick_length);
     for (std::size_t i = 0; i < watches_.size(); ++i) {
+      if (sequence_.axes[i].stop_counts != 0) look_at_stops(i);
       if (!watches_[i]->tick(tick_, axes_[i].around)) {
         finding_ = watches_[i]->finding();
         return false;
@@ -122,6 +128,19 @@ class Life::Machine final : public FrameListener {
     if (on_can() && tick_ % load_window == 0 && !look_at_load()) return false;
     if (options_.story != nullptr) tell();
     return true;
+  }
+
+  // A hard stop holds the shaft as a locked rotor does, and springs it back, which may be over within a tick.
+  void look_at_stops(std::size_t i) {
+    AxisState& state = axes_[i];
+    const plant::Plant& plant = axis(i).plant();
+    const double counts_per_tick =
+        std::abs(plant.velocity_rpm()) / 60.0 * drive::tick_seconds * plant.parameters().encoder.counts_per_revolution;
+    const double reach = std::abs(static_cast<double>(plant.position_counts())) + 4.0 * counts_per_tick + 2.0;
+    if (reach >= static_cast<double>(sequence_.axes[i].stop_counts)) state.touched = tick_;
+    const bool touches = tick_ - state.touched < stop_linger;
+    if (touches) state.around.disturbed = tick_;
+    state.around.locked = state.held || touches;
   }
 
   // A bus with more frames than it can carry, by what the master maps and sends, keeps any frame waiting.
@@ -299,6 +318,7 @@ class Life::Machine final : public FrameListener {
       case Kind::stream: state.stream = {event.index, event.value, event.count, event.gap, 0}; break;
       case Kind::nmt:
       case Kind::al:
+      case Kind::heartbeat:
         master_->command(i, event.kind, event.value);
         state.around.commanded = tick_;
         if (event.kind == Kind::nmt && event.value >= 0x81) {  // it forgets its mapping
@@ -341,7 +361,7 @@ class Life::Machine final : public FrameListener {
         break;
       case Kind::lock:
         plant.lock_rotor(event.value != 0);
-        around.locked = event.value != 0;
+        state.held = around.locked = event.value != 0;
         break;
       case Kind::inject:
         plant.inject(static_cast<plant::Injection>(event.count), event.value != 0);

@@ -38,7 +38,7 @@ what must hold whatever was done. What fails is shrunk to a short sequence and p
   --sequences N     so many (10000 if nothing is said)
   --seconds N       or as many as fit into so many seconds
   --seed N          of the run (1)
-  --first N         number of the first sequence (0)
+  --first N         number of the first sequence (0); with --forks the run begins with the first one of its tree
   --forks N         the last N steps (at most 3) of each beginning are drawn 4 ways each: the beginning is carried out once
                     for 4^N sequences (0). It belongs to a sequence's number as the seed does
   --product NAME    this product alone; --model NAME its size
@@ -179,6 +179,13 @@ Options parse(int argc, char** argv) {
     } else {
       wrong_usage(fmt::format("there is no option {}", option));
     }
+  }
+  if (const std::uint64_t first = options.tree.first_leaf(options.first); first != options.first) {
+    std::fprintf(stderr,
+                 "motion_fuzz: begins with %llu, the first of the %llu sequences that share a beginning with %llu\n",
+                 static_cast<unsigned long long>(first), static_cast<unsigned long long>(options.tree.leaves()),
+                 static_cast<unsigned long long>(options.first));
+    options.first = first;
   }
   if (options.seconds > 0 && !until) options.sequences = std::uint64_t{1} << 62;
   return options;

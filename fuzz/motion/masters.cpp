@@ -122,6 +122,10 @@ void CanMaster::send(const canopen::Frame& frame) {
 }
 
 void CanMaster::command(std::size_t axis, Kind kind, std::int64_t value) {
+  if (kind == Kind::heartbeat) {
+    heartbeat_ = std::chrono::milliseconds(value);
+    next_heartbeat_ = now();
+  }
   if (kind != Kind::nmt) return;
   canopen::Frame frame{.id = 0, .length = 2};
   frame.data[0] = static_cast<std::uint8_t>(value);
@@ -188,10 +192,16 @@ void CanMaster::cycle(bool sync) {
   if (sync) send({.id = 0x80});
 }
 
-void CanMaster::poll() {
+bool CanMaster::poll() {
   for (Node& node : nodes_) {
     if (node.busy && now() >= node.deadline) next_request(node);
   }
+  if (heartbeat_ <= line::Time{} || now() < next_heartbeat_) return false;
+  canopen::Frame frame{.id = 0x700 + 127, .length = 1};
+  frame.data[0] = 5;  // operational
+  send(frame);
+  next_heartbeat_ += heartbeat_;
+  return true;
 }
 
 std::size_t CanMaster::axis_of(std::uint32_t id) const {
@@ -318,7 +328,7 @@ void EthercatMaster::lead(std::size_t axis) {
   put(axis, reg::al_control, control);
 }
 
-void EthercatMaster::poll() {
+bool EthercatMaster::poll() {
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
     lead(i);
     if (slaves_[i].wanted <= 1) continue;
@@ -331,6 +341,7 @@ void EthercatMaster::poll() {
     const std::array<std::uint8_t, mailbox_bytes> mail{};
     send(Command::aprd, ethercat::address_of(address(i), 0x1100), mail);
   }
+  return false;
 }
 
 void EthercatMaster::command(std::size_t axis, Kind kind, std::int64_t value) {

@@ -48,8 +48,8 @@ class Master {
   virtual void command(std::size_t axis, Kind kind, std::int64_t value) = 0;
   // One cycle of process data with or without SYNC.
   virtual void cycle(bool sync) = 0;
-  // Between cycles, every ms.
-  virtual void poll() = 0;
+  // Between cycles, every ms. True: a heartbeat went out.
+  virtual bool poll() = 0;
   // The axis has no power any more, until it is set up again.
   virtual void lost(std::size_t) {}
   ProcessValues& values(std::size_t axis) { return values_[axis]; }
@@ -73,7 +73,7 @@ class CanMaster final : public Master, public links::Receiver {
   bool in_process_data(std::size_t axis, std::uint16_t index) const override;
   void command(std::size_t axis, Kind kind, std::int64_t value) override;
   void cycle(bool sync) override;
-  void poll() override;
+  bool poll() override;
 
   void on_frame(const canopen::Frame& frame, line::Time at) override;
   links::PortId port() const { return port_; }
@@ -102,6 +102,8 @@ class CanMaster final : public Master, public links::Receiver {
   links::PortId port_{};
   std::vector<Node> nodes_;
   std::uint64_t refused_ = 0;
+  line::Time heartbeat_{};  // 0: none
+  line::Time next_heartbeat_{};
 };
 
 class EthercatMaster final : public Master {
@@ -114,7 +116,7 @@ class EthercatMaster final : public Master {
   bool in_process_data(std::size_t axis, std::uint16_t index) const override;
   void command(std::size_t axis, Kind kind, std::int64_t value) override;
   void cycle(bool sync) override;
-  void poll() override;
+  bool poll() override;
   void lost(std::size_t axis) override { slaves_[axis].wanted = 0; }
 
  private:

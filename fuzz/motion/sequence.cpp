@@ -10,9 +10,9 @@
 namespace servodrome::motion {
 namespace {
 
-constexpr std::array<const char*, kinds> kind_names{"write",   "write-here", "enable", "stream", "nmt",
-                                                    "al",      "cycle",      "input",  "supply", "load",
-                                                    "inertia", "lock",       "inject", "power",  "cut"};
+constexpr std::array<const char*, kinds> kind_names{"write",     "write-here", "enable", "stream", "nmt",  "al",
+                                                    "heartbeat", "cycle",      "input",  "supply", "load", "inertia",
+                                                    "lock",      "inject",     "power",  "cut"};
 constexpr std::array<const char*, 3> via_names{"sdo", "pdo", "direct"};
 
 std::string time_text(std::int64_t tick) {
@@ -72,8 +72,10 @@ void read_axis(Words& words, Sequence& sequence) {
       axis.friction_percent = words.number();
     } else if (key == "travel") {
       axis.travel_counts = words.number();
+    } else if (key == "stops") {
+      axis.stop_counts = words.number();
     } else {
-      words.fail("an axis has no \"" + key + "\"; it has model, start, inertia, friction and travel");
+      words.fail("an axis has no \"" + key + "\"; it has model, start, inertia, friction, travel and stops");
     }
   }
   sequence.axes.push_back(axis);
@@ -197,6 +199,7 @@ std::string to_text(const Sequence& sequence) {
     if (axis.inertia_percent != 100) text += fmt::format(" inertia {}", axis.inertia_percent);
     if (axis.friction_percent != 100) text += fmt::format(" friction {}", axis.friction_percent);
     if (axis.travel_counts != 0) text += fmt::format(" travel {}", axis.travel_counts);
+    if (axis.stop_counts != 0) text += fmt::format(" stops {}", axis.stop_counts);
     text += "\n";
   }
   text += fmt::format("line cycle {} sync {} mapped {}\n", sequence.cycle_us, sequence.sync ? 1 : 0,

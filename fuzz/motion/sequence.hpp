@@ -20,6 +20,7 @@ enum class Kind : std::uint8_t {
   stream,      // object grows by `value` with each cycle, `count` cycles long, every `gap`th of them left out
   nmt,         // command `value`
   al,          // EtherCAT state `value` is asked for
+  heartbeat,   // of the master, node 127, every `value` ms; 0: none
   cycle,       // SYNC or process data: 1 they come, 0 they stop, 2 they pause for `count` cycles
   // A bench's
   input,    // wire `count`: level `value`, 2: back to the geometry
@@ -64,6 +65,7 @@ struct AxisSetup {
   std::int64_t inertia_percent = 100;  // of the default load
   std::int64_t friction_percent = 100;
   std::int64_t travel_counts = 0;  // limit switches stand so far to both sides of 0; 0: none
+  std::int64_t stop_counts = 0;    // hard stops stand so far to both sides of 0; 0: none
 
   friend bool operator==(const AxisSetup&, const AxisSetup&) = default;
 };

@@ -75,6 +75,7 @@ class Shrinker {
       attempt([i](Sequence& s) { s.axes[i].inertia_percent = 100; });
       attempt([i](Sequence& s) { s.axes[i].friction_percent = 100; });
       attempt([i](Sequence& s) { s.axes[i].travel_counts = 0; });
+      attempt([i](Sequence& s) { s.axes[i].stop_counts = 0; });
     }
     attempt([](Sequence& s) { s.cycle_us = 1000; });
     attempt([](Sequence& s) { s.sync = false; });

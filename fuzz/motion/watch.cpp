@@ -45,6 +45,10 @@ constexpr auto rows = std::to_array<InvariantRow>({
     {"zero-speed-is-untrue", "statusword bit 12 of profile velocity is set only at rest"},
     {"velocity-not-obeyed", "60FFh = 0 stops the axis"},
     {"mode-display", "6061h is a mode that the product has"},
+    {"position-is-untrue", "6064h is the shaft's place by 607Bh, 607Eh, 607Ch and 32 bits"},
+    {"probe-is-untrue", "a touch probe latches where the shaft has just been"},
+    {"lost-master-ignored", "a master that 1016h watches and that is lost ends the operation, as 6007h has it"},
+    {"range-way-is-untrue", "a target in a range 607Bh is gone to in the direction that 60F2h says"},
     {"fault-without-code", "in Fault 603Fh and 1001h tell why"},
     {"register-without-error", "without a fault or a warning 1001h is 0"},
     {"error-history", "1003h has the code that 603Fh shows"},
@@ -76,6 +80,7 @@ Watch::Watch(line::Axis& axis, std::size_t number)
       negative_wire_(1u << axis.settings().product->wiring.negative_limit),
       positive_wire_(1u << axis.settings().product->wiring.positive_limit) {
   const drive::MotorData& motor = drive_.configuration().motor;
+  lost_by_fault_only_ = axis.settings().product->name.starts_with("ismk");
   peak_torque_share_ = static_cast<double>(motor.peak_current_a) / static_cast<double>(motor.rated_current_a);
   const plant::Motor& built = axis.plant().parameters().motor;
   // Torque per A rms = phases / 2 p flux sqrt(2); the voltage is flux times the electrical speed.
@@ -127,7 +132,14 @@ Watch::Ramp Watch::gentlest() const {
     take(objects_.homing_acceleration);
     take(around_->gentlest_homing_ramp);
   }
-  const double slope = least == none ? 0.0 : (static_cast<double>(least) + 1.0) * units.acceleration;
+  double slope = least == none ? 0.0 : (static_cast<double>(least) + 1.0) * units.acceleration;
+  if (mode_ == Mode::velocity) {  // it has its own, in rpm and s; in 0 s: at once
+    const auto own = [&](std::uint32_t speed, std::uint16_t seconds) {
+      if (speed != 0 && seconds != 0) slope = Ramp::lower(slope, speed * counts_per_s_per_rpm_ / seconds);
+    };
+    own(objects_.vl_deceleration_delta_speed, objects_.vl_deceleration_delta_time_s);
+    own(objects_.vl_quick_stop_delta_speed, objects_.vl_quick_stop_delta_time_s);
+  }
   return {slope, objects_.profile_jerk[0] * units.jerk, objects_.motion_profile_type != 0};
 }
 
@@ -139,6 +151,14 @@ void Watch::ramps() {
   ramp_set_ = !pwm_ || stands || mode_ != mode_before_ ? now.gentler(gentlest_before_) : ramp_set_.gentler(now);
   gentlest_before_ = now;
   steepest_given_ = mode_ == mode_before_ ? std::max(steepest_given_, steepest()) : 0.0;
+  const double end = objects_.end_velocity * drive_.axis().units.velocity;
+  // A halted set-point goes on with it, and so does one that waits.
+  const bool done = !drive_.in_motion() && (objects_.controlword & controlword::halt) == 0 &&
+                    (objects_.statusword & drive::statusword::mode_bit_12) == 0 &&
+                    (objects_.statusword & drive::statusword::target_reached) != 0;
+  done_ticks_ = done ? done_ticks_ + 1 : 0;
+  if (mode_ != mode_before_ || done_ticks_ > 2 * cycle_ticks) end_velocity_given_ = 0.0;
+  end_velocity_given_ = std::max(end_velocity_given_, end);
 }
 
 double Watch::steepest() const {
@@ -222,7 +242,10 @@ void Watch::look() {
     return fail("not-finite",
                 fmt::format("position {}, velocity {}, torque {}", position_, velocity_, plant.torque_nm()));
   }
-  if ((around_->injected & spoils_motion) != 0) spoilt_ = true;
+  if ((around_->injected & spoils_motion) != 0) {
+    spoilt_ = true;
+    spoiled_ = tick_;
+  }
   // A motor whose own voltage is that of the DC link is out of the current loop's hands, unless a stop made it so fast.
   constexpr double spent_share = 0.9;
   const double available = axis_.plant().dc_link_v() * voltage_share_;
@@ -273,6 +296,7 @@ void Watch::look() {
     if (shown_count_ == 0 || shown_[(shown_count_ - 1) % shown_.size()].statusword != objects_.statusword) {
       shown_[shown_count_++ % shown_.size()] = {tick_, objects_.statusword};
     }
+    look_at_frame();
     power();
     states();
     count_targets();
@@ -287,11 +311,17 @@ void Watch::look() {
     beyond_targets();
     unasked();
     torque();
-    bits();
-    limit_bit();
-    following_error_bit();
     errors();
-    error_registers();
+    constexpr std::int64_t bits_every = 4;  // ticks: what these judge lasts for some milliseconds, and a drive's cycle
+    if (tick_ % bits_every == 0) {
+      bits();
+      limit_bit();
+      following_error_bit();
+      error_registers();
+    }
+    shown_position();
+    touch_probes();
+    lost_master();
   }
   had_pwm_ = pwm_;
   was_powered_ = around_->powered;

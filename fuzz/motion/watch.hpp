@@ -38,6 +38,7 @@ struct Surroundings {
   double inertia_factor = 1.0;
   std::uint32_t injected = 0;              // bit plant::Injection
   std::uint32_t gentlest_homing_ramp = 0;  // 609Ah that was ever written, without those of 0
+  std::int64_t last_heartbeat = -1;        // tick of the master's; -1: none
   std::int64_t joined = -1000;             // when its bus was put together again
   bool locked = false;
   bool powered = true;
@@ -106,6 +107,12 @@ class Watch {
   double rpm(double counts_per_s) const { return counts_per_s / counts_per_revolution_ * 60.0; }
 
   void look();
+  void look_at_frame();
+  double nearest_place_of(std::int64_t user) const;
+  void resolve(bool relative, bool bounded);
+  void shown_position();
+  void touch_probes();
+  void lost_master();
   void power();
   void coasting();
   void states();
@@ -117,6 +124,7 @@ class Watch {
   void stops();
   void limit_switches();
   bool swings_about_rest() const;
+  bool commands_no_velocity() const;
   // The drive may have had a controlword between this look and the one before that is gone.
   bool two_words() const { return asked_ == tick_ && around_->commanded >= tick_ - 1; }
   void software_limits();
@@ -194,11 +202,13 @@ class Watch {
   std::int64_t spoiled_ = -1'000'000;  // tick of the last injection that spoils what the encoder says
   Ramp ramp_set_{};                    // the gentlest that was set since the demand stood
   Ramp gentlest_before_{};
-  double ramp_ = 0.0;            // the steepest that was set since the demand stood
-  double steepest_given_ = 0.0;  // counts/s^2, since the mode was entered: a set-point keeps its ramps
+  double ramp_ = 0.0;                // the steepest that was set since the demand stood
+  double steepest_given_ = 0.0;      // counts/s^2, since the mode was entered: a set-point keeps its ramps
+  double end_velocity_given_ = 0.0;  // counts/s, the greatest 6082h since the demand stood: a set-point keeps its own
+  std::int64_t done_ticks_ = 0;      // so long the last set-point is done
   std::int64_t demand_tick_ = -1;
 
-  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing, no_target };
+  enum class StopKind : std::uint8_t { none, halt, leave, quick, fault, velocity, homing, no_target, no_mode };
   struct Stop {
     StopKind kind = StopKind::none;
     std::int64_t began = 0;  // tick
@@ -241,13 +251,12 @@ class Watch {
     double slope = 0.0;
     bool round = false;  // the shorter way to one of them is round the 32 bits
   } given_;
-  bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind != StopKind::no_target; }
+  bool told_to_stop() const { return stop_.kind != StopKind::none && stop_.kind < StopKind::no_target; }
   std::int64_t two_words_at_ = -1'000'000;
   unsigned stops_before_ = 0;  // what stopped the axis: a command, a switch
   std::int64_t stopped_since_ = 0;
-  bool has_target_ = false;                  // a set-point of profile position, since the mode or the operation began
-  StopKind told_ = StopKind::none;           // as `stop_`, also while a torque is released first
-  StopKind velocity_stop_ = StopKind::none;  // one that began in vl velocity mode
+  bool has_target_ = false;         // a set-point of profile position, since the mode or the operation began
+  StopKind told_ = StopKind::none;  // as `stop_`, also while a torque is released first
 
   std::int64_t voltage_spent_ = -1'000'000;  // when the DC link last had no voltage left against the motor's
   double demand_speed_ = 0.0;                // counts/s, out of the demanded positions
@@ -271,7 +280,10 @@ class Watch {
     std::int64_t alone = 0;  // since when there is no other
     std::int64_t reached = 0;
     double target = 0.0;
-    double speed = 0.0;  // that 6081h and the limits leave, counts/s
+    double range = 0.0;   // counts, where the target may be that of another turn of 607Bh; 0: it may not
+    int side = 0;         // of the range, from which 60F2h has it come: its bits 6 and 7
+    bool passes = false;  // its target, with 6082h
+    double speed = 0.0;   // that 6081h and the limits leave, counts/s
     double seconds = 0.0;
   } set_point_;
   struct Away {  // the target that leads off a limit switch
@@ -289,10 +301,32 @@ class Watch {
   } at_once_;
   std::uint32_t profile_velocity_before_ = 0;
   std::uint16_t word_before_ = 0;
-  bool ready_ = false;  // for a set-point: bit 12 is clear
+  bool reached_ = false;  // bit 10, where it has that meaning
+  bool ready_ = false;    // for a set-point: bit 12 is clear
   std::int32_t target_before_ = 0;
   std::int64_t asked_ = 0;  // when a command or a set-point changed in the drive
   std::uint64_t asked_before_ = 0;
+
+  struct Frame {
+    drive::Counts offset = 0;
+    std::int64_t numerator = 0;
+    std::int64_t denominator = 0;
+    std::int32_t range_low = 0;
+    std::int32_t range_high = 0;
+    bool inverted = false;
+    bool velocity_inverted = false;
+    friend bool operator==(const Frame&, const Frame&) = default;
+  } frame_;
+  std::int64_t frame_since_ = 0;  // tick
+  struct Way {
+    double low = 0.0;
+    double high = 0.0;
+  };
+  std::array<Way, 2> way_{};  // of the shaft, in these 2 ms and in those before
+  std::array<drive::Counts, drive::TouchProbe::slots> latched_{};
+  std::uint32_t consumer_ = 0;  // 1016h:01
+  std::int64_t consumer_since_ = 0;
+  bool lost_by_fault_only_;  // 6007h has 0 and 1
 
   double rest_ = 0.0;
   std::int64_t rest_since_ = 0;

@@ -30,7 +30,7 @@ void Watch::bits() {
       // With 6067h off bit 10 is the demand's, which a motor without torque does not follow.
       const bool window_off = mode_ == Mode::profile_position && objects_.position_window == 0xFFFFFFFF;
       const bool gives_its_best = (objects_.statusword & drive::statusword::internal_limit_active) != 0;
-      lies = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && objects_.end_velocity == 0 &&
+      lies = std::abs(velocity_) > 4.0 * still_rpm / 60.0 * counts_per_revolution_ && end_velocity_given_ == 0.0 &&
              acceleration_ > 0.0 && !(window_off && gives_its_best);
     }
   }

@@ -30,7 +30,6 @@ void Watch::demand() {
   const std::int64_t cycle = std::min(passed, cycle_ticks);
   demand_tick_ = tick_;
   // An encoder that fails, and the place that it shows again afterwards, moves what begins with the shaft.
-  if ((around_->injected & spoils_motion) != 0) spoiled_ = tick_;
   if (!pwm_ || !had_pwm_ || tick_ - spoiled_ < ms(150)) {
     ramp_ = 0.0;
     return;
@@ -74,18 +73,20 @@ void Watch::demand() {
   const bool turns = demand.velocity * before.velocity < 0.0;
   const bool gains = std::abs(demand.velocity) > std::abs(before.velocity) || turns;
   if (!gains) return;
-  const bool starts_with_speed = drive_.policy().end_velocity_is_start && objects_.end_velocity != 0;
+  // From rest it may begin with the 6082h that its set-point was given with.
+  const double begins_with =
+      drive_.policy().end_velocity_is_start && before.velocity == 0.0 ? end_velocity_given_ : 0.0;
   // Where no ramp is left to brake with, the current limit does it: only what follows it is a ramp.
   const drive::Axis& axis = drive_.axis();
   const bool turns_at_once = turns && axis.profile_deceleration() <= 0.0 && axis.quick_stop_ramp() <= 0.0;
   const double change = std::abs(demand.velocity - (turns_at_once ? 0.0 : before.velocity));
   // The cycle in which a plan begins, and rounding of a float.
-  const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed();
+  const double allowance = ramp_ * 2.0 * seconds * 1.02 + 1e-4 * greatest_speed() + begins_with;
   // From the shaft's speed, a ramp's step further.
   const bool taken_over =
       std::abs(demand.velocity - velocity_) < 0.05 * std::abs(velocity_) + unsure_speed() + overshoot(-1.0) + allowance;
   const bool smoothed = drive_.configuration().smoothing_ms != 0 || drive_.configuration().position_lag_ms > 0.0F;
-  if (change > allowance && !taken_over && !starts_with_speed && !smoothed) {
+  if (change > allowance && !taken_over && !smoothed) {
     return fail(
         "demand-too-steep",
         fmt::format("from {:.1f} to {:.1f} rpm in {:.3f} ms, the ramps allow {:.2f} rpm, mode {}", rpm(before.velocity),
@@ -107,13 +108,16 @@ void Watch::count_targets() {
     targets_ = 0;
     return;
   }
+  const drive::Configuration::PositionChange& step = drive_.configuration().position_change;
   const std::uint64_t target =
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.target_position)) << 32 ^
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.position_offset)) * 5 ^
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.interpolation_data_record)) * 3 ^
       static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.min_position_limit)) *
           7 ^  // it is clipped to them
-      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.max_position_limit)) * 11;
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(objects_.max_position_limit)) * 11 ^
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(step.least)) * 13 ^  // so is it to the step from the last
+      static_cast<std::uint64_t>(static_cast<std::uint32_t>(step.greatest)) * 17;
   if (state_ != PowerState::operation_enabled || !pwm_ || stop_.kind != StopKind::none || mode_since_ == tick_) {
     targets_ = 0;
   } else if (target != cyclic_target_) {
@@ -159,7 +163,7 @@ void Watch::after_halt(const Demand& demand, double seconds) {
   const double off = std::abs(demand.velocity - velocity_);
   const double most = 0.06 * std::abs(velocity_) + 2.0 * still_rpm / 60.0 * counts_per_revolution_ + overshoot(-1.0) +
                       2.0 * std::max(steepest_given_, ramp_) * seconds;
-  if (off > most && objects_.end_velocity == 0) {
+  if (off > most && end_velocity_given_ == 0.0) {
     fail("halt-ends-with-a-jump", fmt::format("{:.0f} rpm are demanded at {:.0f} rpm, mode {}", rpm(demand.velocity),
                                               rpm(velocity_), static_cast<int>(mode_)));
   }

@@ -135,6 +135,11 @@ void Watch::heard(const canopen::Frame& frame, line::Time at) {
     // A quick stop of an axis that rests may be over before the tick is.
     if (lately && (word & 0x006F) == 0x0007 && drive::command_of(objects_.controlword) == drive::Command::quick_stop)
       return;
+    // Operation enabled may end by a fault in the very tick in which it begins.
+    const bool failed = (shown.statusword & 0x0048) == 0x0008;
+    if (lately && failed && (word & 0x006F) == 0x0027 &&
+        drive::command_of(objects_.controlword) == drive::Command::enable_operation)
+      return;
     if (shown.tick < now - ms(3)) {
       return fail(
           "stale-statusword",

@@ -38,18 +38,17 @@ void Watch::stops() {
       kind = StopKind::halt;
     } else if (mode_ == Mode::profile_velocity && objects_.target_velocity == 0) {
       kind = StopKind::velocity;
+    } else if (mode_ == Mode::velocity && commands_no_velocity()) {
+      kind = StopKind::velocity;
     } else if (mode_ == Mode::profile_position && !has_target_) {
       kind = StopKind::no_target;
+    } else if (mode_ == Mode::none) {
+      kind = StopKind::no_mode;
     } else if (mode_ == Mode::homing && (drive_.axis().controlword & controlword::mode_bit_4) == 0) {
       kind = StopKind::homing;
     }
   }
-  // The ramps of vl velocity mode are its own, and a stop goes on with one of them in another mode.
-  if (mode_ == Mode::velocity || kind != velocity_stop_)
-    velocity_stop_ = mode_ == Mode::velocity ? kind : StopKind::none;
-  if (!pwm_ || mode_ == Mode::velocity || velocity_stop_ != StopKind::none ||
-      (around_->injected & spoils_motion) != 0 || around_->locked)
-    kind = StopKind::none;
+  if (!pwm_ || (around_->injected & spoils_motion) != 0 || around_->locked) kind = StopKind::none;
   told_ = kind;
   if (kind == StopKind::none && stop_.kind == StopKind::none) return;
   // A limit switch releases what it holds, and homing goes on where it was.
@@ -73,7 +72,9 @@ void Watch::stops() {
     const Stopping stopping = this->stopping(speed, gentlest);
     // What the drive measures is late, and a shaft that swings may have turned meanwhile.
     const double unsure = 4.0 * still_rpm * counts_per_s_per_rpm_ + overshoot(-1.0);
-    const bool turns = std::abs(velocity_) > unsure && !swings_about_rest();
+    // A hard stop may have thrown it back from a stop whose demand still leads there.
+    const bool thrown_back = kind == stop_.kind && static_cast<double>(drive_.axis().demand.velocity) * velocity_ < 0.0;
+    const bool turns = std::abs(velocity_) > unsure && !swings_about_rest() && !thrown_back;
     const double direction = turns ? std::copysign(1.0, velocity_) : 0.0;
     const std::int64_t began = kind == stop_.kind ? stop_.began : tick_;
     stop_ = {kind,
@@ -108,7 +109,8 @@ void Watch::stops() {
   const double place = stop_.direction * position_;
   stop_.furthest = std::max(stop_.furthest, place);
   static constexpr std::array names{"none",           "halt",      "leaving operation", "quick stop",
-                                    "fault reaction", "60FFh = 0", "homing given up",   "no set-point"};
+                                    "fault reaction", "60FFh = 0", "homing given up",   "no set-point",
+                                    "no mode"};
   const char* name = names[static_cast<std::size_t>(kind)];
   const double way = std::abs(position_ - stop_.from);
   constexpr double rounding = 1.005;  // of ways of many revolutions
@@ -126,14 +128,21 @@ void Watch::stops() {
                                               (stop_.furthest - place) / counts_per_revolution_, rpm(velocity_)));
   }
   const double late = static_cast<double>(tick_ - stop_.since) * tick_s - stop_.seconds;
-  const bool swings = swings_about_rest() || ((kind == StopKind::no_target || kind == StopKind::homing) &&
-                                              drive_.axis().demand.velocity == 0.0F);
+  const bool swings = swings_about_rest() || (kind > StopKind::velocity && drive_.axis().demand.velocity == 0.0F);
   if (late > 0.3 && !swings && std::abs(velocity_) > 2.0 * still_rpm / 60.0 * counts_per_revolution_) {
     const char* broken = kind == StopKind::velocity ? "velocity-not-obeyed" : "stop-never-ends";
     fail(broken, fmt::format("{}: still {:.0f} rpm after {:.3f} s; {:.3f} s are enough for it", name, rpm(velocity_),
                              static_cast<double>(tick_ - stop_.since) * tick_s, stop_.seconds));
   }
   if (late > 2.0 && kind == StopKind::fault) fail("stop-never-ends", "fault reaction active does not end");
+}
+
+// Of vl velocity mode: bits 4 to 6 of the controlword ramp down, or 6042h is 0; a locked ramp holds what it has.
+bool Watch::commands_no_velocity() const {
+  const std::uint16_t word = drive_.axis().controlword;
+  if ((word & controlword::mode_bit_4) == 0) return true;
+  if ((word & controlword::mode_bit_5) == 0) return false;
+  return (word & controlword::mode_bit_6) == 0 || objects_.vl_target_velocity == 0;
 }
 
 // A soft loop may swing for long about a demand that rests at the end of its ramp.
@@ -224,10 +233,19 @@ double Watch::ramp_way(double speed, double ramp) const {
 
 void Watch::software_limits() {
   const drive::Axis& axis = drive_.axis();
+  // Behind an end of the range 607Bh lie the positions of its other end. What 607Dh leaves of the range is allowed,
+  // unless that is all of it.
+  std::int64_t least = objects_.min_position_limit;
+  std::int64_t greatest = objects_.max_position_limit;
+  bool bounds = true;
+  if (axis.position_range() != 0) {
+    bounds = least > objects_.min_position_range_limit || greatest < objects_.max_position_range_limit;
+    least = std::max<std::int64_t>(least, objects_.min_position_range_limit);
+    greatest = std::min<std::int64_t>(greatest, objects_.max_position_range_limit);
+  }
   // A demand that the motor has no torque to follow is taken along by the shaft.
-  const bool applies = pwm_ && state_ == PowerState::operation_enabled && axis.software_limits_active() &&
-                       acceleration_ > 0.0 && objects_.min_position_limit < objects_.max_position_limit &&
-                       !axis.units.position_inverted && !drive_.homes();
+  const bool applies = bounds && least < greatest && pwm_ && state_ == PowerState::operation_enabled &&
+                       axis.software_limits_active() && acceleration_ > 0.0 && !drive_.homes();
   // A cyclic target may end at a limit at any speed; a stop that begins there needs its way.
   const bool at_switch = axis.at_limit_switch();
   const unsigned stops = (told_to_stop() ? 1u : 0u) | (axis.active(drive::Signal::negative_limit) ? 2u : 0u) |
@@ -248,7 +266,7 @@ void Watch::software_limits() {
   const double slack = demanded ? 0.02 * counts_per_revolution_ : place_revolutions * counts_per_revolution_;
   for (std::size_t i = 0; i < 2; ++i) {
     const double direction = i == 0 ? -1.0 : 1.0;
-    const std::int32_t limit = i == 0 ? objects_.min_position_limit : objects_.max_position_limit;
+    const std::int64_t limit = (i == 0) != axis.units.position_inverted ? least : greatest;
     Border& border = borders_[i];
     const double at = direction * static_cast<double>(axis.units.to_counts(limit));
     const double place = direction * place_now;
@@ -265,7 +283,8 @@ void Watch::software_limits() {
     const double way = demanded ? ramp_way(speed, slope) : stopping(speed, slope).counts;
     const double reach = place + way + slack;
     if (!border.active || border.at != limit || border.demanded != demanded || slope < border.slope || begins ||
-        wakes || !judgeable_ || tick_ - mode_since_ < 2 * cycle_ticks || tick_ - state_since_ < 2 * cycle_ticks) {
+        wakes || !judgeable_ || tick_ - frame_since_ < 2 * cycle_ticks || tick_ - mode_since_ < 2 * cycle_ticks ||
+        tick_ - state_since_ < 2 * cycle_ticks) {
       border = {true, demanded, limit, slope, std::max(at + slack, reach), 0.0, moves};
       continue;
     }

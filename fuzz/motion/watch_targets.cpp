@@ -15,7 +15,9 @@ void Watch::set_points() {
   const bool working = state_ == PowerState::operation_enabled && mode_ == Mode::profile_position && pwm_ &&
                        (word & (controlword::halt | controlword::fault_reset)) == 0 && judgeable_ &&
                        drive::command_of(word) == drive::Command::enable_operation;  // any other gives the set-point up
-  word_before_ = word;
+  const std::uint16_t word_before = std::exchange(word_before_, word);
+  const bool reached_before =
+      std::exchange(reached_, (objects_.statusword & drive::statusword::target_reached) != 0 && shown_bits_.reached);
   const bool ready_before = std::exchange(ready_, (objects_.statusword & drive::statusword::mode_bit_12) == 0);
   const std::uint32_t velocity_before = std::exchange(profile_velocity_before_, objects_.profile_velocity);
   if (!working) {
@@ -24,7 +26,6 @@ void Watch::set_points() {
     return;
   }
   const drive::Axis& axis = drive_.axis();
-  const auto offset = static_cast<double>(drive_.position_offset());
   const bool changed = objects_.target_position != target_before_;
   target_before_ = objects_.target_position;
   const bool at_switch = axis.at_limit_switch();
@@ -36,18 +37,22 @@ void Watch::set_points() {
     const bool at_once = (word & controlword::mode_bit_5) != 0 && ready_before;
     at_once_ = {at_once && !drive_.policy().end_velocity_is_start, false, tick_, asked};
     const bool relative = (word & controlword::mode_bit_6) != 0;
-    const bool usual = (word & controlword::mode_bit_9) == 0 && objects_.positioning_option_code == 0 &&
-                       objects_.polarity == 0 && objects_.end_velocity == 0 && objects_.profile_velocity != 0 &&
+    // Bits 2 to 5 of 60F2h are other times to begin. 6082h is a speed to begin with, or to pass the target with.
+    constexpr int plain_options = 0xC3;
+    const bool passes = objects_.end_velocity != 0 && !drive_.policy().end_velocity_is_start;
+    const bool usual = (word & controlword::mode_bit_9) == 0 &&
+                       (objects_.positioning_option_code & ~plain_options) == 0 && objects_.profile_velocity != 0 &&
                        objects_.profile_acceleration != 0 && objects_.profile_deceleration != 0 &&
-                       objects_.min_position_range_limit == objects_.max_position_range_limit;
+                       tick_ - frame_since_ > 2 * cycle_ticks;
     const bool standing = ready_before && tick_ - set_point_.alone > ms(30) && !drive_.in_motion() &&
+                          axis.demand.loop == Loop::position &&
                           std::abs(velocity_) < still_rpm / 60.0 * counts_per_revolution_;
-    double target = static_cast<double>(axis.units.to_counts(objects_.target_position));
-    if (bounded && !relative)
-      target = static_cast<double>(axis.units.to_counts(
-          std::clamp(objects_.target_position, objects_.min_position_limit, objects_.max_position_limit)));
-    set_point_.active = usual && standing && !relative && !limited && !changed && acceleration_ > 0.0;
+    const double target = static_cast<double>(axis.units.to_counts(objects_.target_position));
+    // A relative one counts from the target before, where an axis rests that has reached it.
+    const bool based = !relative || (reached_before && (word_before & controlword::halt) == 0);
+    set_point_.active = usual && standing && based && !limited && !changed && acceleration_ > 0.0;
     set_point_.taken = false;
+    set_point_.reached = 0;
     // Away from the one switch that holds it.
     const bool below = axis.active(drive::Signal::negative_limit);
     const bool above = axis.active(drive::Signal::positive_limit);
@@ -58,9 +63,11 @@ void Watch::set_points() {
     set_point_.from = position_;
     set_point_.direction = below ? 1.0 : -1.0;
     set_point_.since = tick_;
-    set_point_.target = target - offset;
+    resolve(relative, bounded);
+    set_point_.passes = passes;
+    if (passes && bounded) set_point_.active = false;  // at a limit it is the end of the way
     set_point_.alone = tick_;
-    const double way = std::abs(set_point_.target - position_);
+    const double way = std::max(std::abs(set_point_.target - position_), set_point_.range);
     double speed = objects_.profile_velocity * axis.units.velocity;
     if (objects_.max_profile_velocity != 0)
       speed = std::min(speed, objects_.max_profile_velocity * axis.units.velocity);
@@ -108,7 +115,26 @@ void Watch::set_points() {
   }
   const double seconds = static_cast<double>(tick_ - set_point_.since) * tick_s;
   const bool reached = (objects_.statusword & drive::statusword::target_reached) != 0 && !drive_.in_motion();
-  const double beside = std::abs(position_ - set_point_.target);
+  double beside = std::abs(position_ - set_point_.target);
+  if (set_point_.range > 0.0) beside = std::abs(std::remainder(position_ - set_point_.target, set_point_.range));
+  const double went = (position_ - set_point_.from) * (axis.units.position_inverted ? -1.0 : 1.0);
+  constexpr double unsure_revolutions = 0.2;  // where the demand was, and a soft loop's swing
+  const double most = 0.5 * set_point_.range + unsure_revolutions * counts_per_revolution_;
+  const double back = unsure_revolutions * counts_per_revolution_;
+  if ((set_point_.side == 1 && went > back) || (set_point_.side == 2 && went < -back) ||
+      (set_point_.side == 3 && std::abs(went) > most)) {
+    set_point_.active = false;
+    return fail("range-way-is-untrue",
+                fmt::format("{:.2f} revolutions, 60F2h is {:02X}h, the range has {:.2f}", went / counts_per_revolution_,
+                            objects_.positioning_option_code, set_point_.range / counts_per_revolution_));
+  }
+  if (set_point_.passes) {  // it goes on behind its target
+    const double way = set_point_.target - set_point_.from;
+    const bool there =
+        (position_ - set_point_.target) * way >= 0.0 || beside < place_revolutions * counts_per_revolution_;
+    if (there) set_point_.active = false;
+    if (there || seconds <= set_point_.seconds) return;
+  }
   // A motor without the torque for its ramps comes later than its demand.
   const bool rests = std::abs(velocity_) < still_rpm * counts_per_s_per_rpm_;
   set_point_.reached = reached && rests ? set_point_.reached + 1 : 0;
@@ -127,6 +153,31 @@ void Watch::set_points() {
            fmt::format("no bit 10 {:.3f} s after the set-point, {:.0f} counts beside the target", seconds, beside));
     }
   }
+}
+
+// Where a set-point that is given to an axis at rest leads.
+void Watch::resolve(bool relative, bool bounded) {
+  const drive::Axis& axis = drive_.axis();
+  const std::int64_t demand = axis.demand.position + drive_.position_offset();
+  const std::int64_t turn = axis.turn_of_demand();
+  std::int64_t asked = objects_.target_position;
+  set_point_.side = 0;
+  set_point_.range = 0.0;
+  if (const std::int64_t range = axis.position_range(); range != 0 && !relative) {
+    const std::int64_t within = (asked - objects_.min_position_range_limit) % range;  // beyond an end: in at the other
+    asked = objects_.min_position_range_limit + (within < 0 ? within + range : within);
+    const bool bound = axis.limits_bound_range();  // the other way round is forbidden
+    if (!bound) set_point_.side = objects_.positioning_option_code >> 6 & 3;
+    if (set_point_.side != 0) set_point_.range = static_cast<double>(range) * axis.units.position.value();
+  }
+  std::int64_t user = turn + asked;
+  if (relative) {
+    const bool to_actual = (objects_.positioning_option_code & 3) == 2;
+    user = asked + axis.units.to_user(to_actual ? std::llround(position_) + drive_.position_offset() : demand);
+  }
+  if (bounded)
+    user = turn + std::clamp<std::int64_t>(user - turn, objects_.min_position_limit, objects_.max_position_limit);
+  set_point_.target = static_cast<double>(axis.units.to_counts(user) - drive_.position_offset());
 }
 
 // A cyclic target that lies away from the one limit switch that is active, and came while it was.
@@ -153,14 +204,12 @@ void Watch::off_limit() {
   const double slowest_rpm = 4.0 * still_rpm;
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
                       stop_.kind == StopKind::none && drive_.policy().limit_switches == drive::LimitSwitches::stop &&
-                      !axis.software_limits_active() && objects_.polarity == 0 &&
+                      !axis.software_limits_active() && tick_ - frame_since_ > 2 * cycle_ticks &&
                       (axis.controlword & controlword::halt) == 0 &&
                       objects_.min_position_range_limit == objects_.max_position_range_limit &&
                       rpm(greatest_speed()) > slowest_rpm && mode_since_ != tick_;
   const double direction = below ? 1.0 : -1.0;
-  const double target =
-      static_cast<double>(axis.units.to_counts(std::int64_t{objects_.target_position} + objects_.position_offset)) -
-      static_cast<double>(drive_.position_offset());
+  const double target = nearest_place_of(std::int64_t{objects_.target_position} + objects_.position_offset);
   if (!judged || std::exchange(away_.target, target) != target) {
     away_.targets = judged ? away_.targets + 1 : 0;
     away_.since = tick_;
@@ -194,15 +243,14 @@ void Watch::beyond_targets() {
   }
   const drive::Axis& axis = drive_.axis();
   const bool judged = state_ == PowerState::operation_enabled && pwm_ && judgeable_ && acceleration_ > 0.0 &&
-                      axis.demand.loop == Loop::position && objects_.polarity == 0 && objects_.position_offset == 0 &&
-                      objects_.velocity_offset == 0 &&
+                      axis.demand.loop == Loop::position && objects_.velocity_offset == 0 &&
                       objects_.min_position_range_limit == objects_.max_position_range_limit;
   const bool stops = stop_.kind != StopKind::none || axis.active(drive::Signal::negative_limit) ||
                      axis.active(drive::Signal::positive_limit) || axis.software_limits_active();
   const auto place = static_cast<double>(axis.demand.position);
-  const double target = static_cast<double>(axis.units.to_counts(objects_.target_position)) -
-                        static_cast<double>(drive_.position_offset());
-  const bool begins = !given_.active || stops || tick_ - std::max(mode_since_, state_since_) < 2 * cycle_ticks;
+  const double target = nearest_place_of(std::int64_t{objects_.target_position} + objects_.position_offset);
+  const bool begins =
+      !given_.active || stops || tick_ - std::max({mode_since_, state_since_, frame_since_}) < 2 * cycle_ticks;
   constexpr double half_way_round = 0x40000000;  // which of the two ways is nearer is the product's choice
   if (begins) given_.round = false;
   given_.round |= std::abs(target - place) > half_way_round;
@@ -248,10 +296,14 @@ void Watch::beyond_targets() {
 void Watch::unasked() {
   // It waits for a line that comes towards it, which takes as long as the master says.
   constexpr std::uint16_t follows = drive::statusword::mode_bit_12 | drive::statusword::internal_limit_active;
+  const std::uint16_t axis_word = drive_.axis().controlword;
   const bool awaits_line = mode_ == Mode::cyclic_sync_position && (objects_.statusword & follows) == 0;
-  const bool open = mode_ == Mode::homing || mode_ == Mode::none || mode_ == Mode::interpolated_position ||
-                    mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque ||
-                    mode_ == Mode::cyclic_sync_velocity || drive_.identification().running() || awaits_line;
+  // Without its bit 4 neither homing nor interpolation has anything to do.
+  const bool started = (mode_ == Mode::homing || mode_ == Mode::interpolated_position) &&
+                       (((axis_word | objects_.controlword) & controlword::mode_bit_4) != 0 || drive_.homes());
+  const bool open = started || mode_ == Mode::profile_torque || mode_ == Mode::cyclic_sync_torque ||
+                    (mode_ == Mode::cyclic_sync_velocity && objects_.target_velocity + objects_.velocity_offset != 0) ||
+                    drive_.identification().running() || awaits_line;
   if (!judgeable_ || !pwm_ || open || state_ != PowerState::operation_enabled ||
       tick_ - std::max(pwm_since_, mode_since_) < ms(50)) {
     rest_ = position_;

@@ -41,6 +41,15 @@ TEST(MotionReplay, ACaseIsReadAsItIsWritten) {
   }
 }
 
+TEST(MotionReplay, AHeartbeatAndHardStopsAreReadAsTheyAreWritten) {
+  const Sequence sequence = parse_sequence("axis ismc stops 90000\n1.0 a0 heartbeat 10\n").sequence;
+  EXPECT_EQ(sequence.axes.at(0).stop_counts, 90000);
+  ASSERT_EQ(sequence.events.size(), 1U);
+  EXPECT_EQ(sequence.events[0].kind, Kind::heartbeat);
+  EXPECT_EQ(sequence.events[0].value, 10);
+  EXPECT_EQ(parse_sequence(to_text(sequence)).sequence, sequence);
+}
+
 TEST(MotionReplay, AMistakeIsToldWithItsLine) {
   EXPECT_EQ(parse_sequence("axis ismc\n1.0 a0 jump 3\n").error, "2: there is no event \"jump\"");
   EXPECT_EQ(parse_sequence("axis ismc\n1.0 a1 enable\n").error, "2: \"a1\" is none of the axes; the first is a0");

@@ -43,6 +43,17 @@ TEST(MotionTree, LeavesShareTheirBeginningsAndNothingElse) {
   }
 }
 
+// A run that begins inside of a tree would carry out another sequence than the number says.
+TEST(MotionTree, BeginsWithItsFirstLeaf) {
+  const std::vector<Variant> list = variants();
+  const std::uint64_t inside = 3 * tree.leaves() + 5;
+  EXPECT_EQ(tree.first_leaf(inside), 3 * tree.leaves());
+  EXPECT_EQ(tree.first_leaf(3 * tree.leaves()), 3 * tree.leaves());
+  EXPECT_EQ(Tree{}.first_leaf(inside), inside);
+  EXPECT_EQ(draw(seed, inside, list, tree).sequence.axes,
+            draw(seed, tree.first_leaf(inside), list, tree).sequence.axes);
+}
+
 TEST(MotionTree, WithoutLevelsEachSequenceStandsAlone) {
   const std::vector<Variant> list = variants();
   EXPECT_TRUE(draw(seed, 3, list).forks.empty());

@@ -65,7 +65,9 @@ std::int64_t CyclicSyncPosition::within_change(Axis& axis, std::int64_t user) co
   if (!limits.limited || limits.least > limits.greatest) return user;
   const std::int64_t base = follower_.following() ? given_ : axis.units.to_user(axis.generator.nearest_position());
   const std::int64_t change = wrap_to_32_bits(user - base);
-  const std::int64_t allowed = std::clamp<std::int64_t>(change, limits.least, limits.greatest);
+  // A target that stays where it is always may: no limit moves the axis.
+  const std::int64_t allowed =
+      std::clamp<std::int64_t>(change, std::min(limits.least, 0), std::max(limits.greatest, 0));
   axis.position_change_clipped = allowed != change;
   return base + allowed;
 }
