@@ -53,5 +53,6 @@ void add_studio(CLI::App& app);
 void add_scope(CLI::App& app);
 void add_tune(CLI::App& app);
 void add_clone(CLI::App& app);
+void add_fit(CLI::App& app);
 
 }  // namespace servodrome::app

@@ -3,9 +3,11 @@
 #include <array>
 #include <bit>
 #include <charconv>
+#include <cmath>
 #include <limits>
 
 #include "drive/drive.hpp"
+#include "drive/transforms.hpp"
 #include "line/axis.hpp"
 
 namespace servodrome::line {
@@ -18,12 +20,27 @@ double of_drive(Axis& axis, Read read) {
   return axis.powered() ? static_cast<double>(read(axis.device().drive())) : no_value;
 }
 
+// The voltage that the drive has set at this tick and that acts in the next one, in the rotor frame of this tick. While
+// no switch works the drive sets none.
+drive::DirectQuadrature voltage_v(const Axis& axis) {
+  const drive::Actuation& set = axis.actuation();
+  if (!set.pwm_enabled || set.short_circuit) return {std::nanf(""), std::nanf("")};
+  const drive::SinCos angle = drive::sin_cos(drive::phase_of(axis.plant().electrical_angle_turns()));
+  const bool two_phases = axis.plant().parameters().motor.phases == 2;
+  return two_phases ? drive::to_rotor_frame<2>(set.phase_voltage_v, angle)
+                    : drive::to_rotor_frame<3>(set.phase_voltage_v, angle);
+}
+
 constexpr std::array signal_table{
     Signal{"position_counts", "counts",
            [](Axis& axis, const Channel&) { return static_cast<double>(axis.plant().position_counts()); }},
     Signal{"velocity_rpm", "rpm", [](Axis& axis, const Channel&) { return axis.plant().velocity_rpm(); }},
     Signal{"torque_nm", "Nm", [](Axis& axis, const Channel&) { return axis.plant().torque_nm(); }},
     Signal{"current_a", "A", [](Axis& axis, const Channel&) { return axis.plant().current_a(); }},
+    Signal{"direct_current_a", "A", [](Axis& axis, const Channel&) { return axis.plant().direct_current_a(); }},
+    Signal{"direct_voltage_v", "V", [](Axis& axis, const Channel&) { return static_cast<double>(voltage_v(axis).d); }},
+    Signal{"quadrature_voltage_v", "V",
+           [](Axis& axis, const Channel&) { return static_cast<double>(voltage_v(axis).q); }},
     Signal{"temperature_c", "degC", [](Axis& axis, const Channel&) { return axis.plant().winding_temperature_c(); }},
     Signal{"stage_temperature_c", "degC",
            [](Axis& axis, const Channel&) { return axis.plant().power_stage_temperature_c(); }},

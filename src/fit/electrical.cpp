@@ -1,0 +1,249 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "fit/models.hpp"
+
+namespace servodrome::fit {
+
+namespace {
+
+// Terms of the equations; those that a recording does not show are left out.
+enum class Term : std::uint8_t { resistance, quadrature, direct, constant, drop, delay, frame };
+constexpr std::size_t term_count = 7;
+
+constexpr double samples_in_window = 48.0;
+constexpr double shortest_window_s = 2e-3;
+constexpr double longest_window_s = 60e-3;
+// Of the quadrature current: less direct current is what the loops leave, and no measurement of Ld.
+constexpr double least_direct = 0.05;
+
+class Model {
+ public:
+  Model(const Signals& signals, const Motor& motor)
+      : signals_(signals),
+        count_(signals.seconds.size()),
+        rotor_frame_(signals.has(Role::direct_voltage) && signals.has(Role::direct_current) && motor.pole_pairs),
+        velocity_(velocity_of(signals)),
+        windows_(signals.seconds,
+                 std::clamp(samples_in_window / signals.rate_hz(), shortest_window_s, longest_window_s)),
+        use_(windows_.size(), 1) {
+    const std::vector<double>& iq = signals.of(Role::quadrature_current);
+    const std::vector<double> none(count_, 0.0);
+    const std::vector<double>& id = rotor_frame_ ? signals.of(Role::direct_current) : none;
+    double backwards = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const double product = signals.of(Role::quadrature_voltage)[i] * velocity_[i];
+      if (std::isfinite(product)) backwards += product;
+    }
+    const double electrical = (backwards < 0.0 ? -1.0 : 1.0) * motor.pole_pairs.value_or(0);
+    double greatest = 0.0;
+    double power_q = 0.0;
+    double power_d = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const double current = std::hypot(iq[i], id[i]);
+      if (!std::isfinite(current)) continue;
+      greatest = std::max(greatest, current);
+      power_q += iq[i] * iq[i];
+      power_d += id[i] * id[i];
+    }
+    for (std::size_t i = 0; i < count_; ++i) {
+      speed_.push_back(electrical * velocity_[i]);
+      double warm = 1.0;
+      if (signals.has(Role::temperature)) {
+        const double kelvin = signals.of(Role::temperature)[i] - 25.0;
+        if (std::isfinite(kelvin)) warm += motor.temperature_coefficient * kelvin;
+      }
+      heated_q_.push_back(warm * iq[i]);
+      heated_d_.push_back(warm * id[i]);
+      const double current = std::sqrt(iq[i] * iq[i] + id[i] * id[i] + 1e-4 * greatest * greatest);
+      sign_q_.push_back(iq[i] / current);
+      sign_d_.push_back(id[i] / current);
+      turning_q_.push_back(speed_[i] * iq[i]);
+      turning_d_.push_back(speed_[i] * id[i]);
+    }
+    for (std::size_t i = 0; i < term_count; ++i) active_.push_back(static_cast<Term>(i));
+    if (power_d < least_direct * least_direct * power_q) drop(Term::direct);
+    if (!rotor_frame_) drop(Term::frame);
+  }
+
+  bool has(Term column) const { return std::find(active_.begin(), active_.end(), column) != active_.end(); }
+  void drop(Term column) {
+    active_.erase(std::remove(active_.begin(), active_.end(), column), active_.end());
+    if (column == Term::delay) delay_ = 0.0;
+    if (column == Term::frame) frame_ = 0.0;
+  }
+
+  // Gauss and Newton: delay and turn of the frame are unknowns of the equations, which are linear in them nearby. They
+  // begin at 0 and get where they belong if that is within a third of a window, sixteen samples.
+  Estimate solve() {
+    Estimate estimate;
+    for (unsigned step = 0; step < most_steps; ++step) {
+      turn_voltages();
+      estimate = regress(windows_, equations(), use_);
+      if (!estimate.solved) return estimate;
+      for (std::size_t i = 0; i < active_.size(); ++i) {
+        found_[static_cast<std::size_t>(active_[i])] = estimate.unknowns[i].value;
+      }
+      const auto move = [&](Term column, double& value) {
+        if (!has(column)) return 0.0;
+        const double change = unknown(estimate, column).value;
+        value += change;
+        return std::abs(change);
+      };
+      const double change = move(Term::delay, delay_) + move(Term::frame, frame_);
+      if (change * signals_.rate_hz() < settled) break;
+      // They run away: the recording does not show them.
+      const bool lost = !(std::abs(delay_) + std::abs(frame_) < windows_.length_s());
+      if (!lost) continue;
+      delay_ = frame_ = 0.0;
+      for (std::size_t i = 0; i < active_.size(); ++i) {
+        if (active_[i] == Term::delay || active_[i] == Term::frame) estimate.unknowns[i].signal_share = 0.0;
+      }
+      break;
+    }
+    return estimate;
+  }
+
+  const Unknown& unknown(const Estimate& estimate, Term column) const {
+    const auto place = std::find(active_.begin(), active_.end(), column) - active_.begin();
+    return estimate.unknowns[static_cast<std::size_t>(place)];
+  }
+  std::optional<Unknown> shown_of(const Estimate& estimate, Term column) const {
+    if (!has(column) || !shown(unknown(estimate, column))) return std::nullopt;
+    return unknown(estimate, column);
+  }
+  double delay_s() const { return delay_; }
+  const std::vector<Term>& active() const { return active_; }
+
+ private:
+  static constexpr unsigned most_steps = 12;
+  static constexpr double settled = 1e-3;  // of a sample
+
+  // As they act: the rotor has gone on by what it turns in `frame_`.
+  void turn_voltages() {
+    const std::vector<double>& vq = signals_.of(Role::quadrature_voltage);
+    voltage_q_.resize(count_);
+    voltage_d_.resize(count_);
+    moved_q_.resize(count_);
+    moved_d_.resize(count_);
+    for (std::size_t i = 0; i < count_; ++i) {
+      const double vd = rotor_frame_ ? signals_.of(Role::direct_voltage)[i] : 0.0;
+      const double angle = rotor_frame_ ? speed_[i] * frame_ : 0.0;
+      voltage_d_[i] = vd * std::cos(angle) + vq[i] * std::sin(angle);
+      voltage_q_[i] = vq[i] * std::cos(angle) - vd * std::sin(angle);
+      moved_d_[i] = speed_[i] * voltage_q_[i];
+      moved_q_[i] = speed_[i] * voltage_d_[i];
+    }
+  }
+
+  // The slope of the voltage as the currents and the speed tell it, by what was found so far; nothing at first.
+  std::vector<Part> expected_slope(bool quadrature) const {
+    const double resistance = found_[static_cast<std::size_t>(Term::resistance)];
+    const double q_inductance = found_[static_cast<std::size_t>(Term::quadrature)];
+    const double d_inductance = has(Term::direct) ? found_[static_cast<std::size_t>(Term::direct)] : q_inductance;
+    const double constant = found_[static_cast<std::size_t>(Term::constant)];
+    if (resistance == 0.0) return {};
+    if (!quadrature) {
+      return {{&heated_d_, 1, resistance},
+              {&signals_.of(Role::direct_current), 2, d_inductance},
+              {&turning_q_, 1, -q_inductance}};
+    }
+    const bool by_position = signals_.has(Role::position);
+    return {{&heated_q_, 1, resistance},
+            {&signals_.of(Role::quadrature_current), 2, q_inductance},
+            {&turning_d_, 1, d_inductance},
+            {by_position ? &signals_.of(Role::position) : &velocity_, by_position ? 2U : 1U, constant}};
+  }
+
+  std::vector<Equation> equations() const {
+    const auto& iq = signals_.of(Role::quadrature_current);
+    const auto column = [&](Term which, bool quadrature) -> std::vector<Part> {
+      const auto& id = rotor_frame_ ? signals_.of(Role::direct_current) : iq;
+      const double direct_as_quadrature = rotor_frame_ && !has(Term::direct) ? 1.0 : 0.0;
+      switch (which) {
+        case Term::resistance: return {{quadrature ? &heated_q_ : &heated_d_}};
+        case Term::quadrature:
+          if (!quadrature) return {{&turning_q_, 0, -1.0}, {&id, 1, direct_as_quadrature}};
+          return {{&iq, 1}, {&turning_d_, 0, direct_as_quadrature}};
+        case Term::direct:
+          if (!quadrature) return {{&id, 1}};
+          return {{&turning_d_}};
+        case Term::constant:
+          if (!quadrature) return {};
+          if (signals_.has(Role::position)) return {{&signals_.of(Role::position), 1}};
+          return {{&velocity_}};
+        case Term::drop: return {{quadrature ? &sign_q_ : &sign_d_}};
+        case Term::delay: return {{quadrature ? &voltage_q_ : &voltage_d_, 1, 1.0, delay_}};
+        case Term::frame:
+          if (quadrature) return {{&moved_q_, 0, 1.0, delay_}};
+          return {{&moved_d_, 0, -1.0, delay_}};
+      }
+      return {};
+    };
+    std::vector<Equation> equations;
+    for (const bool quadrature : {true, false}) {
+      if (!quadrature && !rotor_frame_) break;
+      Equation& equation = equations.emplace_back();
+      equation.left = {{quadrature ? &voltage_q_ : &voltage_d_, 0, 1.0, delay_}};
+      for (const Term which : active_) {
+        equation.columns.push_back(column(which, quadrature));
+        equation.instruments.push_back(which == Term::delay ? expected_slope(quadrature) : std::vector<Part>{});
+      }
+    }
+    return equations;
+  }
+
+  const Signals& signals_;
+  std::size_t count_;
+  bool rotor_frame_;  // both axes are known
+  std::vector<double> velocity_;
+  std::vector<double> speed_;  // electrical, of the phases
+  std::vector<double> heated_q_;
+  std::vector<double> heated_d_;
+  std::vector<double> sign_q_;
+  std::vector<double> sign_d_;
+  std::vector<double> turning_q_;
+  std::vector<double> turning_d_;
+  std::vector<double> voltage_q_;
+  std::vector<double> voltage_d_;
+  std::vector<double> moved_q_;
+  std::vector<double> moved_d_;
+  Windows windows_;
+  std::vector<char> use_;
+  std::vector<Term> active_;
+  std::array<double, term_count> found_{};  // of each term, so far
+  double delay_ = 0.0;
+  double frame_ = 0.0;
+};
+
+}  // namespace
+
+Electrical fit_electrical(const Signals& signals, const Motor& motor) {
+  Electrical result;
+  const bool turns = signals.has(Role::velocity) || signals.has(Role::position);
+  if (!signals.has(Role::quadrature_voltage) || !signals.has(Role::quadrature_current) || !turns) return result;
+  Model model(signals, motor);
+  Estimate estimate = model.solve();
+  // What cannot be told apart is left out, what matters least to the others first.
+  for (const Term column : {Term::direct, Term::drop, Term::frame, Term::delay}) {
+    if (!model.has(column)) continue;
+    const bool told = shown(model.unknown(estimate, column));
+    if (told) continue;
+    model.drop(column);
+    estimate = model.solve();
+  }
+  result.windows = estimate.windows;
+  if (!estimate.solved) return result;
+  result.residual_rms = estimate.residual_rms;
+  result.resistance = model.shown_of(estimate, Term::resistance);
+  result.quadrature_inductance = model.shown_of(estimate, Term::quadrature);
+  result.direct_inductance = model.shown_of(estimate, Term::direct);
+  result.voltage_constant = model.shown_of(estimate, Term::constant);
+  result.stage_drop_v = model.shown_of(estimate, Term::drop);
+  result.delay_s = model.shown_of(estimate, Term::delay);
+  if (result.delay_s) result.delay_s->value = model.delay_s();
+  return result;
+}
+
+}  // namespace servodrome::fit
