@@ -269,7 +269,7 @@ TEST(JmcMotion, ShaftStandsBetweenTwoSetPoints) {
     }
     rig.exchange();
   }
-  EXPECT_GE(longest, 32) << "2 ms";
+  EXPECT_GE(longest, 30) << "2 ms as the encoder shows it: the true speed comes below 1 rpm up to a cycle later";
   rig.cycles(600);
   EXPECT_NEAR(rig.position(), 24000, 2);
   EXPECT_TRUE(rig.bit(10));
