@@ -74,6 +74,7 @@ void Watch::touch_probes() {
   for (std::size_t slot = 0; slot < latched_.size(); ++slot) {
     const auto latched = static_cast<double>(probe.position(slot));
     if (std::exchange(latched_[slot], probe.position(slot)) == probe.position(slot) || deviation) continue;
+    if (probe.position(slot) == 0) continue;  // NMT reset node clears it
     if (latched < low || latched > high) {
       fail("probe-is-untrue", fmt::format("{:X}h latches {:.0f} counts beside the shaft's way", 0x60BA + slot,
                                           latched < low ? latched - low : latched - high));

@@ -3,6 +3,7 @@
 import json
 import pathlib
 import re
+import tomllib
 import urllib.request
 
 import pytest
@@ -86,7 +87,9 @@ def test_an_axis_is_found_again(start_line, tmp_path):
 
     # What it says can be pasted behind an axis.
     found = servodrome("fit", own, "--line", line_file, "--toml")
-    assert "[axis.motor]" in found and "[axis.load]" in found and "resistance_ohm = 1.1" in found, found
+    keys = tomllib.loads(found)["axis"]
+    assert abs(keys["motor"]["resistance_ohm"] / TRUE["resistance_ohm"] - 1) < 0.02, found
+    assert abs(keys["load"]["inertia_kgm2"] / LOAD["inertia_kgm2"] - 1) < 0.02, found
     pasted = tmp_path / "pasted.toml"
     pasted.write_text(f'{bus_text("can0")}[[axis]]\nname = "x"\nproduct = "generic402"\nnode = 2\n{found}')
     assert "nothing wrong" in servodrome("check", pasted)
