@@ -77,6 +77,8 @@ Plant::Plant(const Parameters& parameters)
       commutation_phase_(phases_in_turn * parameters.encoder.commutation_offset_turns),
       overcurrent_squared_(parameters.supply.overcurrent_a * parameters.supply.overcurrent_a),
       bus_overcurrent_a_(parameters.supply.bus_overcurrent_a),
+      stage_factor_(windings_.phase_factor() * parameters.thermal.stage_resistance_ohm),
+      stage_standby_w_(parameters.thermal.stage_standby_w),
       cogging_(parameters.motor.cogging_torque_nm > 0.0),
       unusual_(parameters.motor.phases == 2 ? two_phases : 0),
       counts_per_revolution_(parameters.encoder.counts_per_revolution),
@@ -182,10 +184,12 @@ void Plant::step(const drive::Actuation& actuation, drive::Feedback& feedback) {
   }
   rests_ = rested && at_rest();
 
-  dc_link_.step(windings.power_w, actuation.chopper_on && !injected(Injection::chopper_broken),
+  const double square_a2 = windings.mean_direct_a * windings.mean_direct_a +
+                           windings.mean_quadrature_a * windings.mean_quadrature_a + windings.more_heat_a2;
+  current_squared_sum_ += square_a2;
+  const double stage_w = square_a2 * stage_factor_ + (actuation.pwm_enabled ? stage_standby_w_ : 0.0);
+  dc_link_.step(windings.power_w, stage_w, actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
-  current_squared_sum_ += windings.mean_direct_a * windings.mean_direct_a +
-                          windings.mean_quadrature_a * windings.mean_quadrature_a + windings.more_heat_a2;
   to_motor_j_ += windings.power_w * h;
   shaft_j_ += windings.torque_nm * shaft.mean * h;
   if (--heat_countdown_ == 0) [[unlikely]]
@@ -203,7 +207,7 @@ bool Plant::at_rest() const {
 
 // What is left of a tick in which nothing moves.
 void Plant::rest(const drive::Actuation& actuation, drive::Feedback& feedback) {
-  dc_link_.step(0.0, actuation.chopper_on && !injected(Injection::chopper_broken),
+  dc_link_.step(0.0, 0.0, actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
   if (--heat_countdown_ == 0) [[unlikely]]
     update_heat(false);
@@ -446,7 +450,7 @@ void Plant::operate_brake(bool released) {
   if (released != brake_command_released_) {
     brake_command_released_ = released;
     const double ms = released ? parameters_.motor.brake_release_ms : parameters_.motor.brake_engage_ms;
-    brake_countdown_ = std::max(1, static_cast<std::int32_t>(std::lround(ms * 1.0e-3 / h)));
+    brake_countdown_ = 1 + static_cast<std::int32_t>(std::lround(ms * 1.0e-3 / h));
   }
   if (--brake_countdown_ > 0) return;
   brake_engaged_ = !released || (brake_engaged_ && injected(Injection::brake_stuck));

@@ -19,6 +19,7 @@ struct Energy {
   double supplied_j = 0.0;     // from the source into the DC link (after the source resistance)
   double chopped_j = 0.0;      // into brake and bleeder resistor
   double standby_j = 0.0;      // from the DC link into the drive's electronics, while the source does not carry them
+  double stage_j = 0.0;        // from the DC link into the power stage's heat
   double to_motor_j = 0.0;     // from the DC link into the phases; negative while regenerating
   double copper_j = 0.0;       // into the windings' heat
   double shaft_j = 0.0;        // work of the electromagnetic torque
@@ -160,6 +161,8 @@ class Plant {
   double commutation_phase_;
   double overcurrent_squared_;
   double bus_overcurrent_a_;
+  double stage_factor_;               // W in the power stage per square of the current's amplitude
+  double stage_standby_w_;            // while the PWM runs
   double current_squared_sum_ = 0.0;  // since the last heat step
   double to_motor_j_ = 0.0;
   double shaft_j_ = 0.0;
