@@ -14,9 +14,8 @@ bool Axis::range_set() const {
 Axis::UserLimits Axis::software_limits() const {
   UserLimits limits{objects.min_position_limit, objects.max_position_limit};
   if (policy.software_limits_switch_range_off || !range_set()) return limits;
-  const UserLimits range{objects.min_position_range_limit, objects.max_position_range_limit};
-  if (limits.least <= range.least && limits.greatest >= range.greatest) return limits;
-  return {std::max(limits.least, range.least), std::min(limits.greatest, range.greatest)};
+  return {std::max<std::int64_t>(limits.least, objects.min_position_range_limit),
+          std::min<std::int64_t>(limits.greatest, objects.max_position_range_limit)};
 }
 
 bool Axis::software_limits_active() const {
@@ -24,8 +23,11 @@ bool Axis::software_limits_active() const {
   const std::int32_t high = objects.max_position_limit;
   if (low >= high) return false;
   if (low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max()) return false;
+  // All of a range is nothing that 607Dh forbids: positions go round.
+  const bool whole_range = !policy.software_limits_switch_range_off && range_set() &&
+                           low <= objects.min_position_range_limit && high >= objects.max_position_range_limit;
   const UserLimits limits = software_limits();
-  return limits.least < limits.greatest && (homed || !policy.software_limits_need_homing);
+  return !whole_range && limits.least < limits.greatest && (homed || !policy.software_limits_need_homing);
 }
 
 bool Axis::beyond_software_limits() const {

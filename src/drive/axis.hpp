@@ -350,8 +350,8 @@ struct Axis {
   std::int64_t to_user_position(Counts application) const;
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
-  // 607Dh in user units; where that leaves less than the whole range 607Bh, an end of the range is a limit as well:
-  // behind it the positions go on at the other end, which 607Dh forbids.
+  // 607Dh in user units. Where it leaves less than the whole range 607Bh, an end of the range is a limit as well:
+  // behind it the positions go on at the other end, which 607Dh forbids. Where it leaves all of it there is no limit.
   struct UserLimits {
     std::int64_t least;
     std::int64_t greatest;
@@ -416,17 +416,23 @@ struct Axis {
     const double steepest = std::max(deceleration, quick_stop_ramp());
     return near_software_limit(steepest) ? steepest : deceleration;
   }
-  // Of a demand that comes to rest without a target (come_to_rest): within the software limits, if it can.
+  // Of a demand that comes to rest without a target (come_to_rest): within the software limits, if it can. Its ramp may
+  // have a shape that needs up to twice the way of a linear one.
   void rest_within_limits() {
-    const double ramp = profile_deceleration();
-    const double steeper = deceleration_before_limit(ramp);
-    if (steeper <= ramp) return;
+    const double steepest = std::max(profile_deceleration(), quick_stop_ramp());
+    if (!has_to_brake_for_limit(steepest)) return;
     limited = true;
-    come_to_rest(RampShape::linear, steeper);
+    come_to_rest(RampShape::linear, steepest);
   }
   // After one cycle more of the motion that is planned, this deceleration (counts/s^2) no longer brings the demand to
   // rest before the software limit ahead.
   bool too_fast_for_software_limit(double deceleration) const;
+  // Now is the last cycle in which a linear ramp of this deceleration (counts/s^2) still ends before the limit ahead.
+  bool has_to_brake_for_limit(double deceleration) const {
+    if (generator.standing() || !keeps_software_limits()) return false;
+    return demand.loop == Loop::position ? too_fast_for_software_limit(deceleration)
+                                         : near_software_limit(deceleration);
+  }
 };
 
 }  // namespace servodrome::drive

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "line/travel.hpp"
+#include "plant/doubts.hpp"
 
 namespace servodrome::line {
 namespace {
@@ -32,8 +33,13 @@ void read_nameplate(TableReader& axis, drive::MotorData& motor) {
   }
 }
 
+struct PlantMessage {
+  toml::source_position at;
+  std::string text;
+};
+
 // `message` begins with the name of a parameter, as plant::validate writes it ("motor.pole_pairs: ...").
-void complain_of_plant(TableReader& axis, const std::string& message, const std::vector<std::string>& switches) {
+PlantMessage place_message(TableReader& axis, const std::string& message, const std::vector<std::string>& switches) {
   const std::size_t colon = message.find(": ");
   std::string name = message.substr(0, colon);
   const std::string what = colon == std::string::npos ? message : message.substr(colon + 2);
@@ -52,8 +58,7 @@ void complain_of_plant(TableReader& axis, const std::string& message, const std:
   if (table != nullptr && group.size() < name.size()) {
     if (const toml::node* node = table->get(name.substr(group.size() + 1))) at = node->source().begin;
   }
-  axis.report().complain(at, fmt::format("axis.{}: {}", name, what),
-                         "docs/line-file.md has the range of each parameter");
+  return {at, fmt::format("axis.{}: {}", name, what)};
 }
 
 }  // namespace
@@ -79,7 +84,16 @@ void read_axis_plant(TableReader& reader, AxisSettings& axis) {
   axis.motor_data = motor_data_of(axis.plant);
   read_nameplate(reader, axis.motor_data);
   if (reader.report().diagnostics.size() != complaints) return;  // the plant's complaints would be echoes
-  for (const std::string& message : plant::validate(axis.plant)) complain_of_plant(reader, message, switches);
+  FileReport& report = reader.report();
+  for (const std::string& message : plant::validate(axis.plant)) {
+    const auto [at, text] = place_message(reader, message, switches);
+    report.complain(at, text, "docs/line-file.md has the range of each parameter");
+  }
+  if (report.diagnostics.size() != complaints) return;
+  for (const std::string& message : plant::doubts(axis.plant)) {
+    const auto [at, text] = place_message(reader, message, switches);
+    report.warn(at, text, "docs/line-file.md, \"The plant\", says what is doubted");
+  }
 }
 
 }  // namespace servodrome::line

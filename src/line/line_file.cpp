@@ -61,10 +61,12 @@ class LineFileReader {
     if (settings_.axes.empty() && report_.diagnostics.empty()) {
       reader.complain("axis", "there is no axis", "add one: [[axis]] with name, product, bus and node");
     }
-    std::stable_sort(report_.diagnostics.begin(), report_.diagnostics.end(), [](const auto& a, const auto& b) {
-      return std::pair(a.line, a.column) < std::pair(b.line, b.column);
-    });
-    return {std::move(settings_), std::move(report_.diagnostics)};
+    for (std::vector<Diagnostic>* found : {&report_.diagnostics, &report_.warnings}) {
+      std::stable_sort(found->begin(), found->end(), [](const auto& a, const auto& b) {
+        return std::pair(a.line, a.column) < std::pair(b.line, b.column);
+      });
+    }
+    return {std::move(settings_), std::move(report_.diagnostics), std::move(report_.warnings)};
   }
 
  private:

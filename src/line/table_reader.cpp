@@ -26,6 +26,10 @@ void FileReport::complain(const toml::source_position& at, std::string what, std
   diagnostics.push_back({file, at.line, at.column, std::move(what), std::move(hint)});
 }
 
+void FileReport::warn(const toml::source_position& at, std::string what, std::string hint) {
+  warnings.push_back({file, at.line, at.column, std::move(what), std::move(hint)});
+}
+
 std::string TableReader::name_of(std::string_view key) const {
   return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
 }

@@ -18,8 +18,10 @@ namespace servodrome::line {
 struct FileReport {
   std::string file;
   std::vector<Diagnostic> diagnostics;
+  std::vector<Diagnostic> warnings;
 
   void complain(const toml::source_position& at, std::string what, std::string hint);
+  void warn(const toml::source_position& at, std::string what, std::string hint);
 };
 
 // One table of a TOML file, read key by key. A key that is never asked for is unknown: `finish` complains about it.

@@ -192,6 +192,7 @@ Energy Plant::energy() const {
   return {.supplied_j = dc_link_.supplied_j(),
           .chopped_j = dc_link_.chopped_j(),
           .standby_j = dc_link_.standby_j(),
+          .stage_j = dc_link_.stage_j(),
           .to_motor_j = to_motor_j_,
           .copper_j = copper_j_ + windings_.phase_factor() * drive::tick_seconds * windings_.resistance_ohm() *
                                       current_squared_sum_,
@@ -200,8 +201,7 @@ Energy Plant::energy() const {
           .magnetic_j = windings_.magnetic_j(),
           .kinetic_j = shaft_.kinetic_j(),
           .elastic_j = shaft_.elastic_j(stop_distance()),
-          .stop_j = stop_j_,
-          .switch_j = switch_j_};
+          .stop_j = stop_j_};
 }
 
 }  // namespace servodrome::plant

@@ -10,15 +10,16 @@ constexpr double precharge_complete = 0.97;  // of the supply voltage: then the 
 }  // namespace
 
 DcLink::DcLink(const Supply& supply)
-    : bleeder_keep_(std::exp(-h / (supply.bleeder_resistance_ohm * supply.capacitance_f))),
-      chopper_keep_(bleeder_keep_ * std::exp(-h / (supply.chopper_resistance_ohm * supply.capacitance_f))),
-      tick_over_capacitance_(h / supply.capacitance_f),
+    : tick_over_capacitance_(h / supply.capacitance_f),
       half_capacitance_(0.5 * supply.capacitance_f),
       supply_v_(supply.volts),
       standby_w_(supply.standby_w),
       source_resistance_(supply.source_resistance_ohm),
       precharge_resistance_(
-          std::max(supply.precharge_time_constant_s / supply.capacitance_f, supply.source_resistance_ohm)) {
+          std::max(supply.precharge_time_constant_s / supply.capacitance_f, supply.source_resistance_ohm)),
+      leak_s_{1.0 / supply.bleeder_resistance_ohm,
+              1.0 / supply.bleeder_resistance_ohm + 1.0 / supply.chopper_resistance_ohm} {
+  set_connected(false);
   if (!supply.charged_at_start) return;
   volts_ = supply_v_;
   set_connected(true);
@@ -27,6 +28,7 @@ DcLink::DcLink(const Supply& supply)
 void DcLink::set_supply_v(double volts) {
   supply_v_ = volts;
   if (connected_) source_v_ = volts;
+  prepare();
 }
 
 void DcLink::discharge() {
@@ -40,19 +42,29 @@ void DcLink::set_connected(bool connected) {
   connected_ = connected;
   source_v_ = connected ? supply_v_ : 0.0;
   precharging_ = connected;
-  set_source_resistance(precharge_resistance_);
+  source_resistance_in_use_ = precharge_resistance_;
+  prepare();
   if (connected) end_precharge();
 }
 
 void DcLink::end_precharge() {
   if (volts_ < precharge_complete * source_v_) return;
   precharging_ = false;
-  set_source_resistance(source_resistance_);
+  source_resistance_in_use_ = source_resistance_;
+  prepare();
 }
 
-void DcLink::set_source_resistance(double resistance_ohm) {
-  source_resistance_in_use_ = resistance_ohm;
-  source_keep_ = std::exp(-tick_over_capacitance_ / resistance_ohm);
+void DcLink::prepare() {
+  const double resistance_ohm = source_resistance_in_use_;
+  for (std::size_t i = 0; i < leaks_.size(); ++i) {
+    const double conductance_s = leak_s_[i];
+    const double share = 1.0 / (1.0 + resistance_ohm * conductance_s);
+    leaks_[i] = {.keep = std::exp(-tick_over_capacitance_ * conductance_s),
+                 .fed_keep = std::exp(-tick_over_capacitance_ * (conductance_s + 1.0 / resistance_ohm)),
+                 .fed_v = source_v_ * share,
+                 .fed_ohm = resistance_ohm * share,
+                 .per_square_v2 = h * conductance_s};
+  }
 }
 
 }  // namespace servodrome::plant

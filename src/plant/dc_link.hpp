@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "drive/hardware.hpp"
@@ -15,11 +16,15 @@ class DcLink {
  public:
   explicit DcLink(const Supply& supply);
 
-  // One tick: `power_w` goes to the motor (negative: comes back), the brake resistor conducts or not, the relay is
-  // closed or not.
-  void step(double power_w, bool chopper_on, bool connected) {
+  // One tick: `power_w` goes to the motor (negative: comes back), `stage_w` becomes heat in the power stage, the brake
+  // resistor conducts or not, the relay is closed or not.
+  void step(double power_w, double stage_w, bool chopper_on, bool connected) {
     if (connected != connected_) [[unlikely]]
       set_connected(connected);
+    if (volts_ < empty_v) [[unlikely]]
+      stage_w = 0.0;
+    stage_j_ += stage_w * drive::tick_seconds;
+    power_w += stage_w;
     if (volts_ > source_v_) [[unlikely]]
       return step_alone(power_w, chopper_on);
     exchange(power_w, chopper_on);
@@ -32,14 +37,24 @@ class DcLink {
   double supplied_j() const { return supplied_j_; }
   double chopped_j() const { return chopped_j_; }
   double standby_j() const { return standby_j_; }
+  double stage_j() const { return stage_j_; }
   double stored_j() const { return half_capacitance_ * volts_ * volts_; }
 
  private:
+  static constexpr double empty_v = 10.0;  // below, nothing in the drive switches
+
+  // A tick with brake and bleeder resistor as they are.
+  struct Leak {
+    double keep;           // of the voltage, without the source
+    double fed_keep;       // of its distance from where the source would hold it
+    double fed_v;          // where that is, without any other current,
+    double fed_ohm;        // and by how much each A changes it
+    double per_square_v2;  // J
+  };
   void exchange(double power_w, bool chopper_on) {
     const double start_v = volts_;
-    const double keep = chopper_on ? chopper_keep_ : bleeder_keep_;
-    const double kept_v = start_v * keep;
-    chopped_j_ += half_capacitance_ * (start_v - kept_v) * (start_v + kept_v);
+    const Leak& leak = leaks_[chopper_on ? 1 : 0];
+    const double kept_v = start_v * leak.keep;
     double current_a = 0.0;
     double free_v = kept_v;
     if (power_w != 0.0) {  // else nothing waits for a division
@@ -52,12 +67,20 @@ class DcLink {
         free_v = std::sqrt(std::max(0.0, kept_v * kept_v - 2.0 * power_w * tick_over_capacitance_));
       }
     }
-    // With the source connected the link relaxes exponentially to source - resistance * current; the rectifier lets
-    // nothing back. A source of 0 V stands for the open relay.
-    const double target_v = source_v_ - current_a * source_resistance_in_use_;
-    const double fed_v = std::min(target_v + (kept_v - target_v) * source_keep_, source_v_);
-    volts_ = std::max(free_v, fed_v);
-    supplied_j_ += half_capacitance_ * (volts_ - free_v) * (volts_ + free_v);
+    // With the source connected the link relaxes exponentially to (source - resistance * current) / (1 + resistance *
+    // leak); the rectifier lets nothing back. A source of 0 V stands for the open relay.
+    const double target_v = leak.fed_v - current_a * leak.fed_ohm;
+    const double fed_v = std::min(target_v + (start_v - target_v) * leak.fed_keep, source_v_);
+    if (fed_v > free_v) {
+      volts_ = fed_v;
+      const double leaked_j = leak.per_square_v2 * start_v * fed_v;
+      chopped_j_ += leaked_j;
+      supplied_j_ +=
+          (half_capacitance_ * (fed_v - start_v) * (fed_v + start_v) + leaked_j) + power_w * drive::tick_seconds;
+    } else {
+      volts_ = free_v;
+      chopped_j_ += half_capacitance_ * (start_v - kept_v) * (start_v + kept_v);
+    }
     if (precharging_) [[unlikely]]
       end_precharge();
   }
@@ -69,14 +92,12 @@ class DcLink {
     return energy_j / drive::tick_seconds;
   }
   void end_precharge();
-  void set_source_resistance(double resistance_ohm);
+  void prepare();
 
   double volts_ = 0.0;
-  double source_v_ = 0.0;     // 0 while the relay is open
-  double source_keep_ = 0.0;  // exp(-h / (resistance * C)) of the source resistance or of the precharge
-  double source_resistance_in_use_ = 0.0;
-  double bleeder_keep_;
-  double chopper_keep_;
+  double source_v_ = 0.0;                  // 0 while the relay is open
+  double source_resistance_in_use_ = 0.0;  // of the source or of the precharge
+  std::array<Leak, 2> leaks_{};            // bleeder; with the chopper
   double tick_over_capacitance_;
   double half_capacitance_;
   double supplied_j_ = 0.0;
@@ -84,11 +105,13 @@ class DcLink {
   bool connected_ = false;
   bool precharging_ = false;
 
+  double stage_j_ = 0.0;
   double standby_j_ = 0.0;  // of the electronics, out of the capacitor
   double supply_v_;
   double standby_w_;
   double source_resistance_;
   double precharge_resistance_;
+  std::array<double, 2> leak_s_;  // conductances, as leaks_
 };
 
 }  // namespace servodrome::plant

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
+#include <utility>
 
 namespace servodrome::plant {
 
@@ -77,6 +78,8 @@ Plant::Plant(const Parameters& parameters)
       commutation_phase_(phases_in_turn * parameters.encoder.commutation_offset_turns),
       overcurrent_squared_(parameters.supply.overcurrent_a * parameters.supply.overcurrent_a),
       bus_overcurrent_a_(parameters.supply.bus_overcurrent_a),
+      stage_factor_(windings_.phase_factor() * parameters.thermal.stage_resistance_ohm),
+      stage_standby_w_(parameters.thermal.stage_standby_w),
       cogging_(parameters.motor.cogging_torque_nm > 0.0),
       unusual_(parameters.motor.phases == 2 ? two_phases : 0),
       imperfect_(!parameters.stage.ideal || !parameters.sensors.ideal),
@@ -202,10 +205,12 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   }
   rests_ = rested && at_rest();
 
-  dc_link_.step(windings.power_w + stage_.loss_w(), actuation.chopper_on && !injected(Injection::chopper_broken),
+  const double square_a2 = windings.mean_direct_a * windings.mean_direct_a +
+                           windings.mean_quadrature_a * windings.mean_quadrature_a + windings.more_heat_a2;
+  current_squared_sum_ += square_a2;
+  const double stage_w = square_a2 * stage_factor_ + (actuation.pwm_enabled ? stage_standby_w_ : 0.0) + stage_.loss_w();
+  dc_link_.step(windings.power_w, stage_w, actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
-  current_squared_sum_ += windings.mean_direct_a * windings.mean_direct_a +
-                          windings.mean_quadrature_a * windings.mean_quadrature_a + windings.more_heat_a2;
   to_motor_j_ += windings.power_w * h;
   shaft_j_ += windings.torque_nm * shaft.mean * h;
   if (--heat_countdown_ == 0) [[unlikely]]
@@ -223,7 +228,7 @@ bool Plant::at_rest() const {
 
 // What is left of a tick in which nothing moves.
 void Plant::rest(const drive::Actuation& actuation, drive::Feedback& feedback) {
-  dc_link_.step(0.0, actuation.chopper_on && !injected(Injection::chopper_broken),
+  dc_link_.step(0.0, 0.0, actuation.chopper_on && !injected(Injection::chopper_broken),
                 actuation.dc_link_connected && !injected(Injection::supply_loss));
   if (--heat_countdown_ == 0) [[unlikely]]
     update_heat(false);
@@ -466,7 +471,7 @@ void Plant::operate_brake(bool released) {
   if (released != brake_command_released_) {
     brake_command_released_ = released;
     const double ms = released ? parameters_.motor.brake_release_ms : parameters_.motor.brake_engage_ms;
-    brake_countdown_ = std::max(1, static_cast<std::int32_t>(std::lround(ms * 1.0e-3 / h)));
+    brake_countdown_ = 1 + static_cast<std::int32_t>(std::lround(ms * 1.0e-3 / h));
   }
   if (--brake_countdown_ > 0) return;
   brake_engaged_ = !released || (brake_engaged_ && injected(Injection::brake_stuck));
@@ -481,8 +486,7 @@ void Plant::update_heat(bool pwm) {
   current_squared_sum_ = 0.0;
   const double copper_w = mean_square * windings_.resistance_ohm();
   copper_j_ += copper_w * Heat::ticks_per_step * h;
-  const double switch_w = (switch_j_ - heated_switch_j_) / (Heat::ticks_per_step * h);
-  heated_switch_j_ = switch_j_;
+  const double switch_w = std::exchange(switch_j_, 0.0) / (Heat::ticks_per_step * h);
   heat_.step(copper_w, mean_square * parameters_.thermal.stage_resistance_ohm + switch_w +
                            (pwm ? parameters_.thermal.stage_standby_w : 0.0));
   update_resistance();

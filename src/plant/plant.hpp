@@ -21,6 +21,7 @@ struct Energy {
   double supplied_j = 0.0;     // from the source into the DC link (after the source resistance)
   double chopped_j = 0.0;      // into brake and bleeder resistor
   double standby_j = 0.0;      // from the DC link into the drive's electronics, while the source does not carry them
+  double stage_j = 0.0;        // from the DC link into the power stage's heat
   double to_motor_j = 0.0;     // from the DC link into the phases; negative while regenerating
   double copper_j = 0.0;       // into the windings' heat
   double shaft_j = 0.0;        // work of the electromagnetic torque
@@ -29,7 +30,6 @@ struct Energy {
   double kinetic_j = 0.0;      // now in rotor and load
   double elastic_j = 0.0;      // now in coupling and hard stops
   double stop_j = 0.0;         // into the damping of the hard stops
-  double switch_j = 0.0;       // into switches and diodes that drop voltage (Stage::switch_drop_v)
 };
 
 // One axis: what a drive's power stage and terminals are connected to. A pure function of its parameters and of the
@@ -165,6 +165,8 @@ class Plant {
   double commutation_phase_;
   double overcurrent_squared_;
   double bus_overcurrent_a_;
+  double stage_factor_;               // W in the power stage per square of the current's amplitude
+  double stage_standby_w_;            // while the PWM runs
   double current_squared_sum_ = 0.0;  // since the last heat step
   double to_motor_j_ = 0.0;
   double shaft_j_ = 0.0;
@@ -194,8 +196,7 @@ class Plant {
   PowerStage stage_;
   Measurement measurement_;
   std::array<float, 3> current_a_{};  // of the phases, as it truly is: kept where it is not measured so
-  double switch_j_ = 0.0;
-  double heated_switch_j_ = 0.0;  // of it, before the last heat step
+  double switch_j_ = 0.0;             // into switches and diodes that drop voltage, since the last heat step
   double copper_j_ = 0.0;
   double resistance_at_c_ = 25.0;  // winding temperature the resistance in use belongs to
   std::int64_t frozen_position_ = 0;

@@ -50,6 +50,20 @@ void Shaft::stop() {
   set_direction(0);
 }
 
+// A mass that its bearing's viscous friction stops within a tick or two has the weight that is exact for it.
+Shaft::Step Shaft::step_of(double seconds, double weight) const {
+  const auto weight_of = [=](double viscous, double inertia) {
+    const double decay = viscous * seconds / inertia;
+    return decay > 0.1 ? std::max(weight, fitted_weight(decay)) : weight;
+  };
+  return {.seconds = seconds,
+          .weight = weight,
+          .rotor_weight = weight_of(rotor_viscous_, rotor_inertia_),
+          .load_weight = weight_of(load_.viscous_friction_nms, load_.inertia_kgm2),
+          .rotor_rate = rotor_inertia_ / seconds,
+          .load_rate = load_.inertia_kgm2 / seconds};
+}
+
 void Shaft::prepare() {
   elastic_ = load_.elastic;
   stops_ = load_.low_stop_counts != no_low_limit || load_.high_stop_counts != no_high_limit;
@@ -74,11 +88,17 @@ void Shaft::prepare() {
     // The trapezoidal rule keeps a vibration's energy and its frequency to (w h)^2 / 12. What is too fast or too
     // strongly damped for the tick to show is damped away instead of rung.
     const double reduced = rotor_inertia_ * load_.inertia_kgm2 / inertia;
-    const double lightest = std::min(rotor_inertia_, load_.inertia_kgm2);
-    const double fastest =
-        h * std::max(std::sqrt(load_.stiffness_nm_per_rad / reduced),
-                     load_.damping_nms / reduced + std::max(rotor_viscous_, load_.viscous_friction_nms) / lightest);
+    const double fastest = h * std::max(std::sqrt(load_.stiffness_nm_per_rad / reduced), load_.damping_nms / reduced);
     coupling_weight_ = 0.5 + 0.5 * std::clamp(0.5 * (fastest - 1.0), 0.0, 1.0);
+    // In a step longer by this the trapezoidal rule has the very phase of the two masses against each other.
+    const double half = 0.5 * h * std::sqrt(load_.stiffness_nm_per_rad / reduced);
+    loose_ = whole_ = step_of(h, coupling_weight_);
+    const bool rings = fastest <= 1.0 && whole_.rotor_weight == 0.5 && whole_.load_weight == 0.5;
+    if (rings) {
+      whole_.stretch = std::tan(half) / half;
+      whole_.relative_rate = reduced / h * (1.0 / whole_.stretch - 1.0);
+      whole_.longer = (whole_.stretch - 1.0) / inertia;
+    }
   }
   prepare_pieces();
   set_direction(direction_);
@@ -91,12 +111,16 @@ void Shaft::set_direction(std::int8_t direction) {
 }
 
 bool Shaft::slide_anew(double torque_nm, double holding_nm, ShaftTick& tick) const {
+  // What begins at rest does not turn around, and half its speed at the end is what it moves by.
+  const bool rests = speed_ == 0.0;
+  const double weight = rests ? new_weight_ : turning_weight_;
+  const double admittance = rests ? admittance_ : turning_admittance_;
   const double drive = turning_momentum_ * speed_ + torque_nm;
   const bool held = std::abs(drive) <= holding_nm;
   tick.direction = static_cast<std::int8_t>(held ? 0 : sign_of(drive));
-  tick.end = held ? 0.0 : limited((drive - tick.direction * total_friction_.sliding_nm) * turning_admittance_);
-  tick.mean = (1.0 - turning_weight_) * speed_ + turning_weight_ * tick.end;
-  tick.slope = held ? 0.0 : turning_weight_ * turning_admittance_;
+  tick.end = held ? 0.0 : limited((drive - tick.direction * total_friction_.sliding_nm) * admittance);
+  tick.mean = (1.0 - weight) * speed_ + weight * tick.end;
+  tick.slope = held ? 0.0 : weight * admittance;
   return held && direction_ == 0;
 }
 
@@ -120,85 +144,105 @@ Shaft::Coupling Shaft::coupling_of(double twist_rad) const {
   return {half == 0.0, twist_};
 }
 
-double Shaft::solve_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
-                         const Stop& stop, bool freely, ShaftTick& best) const {
-  const double seconds = step.seconds;
-  const double weight = step.weight;
-  const double old = 1.0 - weight;
+[[gnu::always_inline]] inline Shaft::Pair Shaft::pair_of(const Motion& from, double rotor_torque_nm, const Step& step,
+                                                         const Coupling& coupling, const Stop& stop) const {
+  const double seconds = step.seconds * step.stretch;
   const double stiffness = coupling.engaged ? load_.stiffness_nm_per_rad : 0.0;
   const double spring = stiffness * coupling.deflection_rad;
-  const double link = coupling.engaged ? stiffness * weight * seconds + load_.damping_nms : 0.0;
+  const double link = coupling.engaged ? stiffness * step.weight * seconds + load_.damping_nms : 0.0;
   const double stop_stiffness = stop.side != 0 ? load_.stop_stiffness_nm_per_rad : 0.0;
   const double stop_spring = stop.side * stop_stiffness * stop.penetration_rad;
-  const double stop_link = stop.side != 0 ? stop_stiffness * weight * seconds + load_.stop_damping_nms : 0.0;
-  const double load_viscous = load_.viscous_friction_nms;
-  const double rotor_rate = rotor_inertia_ / seconds;
-  const double load_rate = load_.inertia_kgm2 / seconds;
+  const double stop_link = stop.side != 0 ? stop_stiffness * step.weight * seconds + load_.stop_damping_nms : 0.0;
+  Pair pair;
+  pair.rotor_weight = step.rotor_weight;
+  pair.load_weight = step.load_weight;
+  pair.m11 = step.rotor_rate + step.relative_rate + pair.rotor_weight * (rotor_viscous_ + link);
+  pair.m12 = -step.relative_rate - pair.load_weight * link;
+  pair.m21 = -step.relative_rate - pair.rotor_weight * link;
+  pair.m22 = step.load_rate + step.relative_rate + pair.load_weight * (load_.viscous_friction_nms + link + stop_link);
+  pair.old_speed = (1.0 - pair.rotor_weight) * from.speed;
+  pair.old_load_speed = (1.0 - pair.load_weight) * from.load_speed;
+  const double old_link = link * (pair.old_speed - pair.old_load_speed);
+  const double inert = step.relative_rate * (from.speed - from.load_speed);
+  pair.rotor_nm =
+      rotor_torque_nm + step.rotor_rate * from.speed + inert - (rotor_viscous_ * pair.old_speed + old_link) - spring;
+  pair.load_nm = load_torque_ + step.load_rate * from.load_speed - inert -
+                 ((load_.viscous_friction_nms + stop_link) * pair.old_load_speed - old_link) + spring - stop_spring;
+  return pair;
+}
 
-  const double m11 = rotor_rate + weight * (rotor_viscous_ + link);
-  const double m12 = -weight * link;
-  const double m22 = load_rate + weight * (load_viscous + link + stop_link);
-  const double old_link = link * (from.speed - from.load_speed);
-  const double rotor_drive =
-      rotor_torque_nm + rotor_rate * from.speed - old * (rotor_viscous_ * from.speed + old_link) - spring;
-  const double load_drive = load_torque_ + load_rate * from.load_speed -
-                            old * ((load_viscous + stop_link) * from.load_speed - old_link) + spring - stop_spring;
-  const double inverse = 1.0 / (m11 * m22 - m12 * m12);
+[[gnu::always_inline]] inline void Shaft::Pair::take(int rotor_way, int load_way, double end, double load_end,
+                                                     double slope, ShaftTick& tick) const {
+  tick.end = limited(end);
+  tick.load_end = limited(load_end);
+  tick.direction = static_cast<std::int8_t>(rotor_way);
+  tick.load_direction = static_cast<std::int8_t>(load_way);
+  tick.slope = rotor_weight * slope;
+  tick.mean = old_speed + rotor_weight * tick.end;
+  tick.load_mean = old_load_speed + load_weight * tick.load_end;
+}
 
-  const auto take = [&](int rotor_way, int load_way, double end, double load_end, double slope) {
-    best.end = limited(end);
-    best.load_end = limited(load_end);
-    best.direction = static_cast<std::int8_t>(rotor_way);
-    best.load_direction = static_cast<std::int8_t>(load_way);
-    best.slope = weight * slope;
-    best.mean = old * from.speed + weight * best.end;
-    best.load_mean = old * from.load_speed + weight * best.load_end;
-  };
+// Both slide on as they did: by far the most usual. False: friction begins or ends to hold one of them.
+bool Shaft::slide_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
+                       const Stop& stop, ShaftTick& tick) const {
+  const int way = from.direction;
+  const int load_way = from.load_direction;
+  if (way == 0 || load_way == 0) return false;
+  const Pair pair = pair_of(from, rotor_torque_nm, step, coupling, stop);
+  const double inverse = 1.0 / (pair.m11 * pair.m22 - pair.m12 * pair.m21);
+  const double p = pair.rotor_nm - way * rotor_friction_nm_;
+  const double q = pair.load_nm - load_way * load_.coulomb_friction_nm;
+  const double end = (p * pair.m22 - pair.m12 * q) * inverse;
+  const double load_end = (pair.m11 * q - pair.m21 * p) * inverse;
+  if (end * way < 0.0 || load_end * load_way < 0.0) return false;
+  pair.take(way, load_way, end, load_end, pair.m22 * inverse, tick);
+  const double further = step.longer * (tick.mean - tick.load_mean);
+  tick.mean += load_.inertia_kgm2 * further;
+  tick.load_mean -= rotor_inertia_ * further;
+  tick.slope += load_.inertia_kgm2 * step.longer * pair.rotor_weight * (pair.m22 + pair.m21) * inverse;
+  return tick.mean * way >= 0.0 && tick.load_mean * load_way >= 0.0;
+}
+
+void Shaft::solve_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
+                       const Stop& stop, bool freely, ShaftTick& tick) const {
+  if (slide_pair(from, rotor_torque_nm, step, coupling, stop, tick)) return;
+  const Pair pair = pair_of(from, rotor_torque_nm, step, coupling, stop);
+  const double inverse = 1.0 / (pair.m11 * pair.m22 - pair.m12 * pair.m21);
   // What held each mass before is tried first; a standing one may hold more than a sliding one.
   const int was = from.direction;
   const int load_was = from.load_direction;
-  if (was != 0 && load_was != 0) [[likely]] {
-    const double p = rotor_drive - was * rotor_friction_nm_;
-    const double q = load_drive - load_was * load_.coulomb_friction_nm;
-    const double end = (p * m22 - m12 * q) * inverse;
-    const double load_end = (m11 * q - m12 * p) * inverse;
-    if (end * was >= 0.0 && load_end * load_was >= 0.0) [[likely]] {
-      take(was, load_was, end, load_end, m22 * inverse);
-      return 0.0;
-    }
-  }
   const double load_hold = load_was == 0 && !freely ? load_.static_friction_nm : load_.coulomb_friction_nm;
   const std::array<int, 3> rotor_order{was, was == 0 ? 1 : 0, was == 0 ? -1 : -was};
   const std::array<int, 3> load_order{load_was, load_was == 0 ? 1 : 0, load_was == 0 ? -1 : -load_was};
   double least = -1.0;
   for (const int s : rotor_order) {
     for (const int t : load_order) {
-      const double p = rotor_drive - s * rotor_friction_nm_;
-      const double q = load_drive - t * load_.coulomb_friction_nm;
+      const double p = pair.rotor_nm - s * rotor_friction_nm_;
+      const double q = pair.load_nm - t * load_.coulomb_friction_nm;
       double w = 0.0;
       double v = 0.0;
       double slope = 0.0;
       if (s != 0 && t != 0) {
-        w = (p * m22 - m12 * q) * inverse;
-        v = (m11 * q - m12 * p) * inverse;
-        slope = m22 * inverse;
+        w = (p * pair.m22 - pair.m12 * q) * inverse;
+        v = (pair.m11 * q - pair.m21 * p) * inverse;
+        slope = pair.m22 * inverse;
       } else if (s != 0) {
-        w = p / m11;
-        slope = 1.0 / m11;
+        w = p / pair.m11;
+        slope = 1.0 / pair.m11;
       } else if (t != 0) {
-        v = q / m22;
+        v = q / pair.m22;
       }
       // Violations as torques, so that they compare.
-      const double rotor_violation = s != 0 ? -s * w * m11 : std::abs(rotor_drive - m12 * v) - rotor_friction_nm_;
-      const double load_violation = t != 0 ? -t * v * m22 : std::abs(load_drive - m12 * w) - load_hold;
+      const double rotor_violation =
+          s != 0 ? -s * w * pair.m11 : std::abs(pair.rotor_nm - pair.m12 * v) - rotor_friction_nm_;
+      const double load_violation = t != 0 ? -t * v * pair.m22 : std::abs(pair.load_nm - pair.m21 * w) - load_hold;
       const double violation = std::max({rotor_violation, load_violation, 0.0});
       if (least >= 0.0 && violation >= least) continue;
       least = violation;
-      take(s, t, w, v, slope);
-      if (violation == 0.0) return 0.0;
+      pair.take(s, t, w, v, slope, tick);
+      if (violation == 0.0) return;
     }
   }
-  return least;
 }
 
 ShaftTick Shaft::solve_elastic(double rotor_torque_nm, const StopDistance& stops, bool freely) const {
@@ -206,7 +250,9 @@ ShaftTick Shaft::solve_elastic(double rotor_torque_nm, const StopDistance& stops
   const Coupling now = coupling_of(twist_);
   if (stops.high <= 0.0 && stops.low <= 0.0 && !freely) {
     ShaftTick tick;
-    solve_pair(motion(), rotor_torque_nm, {h, coupling_weight_}, now, {0, 0.0}, freely, tick);
+    // Held by friction they do not vibrate as the longer step has it.
+    if (!slide_pair(motion(), rotor_torque_nm, now.engaged ? whole_ : loose_, now, {0, 0.0}, tick)) [[unlikely]]
+      solve_pair(motion(), rotor_torque_nm, loose_, now, {0, 0.0}, freely, tick);
     const double twist = twist_ + h * (tick.mean - tick.load_mean);
     const Coupling then = coupling_of(twist);
     const bool same = then.engaged == now.engaged && then.deflection_rad == now.deflection_rad;

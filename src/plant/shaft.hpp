@@ -141,12 +141,37 @@ class Shaft {
   ShaftTick solve_in_pieces(double rotor_torque_nm, const StopDistance& stops, bool freely) const;
   struct Step {
     double seconds;
-    double weight;  // of the speed at the end in the mean one
+    double weight;  // of the speed at the end in the mean one, at least; as their viscous friction asks for:
+    double rotor_weight;
+    double load_weight;
+    double rotor_rate;  // inertia / seconds
+    double load_rate;
+    double stretch = 1.0;        // by which the masses move against each other for longer
+    double relative_rate = 0.0;  // reduced inertia by that time, less by `seconds`
+    double longer = 0.0;         // stretch - 1 by the inertia of both
   };
-  // Both masses over a step with coupling and stop as given; picks the friction states. The return is by how much
-  // the friction condition is violated, 0: solved.
-  double solve_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
-                    const Stop& stop, bool freely, ShaftTick& tick) const;
+  // The equations of both masses over a step, without dry friction: their matrix and what drives them.
+  struct Pair {
+    double m11;
+    double m12;
+    double m21;
+    double m22;
+    double rotor_nm;
+    double load_nm;
+    double old_speed;  // the share of the old one in the mean
+    double old_load_speed;
+    double rotor_weight;
+    double load_weight;
+    void take(int rotor_way, int load_way, double end, double load_end, double slope, ShaftTick& tick) const;
+  };
+  Pair pair_of(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
+               const Stop& stop) const;
+  Step step_of(double seconds, double weight) const;
+  // Both masses over a step with coupling and stop as given; picks the friction states.
+  bool slide_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
+                  const Stop& stop, ShaftTick& tick) const;
+  void solve_pair(const Motion& from, double rotor_torque_nm, const Step& step, const Coupling& coupling,
+                  const Stop& stop, bool freely, ShaftTick& tick) const;
   Motion motion() const { return {speed_, load_speed_, twist_, direction_, load_direction_}; }
   Coupling coupling_of(double twist_rad) const;
   double stop_push_nm(double penetration_rad, double inward_rad_s) const {
@@ -187,6 +212,8 @@ class Shaft {
   double rotor_coulomb_;
   double brake_torque_ = 0.0;
   double coupling_weight_ = 0.5;
+  Step whole_{};  // a tick with the coupling, and one in its play
+  Step loose_{};
   double piece_s_ = 0.0;       // a tick with contacts is cut into such
   double piece_weight_ = 0.5;  // of the new speed in one
   Load load_;

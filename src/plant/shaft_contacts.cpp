@@ -190,12 +190,12 @@ ShaftTick Shaft::solve_in_pieces(double rotor_torque_nm, const StopDistance& sto
     double weight = piece_weight_;
     const auto solve_for = [&](double time) {
       weight = piece_weight_;
-      solve_pair(now, rotor_torque_nm, {time, weight}, coupling, stop, freely, piece);
+      solve_pair(now, rotor_torque_nm, step_of(time, weight), coupling, stop, freely, piece);
       const bool turns = (now.speed != 0.0 && piece.direction != now.direction) ||
                          (now.load_speed != 0.0 && piece.load_direction != now.load_direction);
       if (!turns) return;
       weight = 1.0;
-      solve_pair(now, rotor_torque_nm, {time, weight}, coupling, stop, freely, piece);
+      solve_pair(now, rotor_torque_nm, step_of(time, weight), coupling, stop, freely, piece);
     };
     solve_for(seconds);
     slid |= piece.direction != 0;

@@ -47,6 +47,8 @@ TEST_F(LimitedAxis, LimitsAreOffUnlessTheyAreARange) {
     objects.max_position_range_limit = high;
     EXPECT_EQ(axis.position_range(), active ? std::int64_t{high} - low + 1 : 0);
   }
+  EXPECT_FALSE(axis.software_limits_active()) << "all of a range: positions go round";
+  objects.max_position_range_limit = objects.min_position_range_limit;
   policy.software_limits_need_homing = true;
   EXPECT_FALSE(axis.software_limits_active());
   axis.homed = true;

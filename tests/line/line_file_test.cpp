@@ -29,10 +29,45 @@ TEST(LineFile, TheShippedLinesAreRight) {
   for (const char* name : {"default", "eight-axes", "ethercat"}) {
     const LineFile file = load_line_file(source_dir + "/lines/" + name + ".toml", all_products());
     for (const Diagnostic& diagnostic : file.diagnostics) ADD_FAILURE() << to_string(diagnostic);
+    for (const Diagnostic& warning : file.warnings) ADD_FAILURE() << to_string(warning);
   }
   const LineFile eight = load_line_file(source_dir + "/lines/eight-axes.toml", all_products());
   EXPECT_EQ(eight.settings.axes.size(), 8U);
   EXPECT_EQ(eight.settings.axes[7].bus, 1U);
+}
+
+// What the plant cannot show, or no machine has: the line runs, and the one who wrote it is told. Each at its limit.
+TEST(LineFile, WarnsOfWhatThePlantCannotShow) {
+  struct Case {
+    const char* group;
+    const char* without;
+    const char* with;
+    const char* about;
+  };
+  for (const Case& one : {
+           Case{"motor", "rated_torque_nm = 1.30", "rated_torque_nm = 1.32", "rated_torque_nm"},
+           Case{"motor", "pole_pairs = 50\ntorque_constant_nm_per_a = 0.47\nrated_speed_rpm = 3000",
+                "pole_pairs = 52\ntorque_constant_nm_per_a = 0.47\nrated_speed_rpm = 3000", "rated_speed_rpm"},
+           Case{"supply", "volts = 126", "volts = 115", "torque_constant_nm_per_a"},
+           Case{"load", "elastic = true\nstiffness_nm_per_rad = 3500", "elastic = true\nstiffness_nm_per_rad = 3700",
+                "stiffness_nm_per_rad"},
+           Case{"load", "stop_stiffness_nm_per_rad = 2.2e8", "stop_stiffness_nm_per_rad = 2.3e8",
+                "stop_stiffness_nm_per_rad"},
+       }) {
+    const auto warnings_of = [&](const char* lines) {
+      const std::string text = fmt::format(
+          "[[bus]]\nname = \"can0\"\n[[axis]]\nname = \"x\"\nproduct = \"generic402\"\nnode = 1\n"
+          "[axis.travel]\ncounts_per_unit = 131072\nhigh_stop = 10\n[axis.{}]\n{}\n",
+          one.group, lines);
+      const LineFile file = parse_line_file(text, "test.toml", all_products());
+      for (const Diagnostic& diagnostic : file.diagnostics) ADD_FAILURE() << to_string(diagnostic);
+      return file.warnings;
+    };
+    for (const Diagnostic& warning : warnings_of(one.without)) ADD_FAILURE() << to_string(warning);
+    const std::vector<Diagnostic> warnings = warnings_of(one.with);
+    ASSERT_EQ(warnings.size(), 1U) << one.with;
+    EXPECT_THAT(warnings[0].what, HasSubstr(one.about));
+  }
 }
 
 TEST(LineFile, TheBuiltInLineIsTheDefaultFile) {

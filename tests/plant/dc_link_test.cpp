@@ -74,7 +74,8 @@ TEST(DcLink, SagsByTheSourceResistance) {
   Rig rig(p);
   rig.plant.lock_rotor(true);
   for (int i = 0; i < 8000; ++i) rig.step_voltage(0.0, 16.5);  // 15 A: 371 W
-  const double power = 1.5 * 16.5 * 15.0;
+  // With the power stage: 5 W of the PWM, 0.1 ohm in each phase.
+  const double power = 1.5 * 16.5 * 15.0 + 5.0 + 1.5 * 15.0 * 15.0 * 0.1;
   const double current = (310.0 - std::sqrt(310.0 * 310.0 - 4.0 * 5.0 * power)) / 10.0;
   EXPECT_NEAR(rig.plant.dc_link_v(), 310.0 - 5.0 * current, 0.02);
 }
@@ -104,8 +105,8 @@ TEST(DcLink, RegenerationRaisesItAndTheChopperHoldsIt) {
     const Energy after = rig.plant.energy();
     const double given = (before.kinetic_j - after.kinetic_j) - (after.copper_j - before.copper_j) -
                          (after.magnetic_j - before.magnetic_j);
-    const double found = (after.link_stored_j - before.link_stored_j) + (after.chopped_j - before.chopped_j) -
-                         (after.supplied_j - before.supplied_j);
+    const double found = (after.link_stored_j - before.link_stored_j) + (after.chopped_j - before.chopped_j) +
+                         (after.stage_j - before.stage_j) - (after.supplied_j - before.supplied_j);
     EXPECT_GT(given, 30.0);
     EXPECT_NEAR(found, given, 1.0e-3 * given);
     if (with_chopper) {

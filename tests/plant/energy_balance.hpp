@@ -22,8 +22,8 @@ void expect_energy_balance(const Parameters& parameters, double least_j, const S
   const Energy end = rig.plant.energy();
   const double electric = end.to_motor_j - end.copper_j - end.shaft_j - (end.magnetic_j - start.magnetic_j);
   const double mechanic = end.shaft_j - friction - (end.kinetic_j - start.kinetic_j);
-  const double link =
-      end.supplied_j - end.chopped_j - end.standby_j - end.to_motor_j - (end.link_stored_j - start.link_stored_j);
+  const double link = end.supplied_j - end.chopped_j - end.standby_j - end.stage_j - end.to_motor_j -
+                      (end.link_stored_j - start.link_stored_j);
   EXPECT_GT(end.to_motor_j, least_j);
   EXPECT_NEAR(electric, 0.0, 1.0e-3 * end.to_motor_j);
   EXPECT_NEAR(mechanic, 0.0, 1.0e-4 * end.to_motor_j);

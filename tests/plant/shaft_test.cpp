@@ -227,14 +227,14 @@ TEST(Shaft, BrakeHoldsAndTakesItsTime) {
   EXPECT_TRUE(rig.plant.brake_engaged());
   EXPECT_EQ(rig.plant.position_counts(), 0);
   rig.actuation.brake_released = true;
-  rig.run(479);
+  rig.run(480);
   EXPECT_TRUE(rig.plant.brake_engaged());
   EXPECT_EQ(rig.plant.position_counts(), 0);
-  rig.run(2);
+  rig.run(1);
   EXPECT_FALSE(rig.plant.brake_engaged());
   EXPECT_LT(rig.plant.velocity_rpm(), 0.0);
   rig.actuation.brake_released = false;
-  rig.run(319);
+  rig.run(320);
   EXPECT_FALSE(rig.plant.brake_engaged());
   rig.run(1);
   EXPECT_TRUE(rig.plant.brake_engaged());

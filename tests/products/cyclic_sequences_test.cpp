@@ -153,21 +153,27 @@ TEST(CyclicPosition, BrakesByTheQuickStopsRampWhenALimitIsSetBehindIt) {
 }
 
 TEST(VelocityOffset, DoesNotPushTheAxisBeyondASoftwareLimit) {
-  Reference axis(8);
-  axis.limit_turns(-5.0, 0.5);
-  std::int32_t target = 0;
-  stream(axis, target, 131, 1000);
-  axis.set(0x60B1, 0, 2'000'000);
-  double furthest = 0.0;
-  for (int i = 0; i < 500; ++i) {
-    axis.run_ms(1);
-    furthest = std::max(furthest, axis.turns());
+  for (const int step : {60, 131}) {  // short of the limit, and at it
+    for (const std::int64_t offset : {2'000'000, 6'000'000}) {
+      SCOPED_TRACE(step);
+      SCOPED_TRACE(offset);
+      Reference axis(8);
+      axis.limit_turns(-5.0, 0.5);
+      std::int32_t target = 0;
+      stream(axis, target, step, 1000);
+      axis.set(0x60B1, 0, offset);
+      double furthest = 0.0;
+      for (int i = 0; i < 500; ++i) {
+        axis.run_ms(1);
+        furthest = std::max(furthest, axis.turns());
+      }
+      EXPECT_LT(furthest, 0.505);
+      EXPECT_TRUE(axis.bit(11));
+      axis.set(0x60B1, 0, -2'000'000);
+      axis.run_ms(500);
+      EXPECT_LT(axis.turns(), 0.45) << "the other way is free";
+    }
   }
-  EXPECT_LT(furthest, 0.502);
-  EXPECT_TRUE(axis.bit(11));
-  axis.set(0x60B1, 0, -2'000'000);
-  axis.run_ms(500);
-  EXPECT_LT(axis.turns(), 0.45) << "the other way is free";
 }
 
 TEST(VelocityOffset, IsLeftOutAfterASwitchUntilItHasAnotherValue) {

@@ -222,6 +222,78 @@ TEST(SoftwareLimitInARange, TargetsAreThoseOfTheNearerLimitFromBeyondAnEnd) {
   }
 }
 
+// 607Dh that leaves all of the range, or more, is no limit: positions go round.
+TEST(SoftwareLimitInARange, AsWideAsTheRangeForbidsNothing) {
+  for (const auto& [low, high] : {std::pair<std::int64_t, std::int64_t>{0, 131071}, {-1000, 200000}, {-1000, 131071}}) {
+    SCOPED_TRACE(high);
+    Reference axis(1);
+    axis.set(0x607B, 1, 0);
+    axis.set(0x607B, 2, 131071);
+    axis.set(0x607D, 1, low);
+    axis.set(0x607D, 2, high);
+    axis.set(0x60F2, 0, 0xC0);  // the shorter way round
+    for (const std::int64_t target : {120000, 10000, 120000, 60000}) {
+      test::absolute_move(axis, target, 0x1F);
+      axis.run_ms(3000);
+      EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), static_cast<double>(target), 3.0);
+      EXPECT_TRUE(axis.bit(10));
+      EXPECT_FALSE(axis.bit(11));
+    }
+  }
+}
+
+// Ramps with a shape need up to twice the way of a linear one of the same deceleration.
+TEST(SoftwareLimits, ShapedStopsEndBeforeThem) {
+  for (const std::int64_t shape : {0, 1, 2, 3}) {
+    for (const bool halts : {true, false}) {  // or another mode is entered
+      for (const double quick : {5.0, 10.0, 20.0}) {
+        SCOPED_TRACE(shape);
+        SCOPED_TRACE(quick);
+        Reference axis(3);
+        axis.set(0x6083, 0, 131072 * 100);
+        axis.set(0x6085, 0, std::lround(131072 * quick));
+        axis.set(0x60A4, 1, 3'000'000);
+        axis.limit_turns(-50.0, 3.0);
+        axis.set(0x6086, 0, shape);
+        axis.set(0x60FF, 0, 131072 * 5);
+        ASSERT_GE(axis.run_until([&] { return axis.turns() > 1.65; }, 3000), 0);
+        if (halts) axis.control(0x10F);
+        if (!halts) axis.set(0x6060, 0, 1);
+        double furthest = 0.0;
+        for (int i = 0; i < 3000; ++i) axis.run_ms(1), furthest = std::max(furthest, axis.turns());
+        EXPECT_LT(furthest, 3.03);
+      }
+    }
+  }
+}
+
+// A set-point whose way leads past a limit and back brakes before it, and goes on to its target.
+TEST(SoftwareLimits, ASetPointGoesOnAfterTheBrakeBeforeThem) {
+  for (const bool halted : {false, true}) {
+    SCOPED_TRACE(halted);
+    Reference axis(1);
+    axis.limit_turns(-2.0, 2.0);
+    axis.set(0x6081, 0, 131072 * 4);
+    axis.set(0x6085, 0, 131072 * 10);
+    test::absolute_move(axis, 200'000, 0x1F);
+    test::absolute_move(axis, 0, 0x21F);  // the first one is passed at its speed
+    double furthest = 0.0;
+    const auto run = [&](int milliseconds) {
+      for (int i = 0; i < milliseconds; ++i) axis.run_ms(1), furthest = std::max(furthest, axis.turns());
+    };
+    if (halted) {  // while it brakes
+      ASSERT_GE(axis.run_until([&] { return axis.bit(11) && axis.turns() > 1.5; }, 3000), 0);
+      axis.control(0x10F);
+      run(50);
+      axis.control(0x0F);
+    }
+    run(6000);
+    EXPECT_LT(furthest, 2.01);
+    EXPECT_TRUE(axis.bit(10));
+    EXPECT_NEAR(axis.turns(), 0.0, 0.001);
+  }
+}
+
 // A switch that opens again, and a halt that ends, are no command to go on.
 TEST(AfterALimitSwitch, AVelocityWaitsForAnotherTarget) {
   for (const std::int64_t mode : {3, 9}) {

@@ -48,7 +48,11 @@ void CyclicSyncPosition::add_velocity_offset(Axis& axis) {
   const double offset = axis.units.velocity_to_counts(axis.objects.velocity_offset);
   const bool at_switch = axis.active(offset < 0.0 ? Signal::negative_limit : Signal::positive_limit);
   const Axis::Room room = axis.room();
-  const bool pushes = at_switch || (offset < 0.0 ? room.below : room.above) <= 0.0;
+  const double way = offset < 0.0 ? room.below : room.above;
+  const double speed = std::max(0.0, std::copysign(1.0, offset) * axis.velocity());
+  const double quick = axis.quick_stop_ramp();
+  const double needed = quick > 0.0 ? speed * speed / (2.0 * quick) : 0.0;
+  const bool pushes = at_switch || way <= needed + speed * axis.cycle_s;
   if (pushes) held_offset_ = axis.objects.velocity_offset;
   if (axis.objects.velocity_offset == held_offset_) {
     axis.limited = true;

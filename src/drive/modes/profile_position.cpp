@@ -25,6 +25,7 @@ void ProfilePosition::enter(Axis& axis) {
   immediate_pending_ = false;
   running_ = false;
   passing_ = false;
+  braking_ = false;
   acknowledge_ = false;
   given_ = false;
   interrupted_ = !axis.generator.standing();  // the axis rests elsewhere than here
@@ -254,6 +255,7 @@ void ProfilePosition::track(Axis& axis) {
 
 void ProfilePosition::step(Axis& axis) {
   track(axis);
+  if (brakes_before_limit(axis)) return;
   keep_to_limits(axis);
   keep_to_speed(axis);
   if (immediate_pending_) {
@@ -286,6 +288,7 @@ void ProfilePosition::step(Axis& axis) {
 }
 
 void ProfilePosition::halt(Axis& axis) {
+  braking_ = false;
   if (axis.policy.halt_discards_set_points) {
     count_ = 0;
     immediate_pending_ = false;
@@ -315,7 +318,8 @@ void ProfilePosition::keep_to_limits(Axis& axis) {
 }
 
 // A set-point with an end velocity, or one whose way leads past the limit and back as it was given under way: the axis
-// brakes as late as it can by the steeper of the motion's ramp and the quick stop's.
+// brakes as late as it can by the steeper of the motion's ramp and the quick stop's. From rest it goes on to its
+// target, or to the next one where it only had to pass that; an end velocity ends here.
 void ProfilePosition::brake_before_limit(Axis& axis) {
   if (!running_ || axis.generator.standing() || !axis.software_limits_active()) return;
   const double own = axis.ramp(running_set_point_.deceleration, axis.objects.max_deceleration);
@@ -325,7 +329,28 @@ void ProfilePosition::brake_before_limit(Axis& axis) {
   if (!passes) return;
   axis.limited = true;
   axis.come_to_rest(RampShape::linear, steepest);
-  interrupt(axis, 0);
+  const bool goes_on = passing_ ? count_ > 0 : running_set_point_.end_velocity <= 0.0;
+  if (!goes_on) return interrupt(axis, 0);
+  braking_ = true;
+}
+
+// The rest of that: true while the axis brakes. A set-point that is to act at once does.
+bool ProfilePosition::brakes_before_limit(Axis& axis) {
+  if (!braking_) return false;
+  if (!immediate_pending_ && !axis.generator.standing()) {
+    axis.generator.step(axis.cycle_s);
+    target_reached_ = false;
+    axis.follow_generator(loop);
+    return true;
+  }
+  braking_ = false;
+  if (immediate_pending_) return false;
+  if (passing_ && count_ > 0) {
+    start(axis, pop(), false);
+  } else {
+    plan(axis, running_set_point_, target_, false);
+  }
+  return false;
 }
 
 // 607Fh or 6080h was changed under way: the motion goes on with the speed that is allowed now.
@@ -344,6 +369,7 @@ void ProfilePosition::interrupt(Axis&, int) {
   count_ = 0;
   immediate_pending_ = false;
   running_ = false;
+  braking_ = false;
   interrupted_ = true;
 }
 

@@ -47,6 +47,7 @@ class ProfilePosition {
   void track(Axis& axis);
   void keep_to_limits(Axis& axis);
   void brake_before_limit(Axis& axis);
+  bool brakes_before_limit(Axis& axis);
   void keep_to_speed(Axis& axis);
   Cause planning_fault(const Axis& axis, const SetPoint& set_point) const;
   bool resolve_target(Axis& axis, const SetPoint& set_point, Counts& target);
@@ -62,6 +63,7 @@ class ProfilePosition {
   bool immediate_pending_ = false;
   bool given_ = false;  // a set-point, since the mode was entered
   bool running_ = false;
+  bool braking_ = false;      // before a software limit, to go on from rest
   bool passing_ = false;      // the running motion ends at profile velocity because the next set-point asked for it
   bool acknowledge_ = false;  // from the accepted edge of bit 4 until bit 4 falls
   bool interrupted_ = false;

@@ -303,19 +303,25 @@ double Drive::quick_stop_deceleration() const {
   return mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_) : axis_.quick_stop_ramp();
 }
 
-// The slow-down ramp of a halt or of the end of operation may be too gentle for the way to a limit: the quick stop's
-// takes over where it is steeper. What 605Ah and 605Eh choose for a quick stop and a fault stays.
+// The slow-down ramp of a halt or of the end of operation may be too gentle for the way to a limit, or have a shape
+// that needs more of it: a linear one takes over, of the quick stop's deceleration where that is steeper. What 605Ah
+// and 605Eh choose for a quick stop and a fault stays.
 void Drive::keep_stop_within_limits() {
   const bool operating = state_ == PowerState::operation_enabled && !homes();
   if (!operating || stop_ != Stop::slow_down_ramp) return;
   const double quick = deceleration_of(Stop::quick_stop_ramp);
   const bool at_switch =
       policy_.limit_switches == LimitSwitches::stop && axis_.runs_into_limit_switch(axis_.generator.velocity());
-  if (!at_switch && !axis_.near_software_limit(quick)) return;
+  const double steepest = std::max(quick, stop_deceleration_);
+  const bool at_limit = axis_.has_to_brake_for_limit(steepest);
+  if (!at_switch && !at_limit) return;
   if (!policy_.limit_switches_show_as_limit) axis_.limited = true;
-  if (quick <= stop_deceleration_) return;
-  stop_ = Stop::quick_stop_ramp;
-  begin_ramp();
+  if (quick > stop_deceleration_) {
+    stop_ = Stop::quick_stop_ramp;
+    begin_ramp();
+  } else if (at_limit) {
+    axis_.generator.run_at(0.0, {axis_.max_velocity(false), steepest, steepest, 1.0}, RampShape::linear);
+  }
 }
 
 bool Drive::stop_finished() const {

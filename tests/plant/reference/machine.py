@@ -13,6 +13,7 @@ from diode_bridge import DiodeBridge
 from friction import Mass
 from state import ANGLE, CASE, LINK, LOAD_ANGLE, LOAD_SPEED, SPEED, STAGE, STATES, WINDING, Event
 
+EMPTY_V = 10.0  # of the link: below, nothing in the drive switches
 PRECHARGED = 0.97  # of the supply's voltage: then the relay bridges the precharge resistor
 
 
@@ -167,11 +168,11 @@ class Machine:
         leaks = 1.0 / p["supply.bleeder_resistance_ohm"]
         if self.chopper:
             leaks += 1.0 / p["supply.chopper_resistance_ohm"]
-        drawn_a = link_v * leaks + ((power + standby_w) / link_v if link_v > 0.0 else 0.0)
-
         square_a2 = self.half_phases * (direct * direct + quadrature * quadrature)
         copper_w = square_a2 * resistance
         stage_w = square_a2 * p["thermal.stage_resistance_ohm"] + (p["thermal.stage_standby_w"] if self.pwm else 0.0)
+        lost_w = stage_w if link_v > EMPTY_V else 0.0
+        drawn_a = link_v * leaks + ((power + lost_w + standby_w) / link_v if link_v > 0.0 else 0.0)
         to_case_w = (winding_c - case_c) / p["thermal.winding_to_case_k_per_w"]
         from_case_w = (case_c - p["thermal.ambient_c"]) / p["thermal.case_to_ambient_k_per_w"]
         from_stage_w = (stage_c - p["thermal.ambient_c"]) / p["thermal.stage_to_ambient_k_per_w"]
@@ -193,6 +194,7 @@ class Machine:
             source_a * link_v,
             link_v * link_v * leaks,
             standby_w,
+            lost_w,
         ]
 
     # --- Where a mode ends.

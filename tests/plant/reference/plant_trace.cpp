@@ -122,10 +122,10 @@ void read_parameters(std::istream& in, Parameters& parameters, Run& run) {
 
 constexpr std::string_view columns =
     "position_counts velocity_rpm load_position_counts load_velocity_rpm direct_a quadrature_a torque_nm dc_link_v "
-    "supplied_j chopped_j standby_j to_motor_j copper_j shaft_j link_stored_j magnetic_j kinetic_j elastic_j "
+    "supplied_j chopped_j standby_j stage_j to_motor_j copper_j shaft_j link_stored_j magnetic_j kinetic_j elastic_j "
     "winding_c case_c stage_c";
 
-std::array<double, 21> row_of(const Plant& plant) {
+std::array<double, 22> row_of(const Plant& plant) {
   const Energy energy = plant.energy();
   return {static_cast<double>(plant.position_counts()) + plant.position_fraction(),
           plant.velocity_rpm(),
@@ -138,6 +138,7 @@ std::array<double, 21> row_of(const Plant& plant) {
           energy.supplied_j,
           energy.chopped_j,
           energy.standby_j,
+          energy.stage_j,
           energy.to_motor_j,
           energy.copper_j,
           energy.shaft_j,

@@ -14,6 +14,15 @@ def spin_down():
     return [Run(changes, [Hold(1, external_nm=-100.0 * inertia * 16000), Hold(2400)])]
 
 
+def stiff_viscous(elastic):
+    """A bearing that stops the rotor alone within a tick or two: the stator's field pulls it through as through honey."""
+    changes = {"motor.viscous_friction_nms": 2.0, "load.inertia_kgm2": 1.0e-4}
+    if elastic:
+        changes |= TWO_MASSES
+    angles = (1.57, 2.6, 2.0, 3.1)
+    return [Run(changes, [Hold(250, vector(OHM * 6.0, angle), pwm=True) for angle in angles])]
+
+
 def coulomb_stop():
     changes = {"load.inertia_kgm2": 0.28e-4, "load.coulomb_friction_nm": 0.1, "load.static_friction_nm": 0.15}
     return [Run(changes, [Hold(1, external_nm=-torque), Hold(1600)]) for torque in (40.0, 41.0, 100.0)]

@@ -7,8 +7,8 @@ TICK_S = 1.0 / TICKS_PER_SECOND
 
 # With a rigid load its speed and angle are the rotor's. After the temperatures come books: sums since the start.
 DIRECT, QUADRATURE, SPEED, ANGLE, LOAD_SPEED, LOAD_ANGLE, LINK, WINDING, CASE, STAGE = range(10)
-IMPULSE, TO_MOTOR, COPPER, WORK, SUPPLIED, CHOPPED, STANDBY = range(10, 17)
-STATES = 17
+IMPULSE, TO_MOTOR, COPPER, WORK, SUPPLIED, CHOPPED, STANDBY, STAGE_LOSS = range(10, 18)
+STATES = 18
 
 # What a step may be wrong by. Of an angle a share of its size would be too much: stops are stiff.
 TOLERANCES = numpy.full(STATES, 1.0e-9)

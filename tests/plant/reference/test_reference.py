@@ -46,7 +46,7 @@ def test_plant(number, request):
 def expect_closed_books(trace):
     """What went into the motor is found as heat, work and in the windings, and what came into the link likewise."""
     into_motor = trace["copper_j"] + trace["shaft_j"] + trace["magnetic_j"] - trace["magnetic_j"][0]
-    out_of_link = trace["chopped_j"] + trace["standby_j"] + trace["to_motor_j"]
+    out_of_link = trace["chopped_j"] + trace["standby_j"] + trace["stage_j"] + trace["to_motor_j"]
     stored = trace["link_stored_j"] - trace["link_stored_j"][0]
     turnover = 1.0 + max(trace["copper_j"].max(), abs(trace["shaft_j"]).max(), trace["supplied_j"].max())
     assert abs(trace["to_motor_j"] - into_motor).max() < 1.0e-6 * turnover
