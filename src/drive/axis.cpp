@@ -89,7 +89,8 @@ bool Axis::too_fast_for_software_limit(double deceleration) const {
   if (deceleration <= 0.0 || !software_limits_active()) return false;
   const MotionState next = generator.after(cycle_s);
   constexpr double least = 1.0;  // counts: the way that is planned ends at a limit, to rounding
-  const double way = std::max(0.0, next.velocity * next.velocity / (2.0 * deceleration) - least);
+  constexpr double most = 1e15;  // beyond every limit
+  const double way = std::clamp(next.velocity * next.velocity / (2.0 * deceleration) - least, 0.0, most);
   const Counts end = generator.nearest_position() + round_to_integer(next.position + std::copysign(way, next.velocity));
   return static_cast<double>(nearest_within_software_limits(end) - end) * next.velocity < 0.0;
 }
