@@ -211,6 +211,11 @@ Result fit(const Signals& signals, const Motor& motor) {
       }
       report.put(parameter, unknown, why_not, remedy);
     };
+    if (found.inertia && found.inertia->value + found.inertia->half_width <= 0.0) {
+      report.miss(mechanical_parameters, "the torque does not rise where the axis speeds up",
+                  "its sign may be the wrong one: --signal torque=COLUMN@-1Nm turns it round");
+      return result;
+    }
     const char* together = "this motion does not show it apart from the others";
     put(inertia, found.inertia, "the speed hardly changes", "record while the axis speeds up and slows down");
     put(coulomb_friction, found.coulomb_friction, together, "record motion both ways, at two speeds or more");

@@ -122,6 +122,22 @@ TEST(FitModel, TorqueAndVelocityShowTheMechanicsAlone) {
   EXPECT_THAT(fit(signals, motor).of(inertia).why_not, HasSubstr("the torque, the quadrature current (iq)"));
 }
 
+TEST(FitModel, ATorqueWithTheWrongSignMakesNoInertia) {
+  const SyntheticAxis axis;
+  Motor motor;
+  motor.torque_constant_nm_per_a = -axis.torque_constant();
+  for (const bool constant : {false, true}) {
+    Signals signals = axis.signals();
+    forget(signals, {Role::quadrature_voltage, Role::direct_voltage});
+    if (constant)
+      signals.values[static_cast<std::size_t>(Role::quadrature_current)].assign(signals.seconds.size(), 0.0);
+    const Result result = fit(signals, motor);
+    EXPECT_FALSE(result.of(inertia).value);
+    EXPECT_FALSE(result.of(coulomb_friction).value);
+    EXPECT_THAT(result.of(inertia).why_not, HasSubstr("does not rise"));
+  }
+}
+
 TEST(FitModel, OneDirectionDoesNotTellFrictionFromWeight) {
   const SyntheticAxis axis{.offset_rad_s = 300.0};
   const Result result = fit(axis.signals(), axis.motor());
