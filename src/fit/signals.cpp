@@ -90,7 +90,7 @@ struct Found {
   std::string unit;
 };
 
-// In SI units by this factor; 0: what it takes is not known, `why` says what is missing.
+// The factor to SI units. 0: the conversion needs a value that is not given; `why` names it.
 double factor_of(Role role, std::string_view text, const Motor& motor, std::string& why) {
   double number = 1.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);

@@ -23,7 +23,7 @@ struct Table {
 };
 
 // CSV of `servodrome scope -o FILE.csv` and of the bench API (`GET .../data.csv`), MCAP of both, and the document of
-// `servodrome scope --json`, told apart by how they begin. Throws Error for what is none of them, and for one that is
+// `servodrome scope --json`, recognised by the first bytes. Throws Error for what is none of them, and for one that is
 // damaged, with the line of a CSV file or the byte of an MCAP file.
 Table read_table(std::string_view bytes, const std::string& source);
 

@@ -15,7 +15,7 @@ namespace servodrome::line {
 struct LineFile {
   LineSettings settings;                // valid if there are no diagnostics
   std::vector<Diagnostic> diagnostics;  // in the order of the file
-  std::vector<Diagnostic> warnings;     // what the line runs with, but not as one may expect; likewise
+  std::vector<Diagnostic> warnings;     // doubtful values that the line accepts, in the order of the file
 };
 
 // Reads and checks the text of a line file. `file` is its name for messages; relative paths in it start at its folder.

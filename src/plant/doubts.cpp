@@ -15,8 +15,8 @@ constexpr double h = drive::tick_seconds;
 constexpr double rad_s_per_rpm = std::numbers::pi / 30.0;
 constexpr double nameplate_share = 1.03;        // what data sheets round
 constexpr double fastest_stop_rad_s = 2.0e6;    // see decision 19
-constexpr double fastest_vibration_rad = 1.0;   // in a tick; what is faster is damped away
-constexpr double largest_electrical_rad = 1.0;  // likewise; a current loop needs much less
+constexpr double fastest_vibration_rad = 1.0;   // angle per tick; a faster vibration is damped
+constexpr double largest_electrical_rad = 1.0;  // angle per tick; a current loop needs less
 
 template <typename... Values>
 std::string text(const char* format, Values... values) {

@@ -7,8 +7,8 @@
 
 namespace servodrome::plant {
 
-// What a plant of accepted parameters cannot show, and figures that no machine has together. Messages as those of
-// validate(), with which it runs all the same.
+// Warnings for parameters that validate() accepts: effects that the tick is too long to show, and values that do not
+// occur together in a real machine. The messages have the form of those of validate().
 std::vector<std::string> doubts(const Parameters& parameters);
 
 }  // namespace servodrome::plant

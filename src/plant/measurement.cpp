@@ -58,7 +58,7 @@ void Measurement::measure(const ShaftPlace& place, bool frozen, drive::Feedback&
 }
 
 void Measurement::measure_currents(const std::array<float, 4>& noise, drive::Feedback& feedback) const {
-  constexpr float no_fraction = 0x1.8p23F;  // what is added to it is rounded to an integer
+  constexpr float no_fraction = 0x1.8p23F;  // adding and subtracting it rounds to an integer
   for (std::size_t phase = 0; phase < 3; ++phase) {
     const CurrentSensor& sensor = currents_[phase];
     float current = feedback.phase_current_a[phase] * sensor.gain + sensor.offset_a + current_noise_a_ * noise[phase];

@@ -183,9 +183,9 @@ class Windings {
   double per_volt_;  // h / L
   double resistance_ = 0.0;
   double decay_ = 0.0;    // R h / L
-  Series kept_;           // of a round rotor, in the mean current: what is left of the current at the start,
-  Series pushed_;         // what the voltage makes,
-  Series opposed_;        // and the back-EMF; both in what their volts make in h / L
+  Series kept_;           // shares of the mean current (round rotor): from the current at the start,
+  Series pushed_;         // from the voltage,
+  Series opposed_;        // and from the back-EMF; both times volts * h / L
   Series seen_;           // the voltage itself
   double emf_per_speed_;  // as `opposed_` takes it
   double per_speed_nm_;   // torque of the current that this would make in h / L

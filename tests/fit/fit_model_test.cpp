@@ -1,4 +1,4 @@
-// What the fit finds of an axis that follows the equations, and what it says of recordings that do not show it.
+// The fit finds the parameters of a synthetic axis, and names what a recording does not show.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -174,9 +174,8 @@ inline Table table_of(const Kept& kept) {
   return table;
 }
 
-// Of a stage that is slower: what was recorded is set so many ticks before it acts. A drive that knows of the delay
-// turns its voltages on by what the rotor turns meanwhile; of one that does not, they are seen in the frame of that
-// tick.
+// Simulates a slower stage: the recorded voltages are set `ticks` before they act. `turned_on`: the drive knows the
+// delay and rotates its voltages by the angle that the rotor turns meanwhile.
 inline void advance_voltages(Kept& kept, std::size_t ticks, const Truth& truth, bool turned_on) {
   std::vector<double>& vd = kept.of("direct_voltage_v");
   std::vector<double>& vq = kept.of("quadrature_voltage_v");

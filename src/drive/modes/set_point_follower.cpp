@@ -55,7 +55,7 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
     if (distance < -(range / 2)) distance += range;
     // Round the other way lies what 607Dh forbids.
     user = axis.limits_bound_range() ? axis.turn_of(last) + user : now + distance;
-  } else if (limits) {  // likewise
+  } else if (limits) {  // the limits forbid the way round the 32 bits
     user += axis.turn_of_demand();
   } else {
     const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
