@@ -1,5 +1,5 @@
-// A routine of the JMC manual as the controller carries it out (L4608-5652): PDOs, start-up list, scaling, homing by
-// the drive or by the controller, and a program of function blocks, from the routine's data.
+// A routine of the JMC manual as the controller carries it out (chapter 'Routine'): PDOs, start-up list, scaling,
+// homing by the drive or by the controller, and a program of function blocks, from the routine's data.
 //
 //   04_controller_routine ROUTINE.toml [LINK]           the first slave; tests/interop/ethercat/routines
 #include <cmath>

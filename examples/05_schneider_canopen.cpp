@@ -1,6 +1,6 @@
-// The Schneider case of the ISMC manual (L2837-3037): a TM241 with a CANopen master and SoMachine, here this program.
-// The drive is node 1 at 1 Mbit/s; process data as SoMachine's expert mode maps them (L2928-2956); profile position,
-// 100000 counts relative at 1000000 counts/s, ten times (L3034).
+// The Schneider case of the ISMC manual (ch. 6): a TM241 with a CANopen master and SoMachine, here this program.
+// The drive is node 1 at 1 Mbit/s; process data as SoMachine's expert mode maps them (ch. 6); profile position,
+// 100000 counts relative at 1000000 counts/s, ten times (ch. 6, 'Program modification and debugging').
 //
 //   05_schneider_canopen [LINK]                         node 1, as on the line that ./run starts
 #include "connection.hpp"
@@ -37,7 +37,7 @@ int main(int argc, char** argv) {
       if (frame.id == 0x180u + node) statusword = static_cast<std::uint16_t>(frame.data[0] | frame.data[1] << 8);
     });
     const auto send = [&](std::uint8_t controlword) {
-      // 100000 is 000186A0h, mode 1 (L2928-2940).
+      // 100000 is 000186A0h, mode 1 (ch. 6, Table 5-2).
       master.send_pdo(0x200u + node, std::array<std::uint8_t, 7>{controlword, 0, 1, 0xA0, 0x86, 0x01, 0x00});
     };
     const auto wait_for = [&](const char* what, std::uint16_t mask, std::uint16_t value) {

@@ -1,5 +1,5 @@
-// Chapter 9 of the ProNet CANopen manual: a parameter by SDO (L2056-2074), profile position by PDO (L2076-2156),
-// interpolated position in step with SYNC (L2158-2264), homing (L2266-2294).
+// Chapter 9 of the ProNet CANopen manual: a parameter by SDO (ch. 9.1), profile position by PDO (ch. 9.2 and 9.3),
+// interpolated position in step with SYNC (ch. 9.4), homing (ch. 9.5).
 //
 //   06_pronet_chapter_9 [LINK]                          node 3, as on the line that ./run starts
 #include "connection.hpp"
@@ -80,7 +80,7 @@ void profile_position(host::Master& master, host::SdoClient& drive) {
 // sends 16 and leaves the path to the reader; here it is a jerk-limited trajectory over a revolution.
 void interpolated_position(host::Bus& bus) {
   host::CanDrive drive = host::interpolated_position_drive(node);
-  drive.values.push_back({{0x2105, 0}, 10'000, 4});  // us (L2012)
+  drive.values.push_back({{0x2105, 0}, 10'000, 4});  // us (ch. 7.5.4)
   host::CanCyclicBus cyclic(bus, {drive}, {.period = 10ms});
   const host::MotionAxisOptions options[] = {{.position_mode = host::OperationMode::interpolated_position}};
   host::MotionGroup axes(cyclic, options);

@@ -1,4 +1,4 @@
-// The iSMK manual's examples (L2812-2904, and the same over Modbus L2392-2429 and RS232 L2593-2619): homing by method
+// The iSMK manual's examples (ch. 9.3.2, and the same over Modbus, Table 8-1, and RS232, Table 8-3): homing by method
 // 33, position mode absolute and relative, speed mode. What is written is the manual's, number by number.
 //
 //   07_ismk [LINK]                                      node 4, as on the line that ./run starts
@@ -18,7 +18,7 @@ struct Write {
   std::uint8_t bytes;
 };
 
-// Speeds in DEC = rpm * 512 * 65536 / 1875, accelerations in DEC = rps/s * 65536 * 65536 / 4000000 (L3458-3467).
+// Speeds in DEC = rpm * 512 * 65536 / 1875, accelerations in DEC = rps/s * 65536 * 65536 / 4000000 (appendix II).
 constexpr std::int32_t rpm_200 = 0x00369D03;
 constexpr std::int32_t rpm_100 = 0x001B4E82;
 constexpr std::int32_t rps2_100 = 0x0001A36E;

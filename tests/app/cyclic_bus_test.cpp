@@ -277,7 +277,7 @@ TEST_F(CanMotion, InterpolatedPositionOfADriveWithoutSynchronousModes) {
   const auto before = pdos_of(3);
   {
     CanDrive drive = interpolated_position_drive(3);
-    drive.values.push_back({{0x2105, 0}, 2000, 4});  // the same period again, in us (ProNet manual L2012)
+    drive.values.push_back({{0x2105, 0}, 2000, 4});  // the same period again, in us (ProNet manual, ch. 7.5.4)
     CanCyclicBus cyclic(bus, {drive}, {.period = 2ms});
     const std::array options{MotionAxisOptions{.position_mode = OperationMode::interpolated_position}};
     MotionGroup group(cyclic, options);

@@ -145,7 +145,7 @@ class Odd final : public ObjectClient {
   bool refuses_;
 };
 
-// A cyclic master streams it, or an input chooses it (iSMK manual L1214): what is written does not stay.
+// A cyclic master streams it, or an input chooses it (iSMK manual, ch. 5.2.1.1): what is written does not stay.
 TEST(EnablingIsRefused, WhereATargetCannotBeTakenBack) {
   AxisRig rig{{"generic402"}};
   Odd objects(rig.objects(), 0x60FF, false);

@@ -66,7 +66,7 @@ TEST(Emergency, CobId) {
   EXPECT_EQ(device->write(0x1014, 0, 0x80000081, 4), AbortCode::none);
   device->node.raise(0x1000, 0x20, {});
   EXPECT_EQ(device->sent(), Frames{});
-  EXPECT_EQ(device->node.error_register(), 0x21) << "updated all the same (ISMC manual L757)";
+  EXPECT_EQ(device->node.error_register(), 0x21) << "updated all the same (ISMC manual, ch. 2.8)";
   EXPECT_EQ(device->objects.communication.predefined_error_count, 1);
   EXPECT_EQ(device->write(0x1014, 0, 0x0FF, 4), AbortCode::none);
   device->node.clear();

@@ -33,7 +33,7 @@ TEST(Heartbeat, BeginsAndEndsWithTheObject) {
 // ---- node guarding ----
 
 TEST(NodeGuarding, TogglesFromZero) {
-  // ISMC manual L486-508
+  // ISMC manual, ch. 2.4.2
   auto device = make_device();
   device->start();
   EXPECT_EQ(device->send("701 RTR 1"), (Frames{"701 # 7F"}));
@@ -259,7 +259,7 @@ TEST(ErrorBehaviour, Object1029) {
 }
 
 TEST(ErrorBehaviour, TheDeviceMayDecideOtherwise) {
-  // Kinco manual L3215: 6007h = 0 ignores the loss, 1 raises EMCY 8100h.
+  // Kinco manual, Table 9-26: 6007h = 0 ignores the loss, 1 raises EMCY 8100h.
   for (const std::uint16_t code : {std::uint16_t{0}, std::uint16_t{0x8100}}) {
     LossReaction reaction{code, ErrorBehaviour::no_change};
     auto device = make_device();

@@ -55,7 +55,7 @@ TEST(Nmt, CommandsAreForThisNodeOrAll) {
   EXPECT_EQ(device->node.nmt_state(), NmtState::operational);
 }
 
-// CiA 301 table 37; the matrix of ISMC manual L437-472.
+// CiA 301 table 37; the matrix of ISMC manual, ch. 2.4.1.
 TEST(Nmt, ServicesOfEachState) {
   struct State {
     const char* command;
@@ -109,7 +109,7 @@ TEST(Nmt, ResetsNameTheAreasToRestore) {
 }
 
 TEST(Nmt, ProductsChooseWhatAResetRestores) {
-  // ISMC manual L454; ESTUN manual L2104 keeps the PDO configuration over reset communication.
+  // ISMC manual, ch. 2.4.1; ESTUN manual, ch. 9.2 keeps the PDO configuration over reset communication.
   using dictionary::Area;
   auto device = make_device<>(
       {.reset_node_restores = Area::manufacturer | Area::profile, .reset_communication_restores = Area{}});

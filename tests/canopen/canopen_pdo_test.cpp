@@ -65,7 +65,7 @@ TEST(PdoMapping, CobIdRules) {
     EXPECT_EQ(device->write(0x1800, 1, restricted, 4), AbortCode::value_invalid) << restricted;
   }
   EXPECT_EQ(device->write(0x1800, 1, 0x000001FF, 4), AbortCode::none);
-  // ESTUN manual L2356-2368 (W24): disable, then set.
+  // ESTUN manual, ch. 10.2: disable, then set.
   EXPECT_EQ(device->write(0x1400, 1, 0x80000201, 4), AbortCode::none);
   EXPECT_EQ(device->write(0x1400, 1, 0x00000201, 4), AbortCode::none);
 }
@@ -74,7 +74,7 @@ TEST(PdoMapping, ProductsThatRemapValidPdos) {
   auto device = make_device<>({.valid_pdo_may_be_remapped = true, .valid_pdo_parameters_may_change = true});
   device->start();
   device->objects.statusword = 0x1234;
-  // ESTUN manual L343-376 (W9), TPDO1 valid throughout.
+  // ESTUN manual, ch. 3.3, 'PDO mapping case', TPDO1 valid throughout.
   const char* const dialogue[] = {"601 # 2F 00 1A 00 00 00 00 00", "601 # 23 00 1A 01 10 00 41 60",
                                   "601 # 23 00 1A 02 08 00 61 60", "601 # 23 00 1A 03 20 00 64 60",
                                   "601 # 2F 00 1A 00 03 00 00 00", "601 # 2F 00 18 02 FF 00 00 00",
@@ -91,7 +91,7 @@ TEST(PdoMapping, ProductsThatRemapValidPdos) {
 }
 
 TEST(PdoMapping, LengthBeyondTheObjectPadsWithZeros) {
-  // ESTUN manual L499: 6061h mapped with 16 bits.
+  // ESTUN manual, ch. 3.3, T-PDO2: 6061h mapped with 16 bits.
   auto device = make_device<>({.mapped_length_may_exceed_object = true});
   device->start();
   device->map(0x1800, {0x60640020, 0x60610010});
@@ -126,7 +126,7 @@ TEST(PdoMapping, SingleBits) {
 
 // ---- RPDO ----
 
-// ISMC manual L2928-2940 with the frames of L1476-1490.
+// ISMC manual, ch. 6, Table 5-2 with the frames of ch. 4.3.6, 'Single point non immediate effective mode'.
 TEST(Rpdo, ExampleMapping) {
   auto device = make_device();
   device->start();
@@ -241,7 +241,7 @@ TEST(Pdo, ObjectsBeyondTheNodesMemoryAreRefused) {
 }
 
 TEST(Rpdo, DummiesSkipOtherNodesData) {
-  // ESTUN manual L2338-2356 (W25): one frame serves two nodes.
+  // ESTUN manual, ch. 10.2: one frame serves two nodes.
   auto device = make_device();
   device->start();
   device->map(0x1400, {0x00070020, 0x607A0020});
@@ -387,7 +387,7 @@ TEST(Tpdo, SentOnChangeWithInhibitTime) {
 }
 
 TEST(Tpdo, InhibitTimeInMilliseconds) {
-  // Kinco manual L3034, L3042
+  // Kinco manual, Table 9-14, ch. 9.3.3.3
   auto device = make_device<>({.valid_pdo_parameters_may_change = true, .inhibit_time_unit = 1ms});
   device->start();
   device->map(0x1800, {0x60410010});
@@ -429,7 +429,7 @@ TEST(Tpdo, TimerOnlyTypesIgnoreChanges) {
 }
 
 TEST(Tpdo, ChangeMask) {
-  // ESTUN manual L531-559: a masked bit is no change.
+  // ESTUN manual, ch. 3.3: a masked bit is no change.
   auto device = make_device();
   device->start();
   device->map(0x1800, {0x60410010, 0x60640020}, 254);
@@ -471,7 +471,7 @@ TEST(Tpdo, BecomesValidWhileOperational) {
   device->start_operational();
   ASSERT_NO_FATAL_FAILURE(device->map(0x1800, {0x60410010}));
   EXPECT_EQ(device->others, (Frames{"181 # 00 00"}));
-  // ISMC manual L689: off with bit 31, on without.
+  // ISMC manual, ch. 2.6.2, 'PDO CAN identifier': off with bit 31, on without.
   EXPECT_EQ(device->write(0x1800, 1, 0x80000181, 4), AbortCode::none);
   device->objects.statusword = 1;
   EXPECT_EQ(device->image_updated(), Frames{});

@@ -16,7 +16,7 @@ void run(TestDevice<>& device, const std::vector<Exchange>& dialogue) {
   }
 }
 
-// ISMC manual L565-655 and ESTUN manual L243-265 as generic cases.
+// ISMC manual, ch. 2.5.2 and ESTUN manual, ch. 3.2 as generic cases.
 TEST(SdoServer, ExpeditedFramesOfTheManuals) {
   auto device = make_device<>({}, 2);
   device->start(2);
@@ -55,7 +55,7 @@ TEST(SdoServer, ExpeditedFramesOfTheManuals) {
 TEST(SdoServer, LengthAbortsAreTheDictionarys) {
   auto device = make_device<>({}, 2, {AbortCode::length_mismatch, AbortCode::length_mismatch});
   device->start(2);
-  // ISMC manual L577-582
+  // ISMC manual, Table 2-16
   EXPECT_EQ(device->send("602 # 2B FF 60 00 E8 03 00 00"), (Frames{"582 # 80 FF 60 00 10 00 07 06"}));
   EXPECT_EQ(device->send("602 # 21 FF 60 00 05 00 00 00"), (Frames{"582 # 80 FF 60 00 10 00 07 06"}));
 }

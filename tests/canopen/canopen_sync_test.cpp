@@ -129,7 +129,7 @@ TEST(Sync, ProductRules) {
   device->start();
   EXPECT_EQ(device->write(0x1005, 0, 0x81, 4), AbortCode::value_invalid);
   EXPECT_EQ(device->write(0x1005, 0, produce | 0x80, 4), AbortCode::value_invalid);
-  // ESTUN manual L617-627
+  // ESTUN manual, ch. 3.4, 1005h
   EXPECT_EQ(device->write(0x1005, 0, 0x80000080, 4), AbortCode::none);
   EXPECT_EQ(device->write(0x1005, 0, 0x80, 4), AbortCode::none);
   EXPECT_EQ(device->write(0x1005, 0, 0x20000080, 4), AbortCode::value_invalid);

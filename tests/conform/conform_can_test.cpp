@@ -78,7 +78,7 @@ TEST_P(Makers, DepartWhereTheirManualsSay) {
   expect_departures_only(report);
 }
 
-// The encoder of the ProNet manual's examples (L764): a revolution is what the drive has.
+// The encoder of the ProNet manual's examples (ch. 4): a revolution is what the drive has.
 TEST(ConformCan, RevolutionsAreThoseOfTheEncoderThatIsFitted) {
   CanRig rig("pronet", "[axis.encoder]\ncounts_per_revolution = 10000\n");
   expect_departures_only(rig.run());

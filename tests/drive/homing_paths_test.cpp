@@ -72,81 +72,61 @@ void expect_paths(std::span<const Method> methods, std::span<const Paths> rows, 
   }
 }
 
+// The ISMC manual, ch. 4.7.6.
 TEST(HomingPaths, Ismc) {
   const Paths rows[] = {
-      {-4, "Phns", "", ""},          // L2585-2588
-      {-3, "Nhps", "", ""},          // L2579-2582
-      {-2, "Phs", "", ""},           // L2570-2575, no retraction
-      {-1, "Nhs", "", ""},           // L2563-2568
-      {1, "Nsps", "", ""},           // L2171-2179
-      {2, "Psns", "", ""},           // L2181-2188
-      {3, "Psns", "ns", ""},         // L2192-2200
-      {4, "psr", "Nspsr", ""},       // L2202-2210
-      {5, "Nspsr", "psr", ""},       // L2212-2220
-      {6, "ns", "Psns", ""},         // L2222-2230
-      {7, "Psns", "ns", "PsNns"},    // L2232-2245
-      {8, "ps", "Nsps", "psNsps"},   // L2247-2262
-      {9, "Psns", "Psns", "Psns"},   // L2264-2278
-      {10, "Pps", "ps", "PsNsps"},   // L2280-2295
-      {11, "Nsps", "ps", "NsPps"},   // L2297-2310
-      {12, "ns", "Psns", "nsPsns"},  // L2312-2325
-      {13, "Nsps", "Nsps", "Nsps"},  // L2327-2339
-      {14, "Nns", "ns", "NsPsns"},   // L2341-2354
-      {17, "Nsps", "", ""},          // L2359-2366
-      {18, "Psns", "", ""},          // L2368-2375
-      {19, "Psns", "ns", ""},        // L2377-2385
-      {20, "ps", "Nsps", ""},        // L2387-2395
-      {21, "Nsps", "ps", ""},        // L2397-2405
-      {22, "ns", "Psns", ""},        // L2407-2415
-      {23, "Psns", "ns", "PsNns"},   // L2417-2431
-      {24, "ps", "Nsps", "psNsps"},  // L2433-2451
-      {25, "Psns", "Psns", "Psns"},  // L2453-2463
-      {26, "Pps", "ps", "PsNsps"},   // L2465-2478
-      {27, "Nsps", "ps", "NsPps"},   // L2480-2496
-      {28, "ns", "Psns", "nsPsns"},  // L2498-2511
-      {29, "Nsps", "Nsps", "Nsps"},  // L2513-2523
-      {30, "Nns", "ns", "NsPsns"},   // L2525-2542
-      {33, "ns", "", ""},            // L2544-2551
-      {34, "ps", "", ""},            // L2553-2557
+      {-4, "Phns", "", ""},         {-3, "Nhps", "", ""},         {-2, "Phs", "", ""},  // no retraction
+      {-1, "Nhs", "", ""},          {1, "Nsps", "", ""},          {2, "Psns", "", ""},
+      {3, "Psns", "ns", ""},        {4, "psr", "Nspsr", ""},      {5, "Nspsr", "psr", ""},
+      {6, "ns", "Psns", ""},        {7, "Psns", "ns", "PsNns"},   {8, "ps", "Nsps", "psNsps"},
+      {9, "Psns", "Psns", "Psns"},  {10, "Pps", "ps", "PsNsps"},  {11, "Nsps", "ps", "NsPps"},
+      {12, "ns", "Psns", "nsPsns"}, {13, "Nsps", "Nsps", "Nsps"}, {14, "Nns", "ns", "NsPsns"},
+      {17, "Nsps", "", ""},         {18, "Psns", "", ""},         {19, "Psns", "ns", ""},
+      {20, "ps", "Nsps", ""},       {21, "Nsps", "ps", ""},       {22, "ns", "Psns", ""},
+      {23, "Psns", "ns", "PsNns"},  {24, "ps", "Nsps", "psNsps"}, {25, "Psns", "Psns", "Psns"},
+      {26, "Pps", "ps", "PsNsps"},  {27, "Nsps", "ps", "NsPps"},  {28, "ns", "Psns", "nsPsns"},
+      {29, "Nsps", "Nsps", "Nsps"}, {30, "Nns", "ns", "NsPsns"},  {33, "ns", "", ""},
+      {34, "ps", "", ""},
   };
   expect_paths(products::ismc::homing_methods, rows);
 }
 
+// The JMC manual, HM 2.1 to 2.34.
 TEST(HomingPaths, JmcEc) {
   const Paths rows[] = {
-      {1, "Nspsr", "", ""},               // L4121-4130
-      {2, "Psnsr", "", ""},               // L4132-4142
-      {3, "Psnsr", "nsr", "PsNnsr"},      // L4144-4157
-      {4, "Ppsr", "nspsr", "PsNnspsr"},   // L4159-4172
-      {5, "Nspsr", "psr", "NsPpsr"},      // L4174-4187
-      {6, "Nnsr", "psnsr", "NsPpsnsr"},   // L4189-4202
-      {7, "Psnsr", "nsr", "PsNnsr"},      // L4204-4217
-      {8, "Ppsr", "nspsr", "PsNnspsr"},   // L4219-4232
-      {9, "Ppsnsr", "psnsr", "PsNnsr"},   // L4234-4247
-      {10, "Ppsr", "psr", "PsNspsr"},     // L4249-4262
-      {11, "Nspsr", "psr", "NsPpsr"},     // L4264-4277
-      {12, "Nnsr", "psnsr", "NsPpsnsr"},  // L4279-4294
-      {13, "Nnspsr", "nspsr", "NsPpsr"},  // L4296-4311
-      {14, "Nnsr", "nsr", "NsPsnsr"},     // L4313-4326
-      {17, "Nspsr", "", ""},              // L4336-4347
-      {18, "Psnsr", "", ""},              // L4349-4360
-      {19, "Psnsr", "nsr", "PsNnsr"},     // L4362-4369, as 3
-      {20, "Psr", "nspsr", "PsNnspsr"},   // L4371-4384
-      {21, "Nspsr", "psr", "NsPpsr"},     // L4386-4399
-      {22, "Nsr", "psnsr", "NsPpsnsr"},   // L4401-4414
-      {23, "Psnsr", "nsr", "PsNnsr"},     // L4416-4429
-      {24, "Psr", "nspsr", "PsNnspsr"},   // L4431-4444
-      {25, "Ppsnsr", "psnsr", "PsNsr"},   // L4446-4463
-      {26, "Ppsr", "psr", "PsNspsr"},     // L4465-4478
-      {27, "Nspsr", "psr", "NsPpsr"},     // L4480-4493
-      {28, "Nsr", "psnsr", "NsPpsnsr"},   // L4495-4508
-      {29, "Nnspsr", "nspsr", "NsPsr"},   // L4510-4525
-      {30, "Nnsr", "nsr", "NsPsnsr"},     // L4527-4540
-      {33, "nsr", "", ""},                // L4550-4559
-      {34, "psr", "", ""},                // L4561-4570
+      {1, "Nspsr", "", ""},
+      {2, "Psnsr", "", ""},
+      {3, "Psnsr", "nsr", "PsNnsr"},
+      {4, "Ppsr", "nspsr", "PsNnspsr"},
+      {5, "Nspsr", "psr", "NsPpsr"},
+      {6, "Nnsr", "psnsr", "NsPpsnsr"},
+      {7, "Psnsr", "nsr", "PsNnsr"},
+      {8, "Ppsr", "nspsr", "PsNnspsr"},
+      {9, "Ppsnsr", "psnsr", "PsNnsr"},
+      {10, "Ppsr", "psr", "PsNspsr"},
+      {11, "Nspsr", "psr", "NsPpsr"},
+      {12, "Nnsr", "psnsr", "NsPpsnsr"},
+      {13, "Nnspsr", "nspsr", "NsPpsr"},
+      {14, "Nnsr", "nsr", "NsPsnsr"},
+      {17, "Nspsr", "", ""},
+      {18, "Psnsr", "", ""},
+      {19, "Psnsr", "nsr", "PsNnsr"},  // as 3
+      {20, "Psr", "nspsr", "PsNnspsr"},
+      {21, "Nspsr", "psr", "NsPpsr"},
+      {22, "Nsr", "psnsr", "NsPpsnsr"},
+      {23, "Psnsr", "nsr", "PsNnsr"},
+      {24, "Psr", "nspsr", "PsNnspsr"},
+      {25, "Ppsnsr", "psnsr", "PsNsr"},
+      {26, "Ppsr", "psr", "PsNspsr"},
+      {27, "Nspsr", "psr", "NsPpsr"},
+      {28, "Nsr", "psnsr", "NsPpsnsr"},
+      {29, "Nnspsr", "nspsr", "NsPsr"},
+      {30, "Nnsr", "nsr", "NsPsnsr"},
+      {33, "nsr", "", ""},
+      {34, "psr", "", ""},
   };
   expect_paths(products::jmc_ec::homing_methods, rows, Home::cam);
-  // A start on the limit switch leaves it slowly at once (L4341, L4354).
+  // A start on the limit switch leaves it slowly at once (HM 2.17 and 2.18).
   const World on_limit{.negative_limit = -500, .positive_limit = 500};
   for (const int number : {1, 17}) {
     EXPECT_EQ(path(*find_method(products::jmc_ec::homing_methods, static_cast<std::int8_t>(number)), on_limit, -600),

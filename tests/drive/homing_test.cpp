@@ -24,7 +24,8 @@ TEST(Homing, WrongLimitStopsAtOnceWhereTheMethodDoesNotTurnRound) {
   EXPECT_EQ(standing.rest, bare.positive_limit);
 }
 
-// The ISMC turns round at the limit from the low start only; L2264-2278 print no branch for the high one.
+// The ISMC turns round at the limit from the low start only; the manual (ch. 4.7.6, method 9) prints no branch for the
+// high one.
 TEST(Homing, IsmcMethodNineHasNoBranchFromAnActiveHomeSwitch) {
   World world = bare;
   world.home_from = 3000;
@@ -112,7 +113,7 @@ TEST(Homing, AttainedComesWithTheEdgeAndTargetReachedWithStandstill) {
   homing.start(products::ismc::homing_methods, 34, plain_config(), axis.inputs());
   while (!homing.latched()) axis.step(homing.step(axis.inputs()));
   EXPECT_FALSE(homing.finished());
-  EXPECT_GT(axis.velocity(), 0.0);  // L2033: bit 12 while the motor still turns
+  EXPECT_GT(axis.velocity(), 0.0);  // ch. 4.7.2: bit 12 while the motor still turns
   while (!homing.finished()) axis.step(homing.step(axis.inputs()));
   EXPECT_EQ(axis.velocity(), 0.0);
   EXPECT_EQ(homing.latch(), 1000);

@@ -8,7 +8,7 @@
 namespace servodrome::drive {
 namespace {
 
-// As the ISMC manual has it (L2592-2667): one probe, rising edge of the index only, status bit 6 mirrors the source.
+// As the ISMC manual has it (ch. 4.8.1): one probe, rising edge of the index only, status bit 6 mirrors the source.
 constexpr TouchProbeCapability index_only{.probes = 1, .index_rising = true, .source_status = true};
 
 constexpr SignalEdge rise(Signal signal, Counts position) { return {signal, true, position}; }
@@ -205,7 +205,7 @@ TEST(TouchProbe, WhatAProductLacksIsAcceptedAndNeverLatches) {
   probe.on_edge(rise(Signal::index, 131072));
   EXPECT_EQ(probe.status(), 0x0043);
   EXPECT_EQ(probe.position(0), 131072);
-  // L2654: bit 6 tells the source, also of a probe that is off.
+  // Ch. 4.8.1.2, 60B9h: bit 6 tells the source, also of a probe that is off.
   probe.write_function(probe_1(by_index));
   EXPECT_EQ(probe.status(), 0x0040);
   TouchProbe none{TouchProbeCapability{}};
@@ -214,7 +214,7 @@ TEST(TouchProbe, WhatAProductLacksIsAcceptedAndNeverLatches) {
   EXPECT_EQ(none.status(), 0);
 }
 
-// ISMC L2667, firmware V1.04: 60BAh is the deviation between adjacent Z pulses.
+// ISMC, ch. 4.8.1.2, firmware V1.04: 60BAh is the deviation between adjacent Z pulses.
 class IndexDeviation : public testing::Test {
  protected:
   static constexpr Counts revolution = 131072;

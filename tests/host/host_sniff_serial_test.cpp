@@ -56,7 +56,7 @@ class SniffSerial : public testing::Test {
   std::vector<Decoded> all;
 };
 
-// Every example of the manual (L2277-2429): object and value as its text says, and the answer told from the request,
+// Every example of the manual (ch. 8.3): object and value as its text says, and the answer told from the request,
 // although those of function 06 are the same bytes.
 TEST_F(SniffSerial, ModbusExamplesOfTheIsmkManual) {
   for (const modbus::test::IsmkExample& example : modbus::test::ismk_examples) {
@@ -89,7 +89,7 @@ TEST_F(SniffSerial, WordsOfSomeExamples) {
   heard("01 03 32 00 00 02 CA B3");
   EXPECT_EQ(heard("01 03 04 C0 37 FF FF 76 4D"),
             "station 1 Modbus 6041:00 Statusword is 49207 (C037h) operation enabled");
-  // A read that is refused, with the function code of the manual (L2317), and by the standard's.
+  // A read that is refused, with the function code of the manual (ch. 8.3.1), and by the standard's.
   heard(sealed("01 03 99 00 00 01"));
   EXPECT_EQ(heard(sealed("01 81 02")), "station 1 Modbus exception 02h illegal data address: read register 9900h");
   EXPECT_TRUE(all[0].error);
@@ -151,7 +151,7 @@ TEST_F(SniffSerial, AStreamInAnyPieces) {
 }
 
 TEST_F(SniffSerial, WhatIsSpoiltIsSaidAndTheNextFrameFound) {
-  // The manual's own misprint (L2402), then a frame.
+  // The manual's own misprint (Table 8-1, register 5020), then a frame.
   std::string said = heard(modbus::test::ismk_wrong_crc);
   said += words_of(all = decoder.finish());
   EXPECT_EQ(said, "13 bytes that are no frame: checksum or length is wrong");

@@ -60,8 +60,8 @@ def sources():
 
 
 # What a product's manual prints otherwise than CiA 301 has it, and the drive does as printed.
-HIGHEST_SUB_INDEX = {"pronet": {index: 4 for index in range(0x1800, 0x1804)}}  # though there is a 5 (L385, L479)
-# 8 bits in 16 (ProNet L499-605), the low 16 bits of 32 (JMC EC, Table 219).
+HIGHEST_SUB_INDEX = {"pronet": {index: 4 for index in range(0x1800, 0x1804)}}  # though there is a 5 (ch. 3.3)
+# 8 bits in 16 (ProNet, ch. 3.3), the low 16 bits of 32 (JMC EC, Table 219).
 PADDED_MAPPINGS = {"pronet": {0x60600010, 0x60610010}, "jmc_ec": {0x60FD0010}}
 
 

@@ -64,7 +64,7 @@ def test_guarding_by_hand(candump):
 
 
 def test_a_move_by_hand(line, candump):
-    """The ISMC manual's example of a relative move (L3034), by cansend alone."""
+    """The ISMC manual's example of a relative move (ch. 6, 'Program modification and debugging'), by cansend alone."""
     before = line.bench.true_position("ismc")
     cansend("000#0101")
     cansend("601#2F60600001000000")  # profile position

@@ -1,6 +1,6 @@
 """Our commands as masters of Modbus servers that are not ours: pymodbus over TCP and over a pty, and libmodbus.
 
-Modbus has no drive profile: the servers hold the registers of an iSMK (L1904-1990), which --product names.
+Modbus has no drive profile: the servers hold the registers of an iSMK (ch. 7, 'Object list'), which --product names.
 """
 
 import asyncio

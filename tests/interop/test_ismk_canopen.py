@@ -30,7 +30,7 @@ LOW_BYTES = {"Disable": 0x70, "Ready": 0x31, "Running": 0x33, "Enabled": 0x37, "
 
 
 def speed(rpm):
-    """The internal unit of speed (L2012, L3458)."""
+    """The internal unit of speed (ch. 7.2, appendix II)."""
     return round(rpm * 512 * TURN / 1875)
 
 
@@ -52,7 +52,7 @@ class Ismk(Drive402):
         wait_for(lambda: self.low_byte == LOW_BYTES[state], lambda: f"{state}, is {self.statusword:04X}h")
 
     def commission(self):
-        """Gains for a stiff axis: those from the factory are slow (L1599)."""
+        """Gains for a stiff axis: those from the factory are slow (Table 6-2)."""
         self.write(0x2FF0, 100, 0x0A)
 
     def raw_sdo(self, request):
@@ -122,7 +122,7 @@ def home(drive, method=33):
 
 
 def move(drive, target, start):
-    """2Fh to 3Fh is absolute, 4Fh to 5Fh relative (L1109-1113)."""
+    """2Fh to 3Fh is absolute, 4Fh to 5Fh relative (Table 5-4)."""
     drive.write(0x607A, target)
     drive.control(start)
     drive.wait_bits(BIT_12, 0)
@@ -165,7 +165,7 @@ def test_speeds(drive):
 
 
 def test_pdos_of_the_example(drive):
-    """TPDO 1: 6063h and 6041h, 6 bytes; RPDO 1 acts at once (L2997-3007)."""
+    """TPDO 1: 6063h and 6041h, 6 bytes; RPDO 1 acts at once (ch. 9.3.3.3)."""
     drive.write(0x1800, 0x80000181, 1)
     drive.write(0x1A00, 0, 0)
     drive.write(0x1A00, 0x60630020, 1)
@@ -208,7 +208,7 @@ def test_interpolation_on_sync(drive):
 
 
 def test_torque_of_two_sizes(drives):
-    """6071h counts in thousandths of rated torque, 60F6h:08 in 2048ths of the peak current (L2036, L3467)."""
+    """6071h counts in thousandths of rated torque, 60F6h:08 in 2048ths of the peak current (ch. 7.3, appendix II)."""
     for drive, peak in zip(drives, (48, 18)):
         assert drive.read(0x6510, 3) == peak
         drive.bench.put(f"axes/{drive.name}/plant", {"locked_rotor": True})
@@ -220,7 +220,7 @@ def test_torque_of_two_sizes(drives):
 
 
 def test_tables_by_inputs(drive):
-    """5.2.3 and 5.4.3 (L1184-1216, L1315-1363): inputs choose what 2020h holds; the bus only enables."""
+    """Ch. 5.2.1.1 and 5.4.1.1: inputs choose what 2020h holds; the bus only enables."""
 
     def inputs(first, second):
         drive.bench.put(f"axes/{drive.name}/inputs", {"DI0": first, "DI1": second})

@@ -52,9 +52,9 @@ name = "k1"
 product = "ismk"
 serial = "rs"
 """
-RPM = 512 * 65536 / 1875  # the iSMK's velocity unit (L2012)
+RPM = 512 * 65536 / 1875  # the iSMK's velocity unit (ch. 7.2)
 
-# Registers of the iSMK (L1904-1990) ...
+# Registers of the iSMK (ch. 7, 'Object list') ...
 ISMK = {"controlword": 0x3100, "statusword": 0x3200, "mode": 0x3500, "position": 0x3700, "target_position": 0x4000,
         "profile_velocity": 0x4A00, "homing_method": 0x4D00, "homing_speed": 0x5010, "zero_speed": 0x5020,
         "target_velocity": 0x6F00}
@@ -156,7 +156,7 @@ def test_pymodbus_reads_and_writes_an_ismk(serial_line, link):
         assert drive.read(ISMK["mode"]) == [0xFFFC]
         drive.write(ISMK["mode"], 3)
         assert drive.read(ISMK["mode"], 2) == [3, 0]
-        drive.write32(ISMK["target_velocity"], 0x0028F5C3)  # 150 rpm (L2393)
+        drive.write32(ISMK["target_velocity"], 0x0028F5C3)  # 150 rpm (Table 8-1)
         assert drive.read(ISMK["target_velocity"], 2) == [0xF5C3, 0x0028]
         assert serial_line.bench.get("axes/k1/objects/60FF/0")["value"] == 0x0028F5C3
         for refused in (
@@ -171,7 +171,7 @@ def test_pymodbus_reads_and_writes_an_ismk(serial_line, link):
 
 
 def home(drive, line, axis):
-    """The manual's procedure (L2399-2406)."""
+    """The manual's procedure (Table 8-1)."""
     drive.write(ISMK["mode"], 6)
     drive.write(ISMK["homing_method"], 33)
     drive.write32(ISMK["homing_speed"], round(200 * RPM))
@@ -186,7 +186,7 @@ def home(drive, line, axis):
 
 
 def move(drive):
-    """The manual's procedure (L2412-2422): to 50000, and by 50000."""
+    """The manual's procedure (Table 8-1): to 50000, and by 50000."""
     drive.write(ISMK["mode"], 1)
     drive.write32(ISMK["target_position"], 50000)
     drive.write32(ISMK["profile_velocity"], round(300 * RPM))
@@ -223,7 +223,7 @@ def test_an_ismk_from_the_factory_speaks_the_ten_byte_protocol(start_serial_line
             return port.read(10)
 
         assert ask(frame("01 2B F0 2F 09 58 02 00 00 52")) == frame("01 60 F0 2F 09 58 02 00 00 1D")
-        assert ask(frame("01 40 F0 2F 09 00 00 00 00 97")) == frame("01 4B F0 2F 09 58 02 00 00 32")  # L2571-2575
+        assert ask(frame("01 40 F0 2F 09 00 00 00 00 97")) == frame("01 4B F0 2F 09 58 02 00 00 32")  # ch. 8.4.2
         assert ask(frame("7F 40 0B 10 00 00 00 00 00 26")) == frame("01 4B 0B 10 00 01 00 00 00 98")  # id 127
         # Modbus by 6510.0C = 0, at once; the answer still comes in this protocol.
         assert ask(frame("01 2F 10 65 0C 00 00 00 00 4F")) == frame("01 60 10 65 0C 00 00 00 00 1E")
@@ -232,7 +232,7 @@ def test_an_ismk_from_the_factory_speaks_the_ten_byte_protocol(start_serial_line
     with modbus(line, "pty") as client:
         drive = Station(client, 1, low_word_first=True)
         assert drive.read(0x86C0) == [0]
-        drive.write(0x86C0, 1)  # and back (L2277)
+        drive.write(0x86C0, 1)  # and back (ch. 8.1)
         client.comm_params.timeout_connect = 1  # for an answer that does not come
         with contextlib.suppress(ModbusException):
             assert client.read_holding_registers(0x86C0, count=1, device_id=1).isError()

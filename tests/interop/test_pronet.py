@@ -50,14 +50,14 @@ class Pronet(Drive402):
         self.network.send(0x100 + 0x100 * number + self.node.id, data)
 
     def map(self, index, *objects):
-        """Sub 0 to 0, the objects, sub 0 to their number: the manual's way (L311-316)."""
+        """Sub 0 to 0, the objects, sub 0 to their number: the manual's way (ch. 3.3)."""
         self.write(index, 0, 0)
         for sub, entry in enumerate(objects, 1):
             self.write(index, entry, sub)
         self.write(index, len(objects), 0)
 
     def silence(self):
-        """The TPDOs that come each 10 ms from the factory are switched off by bit 31 (L2365)."""
+        """The TPDOs that come each 10 ms from the factory are switched off by bit 31 (ch. 10.2)."""
         for index in range(0x1800, 0x1804):
             self.write(index, self.read(index, 1) | 0x80000000, 1)
 
@@ -105,7 +105,7 @@ def test_objects_by_the_names_of_the_eds(drive):
 
 
 def test_profile_position_over_two_rpdos(drive):
-    """L2076-2156: 6040h in RPDO 1, 607Ah and 6081h in RPDO 2."""
+    """Ch. 9.2 and 9.3: 6040h in RPDO 1, 607Ah and 6081h in RPDO 2."""
     drive.map(0x1600, 0x60400010)
     drive.map(0x1601, 0x607A0020, 0x60810020)
     drive.network.nmt.send_command(1)
@@ -180,7 +180,7 @@ def test_default_pdos_come_by_themselves(drive):
 
 
 def interpolation(drive, period_ms):
-    """L2018-2036."""
+    """The manual's example (ch. 7.5.4)."""
     drive.silence()
     drive.map(0x1600, 0x60400010)
     drive.map(0x1601, 0x60C10120)
@@ -230,13 +230,13 @@ def test_interpolated_position_and_alarm_a69(drive):
 
 @pytest.mark.parametrize("method, home", [(1, -30 * TURN + 2500), (4, TURN + 2500), (17, -30 * TURN), (19, SWITCH[0])])
 def test_homing(drive, method, home):
-    """L2266-2294, with the two speeds and the acceleration that the example forgets."""
+    """Ch. 9.5, with the two speeds and the acceleration that the example forgets."""
     drive.home(method, fast=6000, slow=300, acceleration=20_000)
     assert abs(drive.true_position - drive.position - home) <= 3
 
 
 def test_homing_that_is_not_possible(start_line, connect, eds):
-    """Methods with the index need an incremental encoder (L1365)."""
+    """Methods with the index need an incremental encoder (ch. 7.2)."""
     line = start_line(PRONETS.replace("counts_per_revolution = 10000\n", "counts_per_revolution = 131072\n"))
     drive = Pronet(connect(line), 1, line, eds("pronet"))
     drive.set_mode(HOMING)
@@ -255,7 +255,7 @@ def test_homing_that_is_not_possible(start_line, connect, eds):
 
 
 def test_switches_committed_by_the_bus(drive):
-    """L2298-2332: POT, NOT and the reference switch out of 60FEh:01."""
+    """Ch. 10.1: POT, NOT and the reference switch out of 60FEh:01."""
     drive.write(0x3084, 0x1100)  # Pn512: CN1_16, CN1_17
     drive.write(0x3085, 0x0001)  # Pn513: CN1_39
     for bit, input_bit in ((27, 0), (26, 1), (28, 2)):
@@ -279,7 +279,7 @@ def test_switches_committed_by_the_bus(drive):
 
 
 def test_one_frame_serves_two_drives(pair):
-    """L2336-2356: each maps a dummy where the other's set-point lies."""
+    """Ch. 10.2: each maps a dummy where the other's set-point lies."""
     one, two = pair
     one.map(0x1600, 0x60FF0020, 0x00040020)
     two.map(0x1600, 0x00040020, 0x60FF0020)
@@ -308,7 +308,7 @@ def test_parameters_outlive_the_power(drive):
 
 @pytest.mark.once  # a second client, which an adapter does not take
 def test_revolutions_are_those_of_the_encoder(drive, pronets):
-    """L764: the command line reads what the motor at hand has."""
+    """Ch. 4: the command line reads what the motor at hand has."""
     before = drive.true_position
     servodrome("move", "--bus", pronets.links["can0"][0], "--node", 1, "--by", 1.5, "--revolutions", "--velocity", 5)
     wait_for(lambda: abs(drive.true_position - before - 1.5 * TURN) <= CLOSE, "one and a half turns")
@@ -318,7 +318,7 @@ def test_revolutions_are_those_of_the_encoder(drive, pronets):
 
 @pytest.mark.remote_frames
 def test_remote_frames_are_not_answered(drive):
-    """L204. Heartbeat takes the place of guarding."""
+    """Ch. 3. Heartbeat takes the place of guarding."""
     drive.silence()
     drive.network.nmt.send_command(1)
     drive.network.settle(1)

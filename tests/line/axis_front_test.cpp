@@ -69,10 +69,10 @@ TEST(AxisFront, OutputsAreInTheViewAndAreSignals) {
 }
 
 TEST(AxisFront, ProductsHaveTheOutputsOfTheirManuals) {
-  EXPECT_EQ(Front("ismc").view()["outputs"].size(), 4U);          // DO0..DO3 (L2684-2690)
+  EXPECT_EQ(Front("ismc").view()["outputs"].size(), 4U);          // DO0..DO3 (Table 4-92)
   EXPECT_EQ(Front("pronet").view()["outputs"].size(), 0U);        // none are described
-  EXPECT_EQ(Front("ismk").view()["outputs"].size(), 5U);          // OUT1..OUT5 (L537-538, L1478, L1517)
-  EXPECT_EQ(Front("jmc_ec", true).view()["outputs"].size(), 2U);  // alarm and in position (L277-280)
+  EXPECT_EQ(Front("ismk").view()["outputs"].size(), 5U);          // OUT1..OUT5 (Table 3-1, ch. 5.6.2 and 5.6.2.1)
+  EXPECT_EQ(Front("jmc_ec", true).view()["outputs"].size(), 2U);  // alarm and in position (ch. 3.1.2)
 }
 
 TEST(AxisFront, WithoutPowerThereIsNothingToSee) {
@@ -103,7 +103,7 @@ TEST(AxisFront, LampsOfASlaveFollowItsState) {
   EXPECT_EQ(front.lamp("ERR"), "off");
 }
 
-// Table 3-1 of the iSMK's manual (L534-539).
+// Table 3-1 of the iSMK's manual.
 TEST(AxisFront, LampsOfTheIsmk) {
   Front front("ismk");
   EXPECT_EQ(front.lamp("PWR"), "on");
@@ -127,11 +127,11 @@ TEST(AxisFront, LampsOfTheOthers) {
   Front ismc("ismc");
   EXPECT_EQ(ismc.lamp("fault"), "off");
   ismc.inject(drive::Cause::encoder_connection);
-  EXPECT_EQ(ismc.lamp("fault"), "blinking");  // L2755
+  EXPECT_EQ(ismc.lamp("fault"), "blinking");  // ch. 5
   Front jmc("jmc_ec", true);
   EXPECT_EQ(jmc.lamp("alarm"), "off");
   jmc.inject(drive::Cause::following_error);
-  EXPECT_EQ(jmc.lamp("alarm"), "flashes 4");  // L371
+  EXPECT_EQ(jmc.lamp("alarm"), "flashes 4");  // ch. 4.3.2
   EXPECT_EQ(Front("pronet").view()["lamps"], Json::array());
 }
 
@@ -151,7 +151,7 @@ TEST(AxisFront, WarningsAreToldWhileTheyAreThere) {
 
 // ---- Injected codes and the masks of their causes ----
 
-// "The alarm takes effect when 0x2017 bit1 is set to 1" (ISMC L2823).
+// "The alarm takes effect when 0x2017 bit1 is set to 1" (ISMC, ch. 5, 8900h).
 TEST(AxisFront, I2tOfTheIsmcIsMaskedBy2017h) {
   Front front("ismc");
   ASSERT_EQ(front.set(0x2017, 0, 0), dictionary::AbortCode::none);

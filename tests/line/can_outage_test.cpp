@@ -122,7 +122,7 @@ TEST_P(MasterLost, NoTpdoWaitsForTheCable) {
   EXPECT_GE(drives.seen(0x81, first).size(), 1U);
 }
 
-// ISMC manual L706, L712: factory settings, three axes that turn.
+// ISMC manual, ch. 2.6.2, 'PDO transmission type' and 'Prohibited time': factory settings, three axes that turn.
 TEST(CanLoad, IsmcDrivesInMotionLeaveTheBusToTheOthers) {
   Drives drives("ismc", 4);
   for (std::uint8_t node = 1; node <= 3; ++node) drives.run(node, 300'000 + 10'000U * node);

@@ -294,7 +294,7 @@ TEST_F(BenchApi, InjectedFaultsReachTheDrive) {
   EXPECT_EQ(get("/axes/left/faults")["injected"], json::array());
 }
 
-// Those of the ISMC that are off from the factory are switched on: 2017h bit 1 (L2823) and 2200h.
+// Those of the ISMC that are off from the factory are switched on: 2017h bit 1 (ch. 5, 8900h) and 2200h.
 TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
   for (const char* axis : {"left", "right"}) {
     const std::string target = fmt::format("/axes/{}", axis);

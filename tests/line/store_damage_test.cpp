@@ -33,11 +33,11 @@ constexpr std::uint32_t save_signature = 0x65766173;
 constexpr auto makers = std::to_array<Maker>({
     {"ismc", 0x1010, 1, save_signature, 0x6083, 0, 0x5530},
     {"generic402", 0x1010, 1, save_signature, 0x6083, 0, 0x5530},
-    {"pronet", 0x3022, 0, 500, 0x3022, 0, 0x5581},  // L648; kept at once
-    {"ismk", 0x2FF0, 1, 1, 0x6083, 0, 0x6310},      // L3184, L3367
+    {"pronet", 0x3022, 0, 500, 0x3022, 0, 0x5581},  // ch. 3.5; kept at once
+    {"ismk", 0x2FF0, 1, 1, 0x6083, 0, 0x6310},      // Table 9-24; Table 10-5, 800.0
     {"generic402-ec", 0x1010, 1, save_signature, 0x6083, 0, 0x5530, true},
     {"ismk-ea", 0x2FF0, 1, 1, 0x6083, 0, 0x6310, true},
-    {"jmc_ec", 0x2008, 20, 500, 0x2008, 20, 0x5003, true},  // AL.051, L867; kept at once
+    {"jmc_ec", 0x2008, 20, 500, 0x2008, 20, 0x5003, true},  // AL.051, ch. 9.1; kept at once
 });
 
 class StoreDamage : public testing::TestWithParam<Maker> {

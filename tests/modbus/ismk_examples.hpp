@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-// Every Modbus frame of the iSMK manual (L2277-2429; section 16.1 of its digest). Of the two status replies only the
+// Every Modbus frame of the iSMK manual (ch. 8.3). Of the two status replies only the
 // first word is printed.
 namespace servodrome::modbus::test {
 
@@ -38,7 +38,7 @@ inline constexpr IsmkExample ismk_examples[] = {
     {"controlword 5F", "01 06 31 00 00 5F C7 0E", nullptr, 0x6040, 0, 0x5F},
     {"status, position reached", "01 03 32 00 00 02 CA B3", "01 03 04 D4 37 FF FF 73 BD", 0x6041, 0, 0xD437},
 };
-// The frame whose CRC is printed wrong (L2402; ismk_examples has it right).
+// The frame whose CRC is printed wrong (Table 8-1, register 5020; ismk_examples has it right).
 inline constexpr const char* ismk_wrong_crc = "01 10 50 10 00 02 04 9D 03 00 36 57 98";
 
 }  // namespace servodrome::modbus::test

@@ -3,7 +3,7 @@
 #include "modbus/ismk_objects.hpp"
 #include "modbus/rtu_server.hpp"
 
-// The iSMK's Modbus interface (digest of its manual, section 5) on the objects of the examples.
+// The iSMK's Modbus interface (manual, ch. 8.3) on the objects of the examples.
 namespace servodrome::modbus::test {
 
 using namespace std::chrono_literals;
@@ -28,7 +28,7 @@ inline constexpr auto ismk_pages = std::to_array<Page>({{0x2FF0, 0x2900},
 inline constexpr auto ismk_map = make_register_map<[] {
   RegisterMapBuilder<50> map;
   map.add_pages(servodrome::test::ismk_table, ismk_pages, 0x10);
-  map.add({0x2A01, 0x2FF0, 0x11, 1});  // as printed, L791
+  map.add({0x2A01, 0x2FF0, 0x11, 1});  // as printed, ch. 3.7
   return map;
 }>();
 static_assert(is_valid_map(ismk_map, servodrome::test::ismk_table));

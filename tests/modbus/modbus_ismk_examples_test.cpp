@@ -1,4 +1,4 @@
-// Every Modbus frame of the iSMK manual (L2277-2429; section 16.1 of its digest), byte by byte.
+// Every Modbus frame of the iSMK manual (ch. 8.3), byte by byte.
 #include "modbus/ismk_examples.hpp"
 #include "modbus/ismk_modbus.hpp"
 
@@ -15,7 +15,8 @@ TEST(IsmkModbusExamples, ByteByByte) {
   }
 }
 
-// The one frame of the manual whose CRC is wrong (L2402), and every frame with any one bit turned over.
+// The one frame of the manual whose CRC is wrong (Table 8-1, register 5020), and every frame with any one bit turned
+// over.
 TEST(IsmkModbusExamples, WrongCrcIsNotAnswered) {
   Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
   EXPECT_EQ(station.ask(ismk_wrong_crc), "");
@@ -33,7 +34,7 @@ TEST(IsmkModbusExamples, WrongCrcIsNotAnswered) {
   EXPECT_EQ(station.ask(ismk_examples[0].request), ismk_examples[0].request);
 }
 
-// Error answers have the printed function codes: 81h for reading (not 83h), 86h, 90h (L2317, L2331, L2353).
+// Error answers have the printed function codes: 81h for reading (not 83h), 86h, 90h (ch. 8.3.1).
 TEST(IsmkModbusExamples, PrintedErrorCodes) {
   Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
   EXPECT_EQ(station.ask_sealed("01 03 32 02 00 01"), "01 81 02");  // nothing there
@@ -100,7 +101,7 @@ TEST(IsmkModbusExamples, TheSecondRegisterIsTheSecondInEitherWordOrder) {
   EXPECT_EQ(station.ask_sealed("01 10 31 00 00 02 04 90 0F 00 00"), "01 10 31 00 00 02");
 }
 
-// 2FF0.11 is found at its printed address and at the one the rule gives (contradiction C20 of the digest).
+// 2FF0.11 is found at its printed address and at the one the rule gives (ch. 3.7 prints 2A01h).
 TEST(IsmkModbusExamples, DriveUtilizationHasTwoAddresses) {
   Station<servodrome::test::IsmkDevice> station(ismk_profile, ismk_map);
   station.device.objects.motor_utilization = 40;

@@ -34,8 +34,8 @@ void expect_between(RigType& rig, int milliseconds, double slowest, double faste
   EXPECT_EQ(rig.get(0x603F), 0);
 }
 
-// L1796: "velocity and position commands to be delayed in the drive". Written before the motor is enabled (L2099), in
-// milliseconds; 1 is none.
+// Ch. 6.2.2: "velocity and position commands to be delayed in the drive". Written before the motor is enabled (ch. 7.8,
+// 60FB.05), in milliseconds; 1 is none.
 struct Ismk : test::IsmkRig {
   static constexpr double counts_per_turn = 65536.0;
   static constexpr int limit_wire = 0;
@@ -47,7 +47,7 @@ struct Ismk : test::IsmkRig {
     set(0x605A, 0, 2);
     set(0x6081, 0, std::llround(velocity_dec_from_rpm(rpm)));
     plant.force_input(limit_wire, !limit_level);
-    set(0x2010, 3, 0x0010);  // DIN1: positive limit, normally closed (L1468)
+    set(0x2010, 3, 0x0010);  // DIN1: positive limit, normally closed (ch. 5.6.1)
     EXPECT_TRUE(enable());
     if (mode == 3) {
       set(0x60FF, 0, std::llround(velocity_dec_from_rpm(rpm)));
@@ -65,7 +65,7 @@ struct Ismk : test::IsmkRig {
   }
 };
 
-// L766: "time constant of the position command smoothing filter", 0.1 ms; 0 is none. 600 rpm.
+// Ch. 8.2.4, P03-16: "time constant of the position command smoothing filter", 0.1 ms; 0 is none. 600 rpm.
 struct Jmc : test::JmcRig {
   static constexpr double counts_per_turn = 4000.0;
   static constexpr int limit_wire = 0;
@@ -127,7 +127,7 @@ TEST(CommandFilter, JmcModeChangesInMotion) {
   }
 }
 
-// L601: "Running & set"; the demand stands before another filter begins.
+// Table 65, P03-16: "Running & set"; the demand stands before another filter begins.
 TEST(CommandFilter, JmcWrittenToZeroInMotion) {
   for (const int filter : {1000, 5000}) {
     SCOPED_TRACE(filter);
@@ -156,7 +156,7 @@ TEST(CommandFilter, FromProfileVelocityToProfilePosition) {
   }
 }
 
-// L1472: "When the actual position reaches the set software limit position, the motor stops." Sub 1 is the positive
+// Ch. 5.6.1: "When the actual position reaches the set software limit position, the motor stops." Sub 1 is the positive
 // one, and limits need homing.
 TEST(CommandFilter, IsmkRestsAtItsSoftwareLimit) {
   for (const int filter : {1, 50, 255}) {
@@ -184,7 +184,7 @@ TEST(CommandFilter, IsmkRestsAtItsSoftwareLimit) {
   }
 }
 
-// Turns that a stop takes from its command on. `word` 0: the limit switch (L1464; JMC L272-274).
+// Turns that a stop takes from its command on. `word` 0: the limit switch (Table 5-16, 6085h; JMC, ch. 3.1.2).
 template <typename RigType>
 double way_of(std::int64_t filter, std::uint16_t word, double rpm) {
   RigType rig(filter, 1, rpm);

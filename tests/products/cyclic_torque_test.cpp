@@ -19,7 +19,7 @@ struct Generic402EcAxis : test::EthercatRig<products::Generic402Ec> {
   static constexpr bool shows_limits = true;
 };
 struct JmcAxis : test::FactoryJmcRig {
-  static constexpr bool shows_limits = false;  // bit 11 of CSP and PP only (L2274)
+  static constexpr bool shows_limits = false;  // bit 11 of CSP and PP only (Table 156)
 };
 
 template <typename Axis>

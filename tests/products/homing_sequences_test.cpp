@@ -59,7 +59,7 @@ double furthest_turns(RigType& rig, int milliseconds) {
   return furthest;
 }
 
-// L4115: 609Ah is "the deceleration speed when it reaches the limit". L4054-4063: bit 12 complete, bit 13 error.
+// Chart 45: 609Ah is "the deceleration speed when it reaches the limit". Chart 273: bit 12 complete, bit 13 error.
 TEST(HomeOffset, JmcStopsAtALimitSwitch) {
   for (const int method : {24, 19}) {
     SCOPED_TRACE(method);
@@ -72,13 +72,13 @@ TEST(HomeOffset, JmcStopsAtALimitSwitch) {
     Jmc short_of_it(method, 2);
     short_of_it.run_ms(4000);
     EXPECT_NEAR(short_of_it.turns(), 3.0, 0.02);
-    EXPECT_EQ(short_of_it.get(0x6064), 0) << "L4019";
+    EXPECT_EQ(short_of_it.get(0x6064), 0) << "travelled to 607Ch (HM)";
     EXPECT_TRUE(bit(short_of_it, 12));
     EXPECT_FALSE(bit(short_of_it, 13));
   }
 }
 
-// C35: bit 12 is the error, bit 15 home that is found. L1468: "the corresponding movement direction is prohibited".
+// C35: bit 12 is the error, bit 15 home that is found. Ch. 5.6.1: "the corresponding movement direction is prohibited".
 struct Ismk : test::IsmkRig {
   explicit Ismk(std::int64_t offset_turns) : IsmkRig(between_switches(), test::ismk_settings()) {
     set(0x2010, 3, 0x0040);  // DIN1: home
@@ -117,7 +117,7 @@ TEST(HomeOffset, IsmkStopsAtALimitSwitch) {
 
 // --- Given up on the way to the offset
 
-// L4054-4063: "0: Homing incomplete".
+// Chart 273: "0: Homing incomplete".
 TEST(HomingGivenUp, JmcOnTheWayToItsOffset) {
   struct Case {
     const char* what;

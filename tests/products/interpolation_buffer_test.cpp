@@ -179,7 +179,8 @@ TEST(InterpolationPeriod, ImpossibleOnesAreRefused) {
   refuses_impossible_periods(test::FactoryJmcRig{});
 }
 
-// Manuals that print another range: 1 to 4 ms, with a fault for 0 (ISMC L1933, L2817); UINT8 (ProNet L1988-2006).
+// Manuals that print another range: 1 to 4 ms, with a fault for 0 (ISMC, ch. 4.6.2; ch. 5, 6553h); UINT8 (ProNet,
+// ch. 7.5.3, 60C2h).
 TEST(InterpolationPeriod, AsTheManualPrintsIt) {
   test::Rig<products::Ismc> ismc;
   EXPECT_EQ(ismc.set(0x60C2, 1, 0), AbortCode::none);

@@ -5,7 +5,7 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// The worked examples of the ISMC manual (digest section 14), frame by frame, and the motions they make against the
+// The worked examples of the ISMC manual (ch. 2 to 6), frame by frame, and the motions they make against the
 // figures that follow from the documented defaults.
 namespace servodrome {
 namespace {
@@ -22,8 +22,8 @@ struct Motion {
   double counts;
 };
 
-constexpr double ramp = 1310720.0;          // 6083h, 6084h (L1281-1301)
-constexpr double quick_ramp = 5242880.0;    // 6085h (L1303-1312)
+constexpr double ramp = 1310720.0;          // 6083h, 6084h (ch. 4.3.5)
+constexpr double quick_ramp = 5242880.0;    // 6085h (ch. 4.3.5)
 constexpr double fast = 1000000.0;          // 6081h of example 8
 constexpr double slow_velocity = 500000.0;  // of the velocity step
 

@@ -17,7 +17,7 @@ const std::vector<test::Difference> differences{
     {0x1001, test::any_sub, "pdo"},
     // Bits 15 to 0 alone are milliseconds.
     {0x1016, test::any_sub, "unit"},
-    // PDO 3 and 4 are invalid from the factory (L689, G7).
+    // PDO 3 and 4 are invalid from the factory (ch. 2.6.2, 'PDO CAN identifier', G7).
     {0x1402, test::any_sub, "default"},
     {0x1403, test::any_sub, "default"},
     {0x1802, test::any_sub, "default"},
@@ -106,7 +106,7 @@ TEST(IsmcObjects, ModesAndBitRatesThatAreNotThere) {
   using dictionary::AbortCode;
   test::Rig<Ismc> rig;
   rig.run_ms(1);
-  for (int mode = -128; mode < 128; ++mode) {  // L305, L1040, G14
+  for (int mode = -128; mode < 128; ++mode) {  // Table 1-2; ch. 4.1, 6060h, G14
     const bool there = mode == 0 || mode == 1 || mode == 3 || mode == 4 || mode == 6 || mode == 8;
     EXPECT_EQ(rig.set(0x6060, 0, mode), there ? AbortCode::none : AbortCode::value_invalid) << mode;
   }

@@ -44,7 +44,7 @@ bool sent_emergency(const Axis& axis, std::uint16_t code) {
   return false;
 }
 
-// --- Limit switches outside of homing (L2787)
+// --- Limit switches outside of homing (ch. 5, 8612h)
 
 // How the axis is made to run towards an end, and away from it.
 struct Motion {
@@ -168,7 +168,7 @@ TEST(IsmcLimitSwitch, AStopOnItsWayIsNotDisturbed) {
   EXPECT_EQ(axis.get(0x603F), 0x8612);
 }
 
-// --- Homing needs the speeds that its method uses (L2544-2588)
+// --- Homing needs the speeds that its method uses (ch. 4.7.6)
 
 TEST(IsmcHoming, ASpeedThatTheMethodDoesNotUseMayBeZero) {
   struct Row {
@@ -249,7 +249,7 @@ TEST(IsmcProfilePosition, Bit11TellsThatTheVelocityIsClamped) {
   EXPECT_EQ(axis.status() & 0x0800, 0) << "as fast as asked for";
 }
 
-// --- An encoder that has failed says so until it loses its supply (L2781-2785)
+// --- An encoder that has failed says so until it loses its supply (ch. 5)
 
 TEST(IsmcEncoder, AnInternalErrorStaysUntilPowerOff) {
   struct Row {

@@ -233,7 +233,7 @@ Expected expected(const test::CsvRow& row) {
     result.mask_2 = bit;
   } else {
     result.words.extension = bit;
-    switch (bit) {  // which bit it details (notes of the digest)
+    switch (bit) {  // which bit it details (column "note" of the file)
       case 1U << 0: result.mask_2 = 1U << 0; break;
       case 1U << 1:
       case 1U << 2: result.mask_1 = 1U << 8; break;
@@ -500,7 +500,7 @@ TEST(IsmkAlarms, SeveralAtATime) {
   EXPECT_EQ(words(rig).state, 0);
 }
 
-// The history keeps the last 8, the newest first, over power cycles too (L3268).
+// The history keeps the last 8, the newest first, over power cycles too (ch. 10.1).
 TEST(IsmkAlarms, HistoryOfEight) {
   IsmkRig rig;
   set(rig, 0x6060, 0, 3);
@@ -579,7 +579,7 @@ TEST(IsmkAlarms, StoreMasks) {
   }
 }
 
-// 6007h = 0, the default: a lost master is no alarm (L3215).
+// 6007h = 0, the default: a lost master is no alarm (Table 9-26).
 TEST(IsmkAlarms, LostMasterIsIgnoredUnlessAsked) {
   IsmkRig rig;
   set(rig, 0x100C, 0, 50);

@@ -3,7 +3,8 @@
 #include "frames.hpp"
 #include "ismk_rig.hpp"
 
-// Where the iSMK's CANopen side is not plain CiA 301 (digest 4), interpolation on SYNC, storing and restarting.
+// Where the iSMK's CANopen side is not plain CiA 301 (ch. 9 of its manual), interpolation on SYNC, storing and
+// restarting.
 namespace servodrome {
 namespace {
 
@@ -23,7 +24,7 @@ std::size_t frames_of(IsmkRig& rig, std::uint32_t id) {
       std::count_if(rig.sent.begin(), rig.sent.end(), [id](const canopen::Frame& frame) { return frame.id == id; }));
 }
 
-// L2832-2849
+// Table 9-8
 TEST(IsmkCanopen, AbortCodesOfTheTable) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -36,19 +37,19 @@ TEST(IsmkCanopen, AbortCodesOfTheTable) {
   EXPECT_EQ(sdo(rig, "601 # 2F 60 60 00 02 00 00 00"), "581 # 80 60 60 00 30 00 09 06");
   EXPECT_EQ(sdo(rig, "601 # 2F 60 60 00 08 00 00 00"), "581 # 80 60 60 00 31 00 09 06");
   EXPECT_EQ(sdo(rig, "601 # 2F 60 60 00 F0 00 00 00"), "581 # 80 60 60 00 32 00 09 06");
-  // A collision method (digest 9.1), and 607Eh while enabled (L1176).
+  // A collision method, which Table 5-15 does not have, and 607Eh while enabled (ch. 5.2).
   EXPECT_EQ(sdo(rig, "601 # 2F 98 60 00 FF 00 00 00"), "581 # 80 98 60 00 30 00 09 06");
   EXPECT_EQ(sdo(rig, "601 # 2F 98 60 00 00 00 00 00"), "581 # 60 98 60 00 00 00 00 00") << "the factory value";
   rig.control(0x0F);
   rig.run_ms(2);
   EXPECT_EQ(sdo(rig, "601 # 2F 7E 60 00 01 00 00 00"), "581 # 80 7E 60 00 22 00 00 08");
-  // Only objects with the letter M (L2997).
+  // Only objects with the letter M (Table 9-13).
   rig.set(0x1800, 1, 0x80000181);
   rig.set(0x1A00, 0, 0);
   EXPECT_EQ(sdo(rig, "601 # 23 00 1A 01 10 00 67 60"), "581 # 80 00 1A 01 41 00 04 06");
 }
 
-// L2866, L2890 against L2575: the rest of an upload is the sign of the value as it is stored.
+// Table 9-9, ch. 9.3.2 against ch. 8.4.2: the rest of an upload is the sign of the value as it is stored.
 TEST(IsmkCanopen, PaddingIsTheSign) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -61,7 +62,7 @@ TEST(IsmkCanopen, PaddingIsTheSign) {
   EXPECT_EQ(sdo(rig, "601 # 40 05 26 01 00 00 00 00"), "581 # 4B 05 26 01 FF FF FF FF") << "an UNSIGNED16 likewise";
 }
 
-// L2997-3060: TPDO 1 of the example, its inhibit time in milliseconds; RPDOs are of type 254 and act at once.
+// Ch. 9.3.3.3: TPDO 1 of the example, its inhibit time in milliseconds; RPDOs are of type 254 and act at once.
 TEST(IsmkCanopen, PdosOfTheExample) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -105,7 +106,7 @@ TEST(IsmkCanopen, PdosOfTheExample) {
   EXPECT_NEAR(static_cast<double>(frames_of(rig, 0x181)), 10.0, 1.0);
 }
 
-// "Supports all 256 transmission modes" (L3018), in both directions: what CiA 301 reserves works as 254.
+// "Supports all 256 transmission modes" (ch. 9.3.3.3), in both directions: what CiA 301 reserves works as 254.
 TEST(IsmkCanopen, EveryTransmissionType) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -148,7 +149,7 @@ TEST(IsmkCanopen, EveryTransmissionType) {
   }
 }
 
-// L3105, L3206-3215: 1000 ms x 3 from the first remote frame on; 6007h decides whether the drive reacts.
+// Ch. 9.3.3.4, Table 9-26: 1000 ms x 3 from the first remote frame on; 6007h decides whether the drive reacts.
 TEST(IsmkCanopen, NodeProtection) {
   for (const int option : {0, 1}) {
     IsmkRig rig;
@@ -177,7 +178,7 @@ TEST(IsmkCanopen, NodeProtection) {
   EXPECT_EQ(IsmkRig().set(0x100E, 0, 0x43F), AbortCode::value_invalid);
 }
 
-// --- Interpolation (L3227-3244)
+// --- Interpolation (ch. 9.5)
 
 struct Interpolating : IsmkRig {
   explicit Interpolating(int period_code, int clock_mode = 1) {
@@ -211,7 +212,7 @@ TEST(IsmkInterpolation, TargetsAreFollowedOnTheSyncOfEveryPeriod) {
     EXPECT_EQ(rig.get(0x3011, 4), 0) << "no SYNC lost with " << period_ms << " ms";
     EXPECT_LT(worst, 300.0);
     EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), place(1000.0), 400.0);
-    // 0Fh interrupts (L1090).
+    // 0Fh interrupts (Table 5-4).
     rig.control(0x0F);
     const std::int64_t here = rig.get(0x6063);
     rig.step(here + 50000, 20.0);
@@ -241,7 +242,7 @@ TEST(IsmkInterpolation, WithoutTheClockTargetsActWhenWritten) {
   EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), 20000.0, 65.0);
 }
 
-// --- Storing (L1942-1943, L2212-2213, L2252, L3101, L3367)
+// --- Storing (ch. 7, 'Object list'; ch. 7.10, 2FF0.01 and 2FF0.03; ch. 7.14, 2FFFh; ch. 9.3.3.4; Table 10-5, 800.0)
 
 void restart(IsmkRig& rig) {
   EXPECT_EQ(rig.set(0x2FFF, 0, 0xAA55), AbortCode::none);
@@ -261,7 +262,7 @@ TEST(IsmkStorage, WhatIsStoredAndWhatIsNot) {
   rig.run_ms(5);
   rig.set(0x6083, 0, 12345);   // S
   rig.set(0x6081, 0, 12345);   // not S
-  rig.set(0x1017, 0, 100);     // L3101
+  rig.set(0x1017, 0, 100);     // ch. 9.3.3.4
   rig.set(0x6410, 0x12, 200);  // motor data
   rig.set(0x6060, 0, 3);
   restart(rig);
@@ -308,7 +309,7 @@ TEST(IsmkStorage, InitialisingTakesBackTheSCurve) {
   EXPECT_EQ(axis.shape(), drive::RampShape::linear);
 }
 
-// 100Bh and 2F81h: save and restart (L2275, L2927).
+// 100Bh and 2F81h: save and restart (ch. 8.1 and 9.3.3.1).
 TEST(IsmkStorage, AddressAndBitRateActAfterSaveAndRestart) {
   IsmkRig rig;
   rig.run_ms(5);

@@ -263,7 +263,7 @@ TEST_P(IsmkEaModes, Homing) {
   EXPECT_EQ(bus.status() & 0x9000, 0x8000);  // home found, no error (C35)
 }
 
-// ---- A master that is lost (6007h, L3215) ----
+// ---- A master that is lost (6007h, Table 9-26) ----
 
 TEST(IsmkEaMaster, LostIsAnAlarmIfWanted) {
   for (const int wanted : {0, 1}) {
@@ -324,7 +324,7 @@ TEST(IsmkEaStorage, AsOnCan) {
   bus.run_ms(25);
   EXPECT_EQ(bus.al_status(), bus.good(1));  // the controller begins anew
   EXPECT_EQ(bus.get(0x607C), 777);
-  EXPECT_EQ(bus.get(0x6081), 0);  // not stored (L2066)
+  EXPECT_EQ(bus.get(0x6081), 0);  // not stored (ch. 7.5, 2508.09)
 }
 
 }  // namespace

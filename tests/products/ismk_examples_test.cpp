@@ -3,10 +3,10 @@
 #include "frames.hpp"
 #include "ismk_rig.hpp"
 
-// The worked examples of the CANopen chapter of the iSMK manual (digest 16.3), byte by byte, and the motions they make.
-// The refusal of L2826-2830 is left out: it shows the form of an abort with a code that 607Ah never earns.
+// The worked examples of the CANopen chapter of the iSMK manual (ch. 9.3.2), byte by byte, and the motions they make.
+// The refusal of ch. 9.3.2 is left out: it shows the form of an abort with a code that 607Ah never earns.
 //
-// Statusword bit 9 is 0 in all printed words although the text says 1 for bus control (L1139-1140): they come from a
+// Statusword bit 9 is 0 in all printed words although the text says 1 for bus control (Table 5-5): they come from a
 // drive one of whose inputs has the function Enable, and so has this one (C7).
 namespace servodrome {
 namespace {
@@ -27,9 +27,9 @@ const std::vector<Step> homing{
     {"601 # 23 99 60 01 03 9D 36 00", "581 # 60 99 60 01 03 9D 36 00"},
     {"601 # 23 99 60 02 82 4E 1B 00", "581 # 60 99 60 02 82 4E 1B 00"},
     {"601 # 2B 40 60 00 1F 00 00 00", "581 # 60 40 60 00 1F 00 00 00", 2000},
-    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 C0 FF FF"},  // L2406: while it is enabled
+    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 C0 FF FF"},  // ch. 8.3.2: while it is enabled
     {"601 # 2B 40 60 00 06 00 00 00", "581 # 60 40 60 00 06 00 00 00"},
-    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 31 C0 FF FF"},  // L2866: after 06 (C6)
+    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 31 C0 FF FF"},  // Table 9-9: after 06 (C6)
 };
 
 const std::vector<Step> positioning{
@@ -40,9 +40,9 @@ const std::vector<Step> positioning{
     {"601 # 23 83 60 00 6E A3 01 00", "581 # 60 83 60 00 6E A3 01 00"},
     {"601 # 23 84 60 00 6E A3 01 00", "581 # 60 84 60 00 6E A3 01 00"},
     {"601 # 2B 40 60 00 3F 00 00 00", "581 # 60 40 60 00 3F 00 00 00", 400},
-    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 D4 FF FF"},  // L2422: the start bit is still set
+    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 D4 FF FF"},  // ch. 8.3.2: the start bit is still set
     {"601 # 2B 40 60 00 4F 00 00 00", "581 # 60 40 60 00 4F 00 00 00"},
-    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 C4 FF FF"},  // L2890
+    {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 C4 FF FF"},  // ch. 9.3.2
     {"601 # 2B 40 60 00 5F 00 00 00", "581 # 60 40 60 00 5F 00 00 00", 400},
     {"601 # 40 41 60 00 00 00 00 00", "581 # 4B 41 60 00 37 D4 FF FF"},
 };
@@ -76,7 +76,7 @@ TEST(IsmkExamples, ByteByByte) {
   rig.run_ms(5);
   rig.set(0x2010, 3, 0x0001);
   rig.run_ms(5);
-  run(rig, {{"601 # 23 7A 60 00 A0 86 01 00", "581 # 60 7A 60 00 A0 86 01 00"}});  // L2812-2824
+  run(rig, {{"601 # 23 7A 60 00 A0 86 01 00", "581 # 60 7A 60 00 A0 86 01 00"}});  // ch. 9.3.2
   run(rig, homing);
   EXPECT_TRUE(rig.device.drive().homed());
   EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), 0.0, 65.0);
@@ -86,7 +86,7 @@ TEST(IsmkExamples, ByteByByte) {
   EXPECT_NEAR(rig.device.drive().axis().velocity() * 60.0 / 65536.0, -100.0, 3.0);
 }
 
-// L3075, L3138: boot-up and heartbeat.
+// Table 9-16, ch. 9.3.3.5: boot-up and heartbeat.
 TEST(IsmkExamples, Heartbeat) {
   IsmkRig rig;
   ASSERT_FALSE(rig.sent.empty());

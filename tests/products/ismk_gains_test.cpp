@@ -27,7 +27,7 @@ const drive::Gains& gains_of(FactoryIsmkRig& rig) { return rig.device.drive().co
 TEST(IsmkGains, KvpIsTheManualsFormula) {
   // The constant is made of the units of the manual: see gains.hpp.
   EXPECT_DOUBLE_EQ(4.0 * 1.414 * 2048.0 / 16.384 * 1e-4 * 262144.0 * 10.0, 1.853358080e5);
-  // L1617-1627 for the 60-040: J 0.31 kg cm^2, Kt 3.81 Nm / 48 Ap, Imax 48.0 Ap.
+  // Ch. 6.2.1 for the 60-040: J 0.31 kg cm^2, Kt 3.81 Nm / 48 Ap, Imax 48.0 Ap.
   const double kt = 3.81 / (48.0 / std::numbers::sqrt2) * 100.0;
   const double expected = 1.853358080e5 * 31.0 * pi * pi * 100.0 / (480.0 * kt * 65536.0);
   const double kvp = products::ismk::kvp_of_bandwidth(100.0, 0.31e-4, motor_of("60-040"));
@@ -52,18 +52,18 @@ TEST(IsmkGains, UnitsOfTheTable) {
   const double unit = products::ismk::velocity_kp_unit(motor_of("60-040"));
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_kp, static_cast<float>(4.0 * unit));  // factory: kvp 4, Kvi 0, Kvi/32 2
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_ki, static_cast<float>(2.0 / 32.0 * 4000.0 * unit));
-  EXPECT_FLOAT_EQ(gains_of(rig).position_kp, static_cast<float>(2.0 * pi * 10.0));  // 1000 is 10.00 Hz (L1748)
+  EXPECT_FLOAT_EQ(gains_of(rig).position_kp, static_cast<float>(2.0 * pi * 10.0));  // 1000 is 10.00 Hz (Table 6-5)
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_feed_forward, 1.0F);
   EXPECT_FLOAT_EQ(gains_of(rig).acceleration_feed_forward, 0.0F);
-  EXPECT_FLOAT_EQ(gains_of(rig).velocity_filter_hz, 240.0F);  // N = 7 (L2091)
-  EXPECT_FLOAT_EQ(gains_of(rig).torque_filter_hz, 0.0F);      // 1 DEC closes the filter (L1685)
+  EXPECT_FLOAT_EQ(gains_of(rig).velocity_filter_hz, 240.0F);  // N = 7 (ch. 7.7, 60F9.05)
+  EXPECT_FLOAT_EQ(gains_of(rig).torque_filter_hz, 0.0F);      // 1 DEC closes the filter (ch. 6.2.1)
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_integral_limit_a, 0.0F);
 
   for (const int n : {0, 7, 45}) {
     rig.set(0x60F9, 5, n);
     EXPECT_FLOAT_EQ(gains_of(rig).velocity_filter_hz, static_cast<float>(100 + 20 * n));
   }
-  for (const int n : {2, 5, 25}) {  // 2546 / DEC (L1702)
+  for (const int n : {2, 5, 25}) {  // 2546 / DEC (ch. 6.2.1)
     rig.set(0x60F9, 0x15, n);
     EXPECT_NEAR(static_cast<double>(gains_of(rig).torque_filter_hz), 2546.0 / n, 0.5 / n);
   }
@@ -71,7 +71,7 @@ TEST(IsmkGains, UnitsOfTheTable) {
   rig.set(0x60F9, 7, 16);
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_ki, static_cast<float>(3.5 * 4000.0 * unit));
   EXPECT_EQ(rig.get(0x2FF0, 0x19), 3 * 32 + 16);
-  rig.set(0x2FF0, 0x19, 200);  // L1603
+  rig.set(0x2FF0, 0x19, 200);  // Table 6-2
   EXPECT_EQ(rig.get(0x60F9, 2), 0);
   EXPECT_EQ(rig.get(0x60F9, 7), 200);
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_ki, static_cast<float>(200.0 / 32.0 * 4000.0 * unit));
@@ -79,18 +79,18 @@ TEST(IsmkGains, UnitsOfTheTable) {
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_integral_limit_a, 24.0F);
   rig.set(0x60FB, 1, 2550);
   EXPECT_FLOAT_EQ(gains_of(rig).position_kp, static_cast<float>(2.0 * pi * 25.5));
-  rig.set(0x2FF0, 0x1A, 850);  // L1749
+  rig.set(0x2FF0, 0x1A, 850);  // Table 6-5
   EXPECT_FLOAT_EQ(gains_of(rig).velocity_feed_forward, 0.85F);
   EXPECT_EQ(rig.get(0x60FB, 2), 850);
 
-  // Velocity_BW and kvp are two views of one (L1600), for the inertia known: the rotor's.
+  // Velocity_BW and kvp are two views of one (Table 6-2), for the inertia known: the rotor's.
   rig.set(0x2FF0, 0x0A, 100);
   EXPECT_EQ(rig.get(0x60F9, 1), 16);
   EXPECT_EQ(rig.get(0x2FF0, 0x0A), 100);
   rig.set(0x60F9, 1, 32);
   EXPECT_EQ(rig.get(0x2FF0, 0x0A), 199);
 
-  // ACC % = 6746518 / K_Acc_FF / Easy_Kload x 100 (L1782): smaller is stronger.
+  // ACC % = 6746518 / K_Acc_FF / Easy_Kload x 100 (ch. 6.2.2): smaller is stronger.
   const double full = products::ismk::full_acceleration_feed_forward(0.31e-4, motor_of("60-040"));
   rig.set(0x2FF0, 0x1B, 1000);
   EXPECT_EQ(rig.get(0x60FB, 3), std::lround(full));
@@ -104,7 +104,7 @@ TEST(IsmkGains, UnitsOfTheTable) {
   EXPECT_FLOAT_EQ(gains_of(rig).acceleration_feed_forward, 0.0F);
 }
 
-TEST(IsmkGains, SpeedModesAreThePrintedOnes) {  // L1605
+TEST(IsmkGains, SpeedModesAreThePrintedOnes) {  // Table 6-2
   FactoryIsmkRig rig;
   rig.run_ms(2);
   struct Case {
@@ -140,7 +140,7 @@ TEST(IsmkGains, SpeedModesAreThePrintedOnes) {  // L1605
   EXPECT_DOUBLE_EQ(rig.device.drive().axis().cycle_s, 0.5e-3);
 }
 
-TEST(IsmkGains, NotchesByTheirCode) {  // L1716-1741
+TEST(IsmkGains, NotchesByTheirCode) {  // ch. 6.2.1
   FactoryIsmkRig rig;
   rig.run_ms(2);
   rig.set(0x60F9, 3, 700);
@@ -306,7 +306,7 @@ struct Sets : IsmkRig {
   }
 };
 
-TEST(IsmkGainSets, WrittenPointer) {  // method 3 (L1876)
+TEST(IsmkGainSets, WrittenPointer) {  // method 3 (ch. 6.4)
   Sets rig;
   EXPECT_EQ(rig.in_force(), 0);
   for (const int set : {1, 2, 3, 0}) {
@@ -318,13 +318,13 @@ TEST(IsmkGainSets, WrittenPointer) {  // method 3 (L1876)
   EXPECT_EQ(rig.set(0x60F9, 0x28, 4), AbortCode::value_too_high);
 }
 
-TEST(IsmkGainSets, Inputs) {  // method 1 (L1844-1862)
+TEST(IsmkGainSets, Inputs) {  // method 1 (ch. 6.3.1)
   Sets rig;
   rig.plant.force_input(0, false);
   rig.plant.force_input(1, false);
   rig.set(0x2010, 3, 0x8020);
   rig.set(0x2010, 4, 0x8040);
-  rig.set(0x60F9, 9, 1);  // the inputs rule over it (L1872)
+  rig.set(0x60F9, 9, 1);  // the inputs rule over it (ch. 6.3.1)
   for (const unsigned set : {1U, 2U, 3U, 0U}) {
     rig.plant.force_input(0, (set & 1) != 0);
     rig.plant.force_input(1, (set & 2) != 0);
@@ -334,7 +334,7 @@ TEST(IsmkGainSets, Inputs) {  // method 1 (L1844-1862)
   }
 }
 
-TEST(IsmkGainSets, AutomaticByTargetReached) {  // method 2 (L1866)
+TEST(IsmkGainSets, AutomaticByTargetReached) {  // method 2 (ch. 6.3.1)
   Sets rig;
   rig.set(0x60F9, 9, 1);
   rig.set(0x6060, 0, 1);

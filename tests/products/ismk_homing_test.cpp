@@ -3,7 +3,7 @@
 #include "drive/homing_figures.hpp"
 #include "ismk_rig.hpp"
 
-// Homing of the iSMK (L1387-1442): every method on a plant with random geometry, and what surrounds the methods. The
+// Homing of the iSMK (ch. 5.5): every method on a plant with random geometry, and what surrounds the methods. The
 // drive has two terminals: one for the home switch, one for the limit switch that the method turns round at.
 namespace servodrome {
 namespace {
@@ -66,7 +66,7 @@ plant::Parameters plant_of(const World& world, Counts start, std::uint16_t limit
   home.to_counts = world.home_to - 1;
   plant::Switch& end = parameters.switches[1];
   end.wire = 1;
-  end.normally_closed = true;  // L1468
+  end.normally_closed = true;  // ch. 5.6.1
   if (limit == negative_limit_function) end.to_counts = world.negative_limit - 1;
   if (limit == positive_limit_function) end.from_counts = world.positive_limit;
   parameters.switch_count = limit != 0 ? 2 : 1;
@@ -126,12 +126,13 @@ TEST(IsmkHoming, EveryMethodFromEveryStart) {
         rig.set(0x6099, 5, travels ? 0 : 1);
         rig.start(method.number);
         ASSERT_TRUE(rig.finish());
-        ASSERT_EQ(rig.status() & ~0x0A00, 0xC037) << std::hex << rig.status();  // bit 10 stays 0 (L2406)
+        ASSERT_EQ(rig.status() & ~0x0A00, 0xC037) << std::hex << rig.status();  // bit 10 stays 0 (ch. 8.3.2)
         ASSERT_EQ(rig.home(), expected_home(figure, world, *from, 0));
         rig.run_ms(100);
         const Counts true_position = rig.plant.position_counts() - rig.home() - offset;
         ASSERT_NEAR(static_cast<double>(rig.get(0x6063)), static_cast<double>(true_position), 2.0);
-        // L1406, L2083: 0 runs on to the offset point and shows 0 there, 1 stays at home and shows -offset.
+        // Table 5-14; ch. 7.6, 6099.05: 0 runs on to the offset point and shows 0 there, 1 stays at home and shows
+        // -offset.
         ASSERT_NEAR(static_cast<double>(rig.get(0x6063)), travels ? 0.0 : -static_cast<double>(offset), rest);
       }
     }
@@ -155,7 +156,7 @@ World simple_world(Counts index_from_edge) {
   return world;
 }
 
-// Bit 4 taken back interrupts (L1089): no home, no error.
+// Bit 4 taken back interrupts (Table 5-4): no home, no error.
 TEST(IsmkHoming, IsInterruptedByBit4) {
   Homing rig(simple_world(20000), 0, positive_limit_function);
   rig.start(3);
@@ -166,7 +167,7 @@ TEST(IsmkHoming, IsInterruptedByBit4) {
   EXPECT_FALSE(rig.device.drive().in_motion());
 }
 
-// A new homing takes bit 15 back until it is done (L1154-1156).
+// A new homing takes bit 15 back until it is done (Table 5-5).
 TEST(IsmkHoming, AnotherRunForgetsHome) {
   Homing rig(simple_world(20000), 0, positive_limit_function);
   rig.start(35);
@@ -178,7 +179,7 @@ TEST(IsmkHoming, AnotherRunForgetsHome) {
   EXPECT_NE(rig.status() & home_found, 0);
 }
 
-// Bit 12 is the error (L1148): a switch without an input at once, a limit switch in the way when it is met.
+// Bit 12 is the error (Table 5-5): a switch without an input at once, a limit switch in the way when it is met.
 TEST(IsmkHoming, Errors) {
   for (const int method : {1, 2, 17, 18}) {
     Homing rig(simple_world(20000), 0, 0);
@@ -198,7 +199,7 @@ TEST(IsmkHoming, Errors) {
   EXPECT_EQ(below.status() & (home_found | homing_error), homing_error) << "the limit came before the home switch";
 }
 
-// 6099h sub 6 (L1417-1421): an index next to the edge of the switch is passed by; with 1 the drive finds out itself
+// 6099h sub 6 (ch. 5.5): an index next to the edge of the switch is passed by; with 1 the drive finds out itself
 // whether that is needed.
 TEST(IsmkHoming, BlindWindow) {
   struct {
@@ -229,7 +230,7 @@ TEST(IsmkHoming, BlindWindow) {
   }
 }
 
-// 6099h sub 3 (L1402, L1415): once, at the first enable after each power-on, whatever the mode.
+// 6099h sub 3 (Table 5-14, ch. 5.5): once, at the first enable after each power-on, whatever the mode.
 TEST(IsmkHoming, AtPowerOn) {
   Homing rig(simple_world(20000), 0, positive_limit_function);
   rig.set(0x6098, 0, 3);
@@ -254,7 +255,7 @@ TEST(IsmkHoming, AtPowerOn) {
   EXPECT_EQ(rig.get(0x6061), 3) << "once only";
 }
 
-// 6099h sub 4: the current of homing (L1405).
+// 6099h sub 4: the current of homing (Table 5-14).
 TEST(IsmkHoming, CurrentLimit) {
   for (const auto& [method, direction] : {std::pair{3, 1.0}, std::pair{5, -1.0}}) {
     Homing rig(simple_world(20000), 0, positive_limit_function);
@@ -281,7 +282,7 @@ TEST(IsmkHoming, CurrentLimit) {
   EXPECT_GT(rig.get(0x6078), 1500);
 }
 
-// 607Dh: after homing only, and only if negative < positive (L1472).
+// 607Dh: after homing only, and only if negative < positive (ch. 5.6.1).
 TEST(IsmkHoming, SoftLimitsActAfterHomingOnly) {
   const auto reaches = [](bool homed, std::int64_t positive, std::int64_t negative) {
     Homing rig(simple_world(20000), 0, 0);
@@ -307,7 +308,7 @@ TEST(IsmkHoming, SoftLimitsActAfterHomingOnly) {
   EXPECT_NEAR(reaches(true, 0, 0), 50000.0, rest);
 }
 
-// Speed modes stand at the soft limit with bit 11, until they are told to go the other way (L1145).
+// Speed modes stand at the soft limit with bit 11, until they are told to go the other way (Table 5-5).
 TEST(IsmkHoming, SoftLimitsHoldSpeedModes) {
   Homing rig(simple_world(20000), 0, 0);
   rig.set(0x607D, 1, 10000);

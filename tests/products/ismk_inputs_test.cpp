@@ -4,7 +4,7 @@
 
 #include "ismk_rig.hpp"
 
-// The functions of the iSMK's digital inputs (manual L2103-2188): every code has its case here.
+// The functions of the iSMK's digital inputs (manual, ch. 7.9): every code has its case here.
 namespace servodrome {
 namespace {
 
@@ -132,7 +132,7 @@ void integral_off(IsmkRig& rig) {
   EXPECT_NEAR(rpm(rig), 300.0, 1.0);
 }
 
-// Normally closed: 0 is the limit (L1468). That direction is blocked, the other is not.
+// Normally closed: 0 is the limit (ch. 5.6.1). That direction is blocked, the other is not.
 void limit(IsmkRig& rig, std::uint16_t code, int sign, std::int64_t bit_of_60fd, std::uint8_t latched) {
   set(rig, 0x605A, 0, 6);
   wire(rig, di1, true);
@@ -147,14 +147,14 @@ void limit(IsmkRig& rig, std::uint16_t code, int sign, std::int64_t bit_of_60fd,
   EXPECT_NEAR(rpm(rig), 0.0, 0.5);
   EXPECT_EQ(state(rig), PowerState::operation_enabled);
   EXPECT_NE(rig.status() & 0x800, 0) << "internal limit";
-  EXPECT_EQ(rig.status() & 0x400, 0) << "the target speed is not reached (L1220-1227)";
+  EXPECT_EQ(rig.status() & 0x400, 0) << "the target speed is not reached (ch. 5.2.1.2)";
   EXPECT_EQ(rig.get(0x2010, latched), met);
   // By 6085h: 300 rpm at 610 rps/s is 8 ms and 1340 counts, begun within two cycles of 330 counts.
   EXPECT_NEAR(static_cast<double>(std::abs(rig.plant.position_counts() - met)), 1670.0, 340.0);
   set(rig, 0x60FF, 0, dec(-sign * 300.0));
   rig.run_ms(200);
   EXPECT_NEAR(rpm(rig), -sign * 300.0, 6.0);
-  EXPECT_EQ(rig.status() & 0x800, 0) << "on the way back (L1145)";
+  EXPECT_EQ(rig.status() & 0x800, 0) << "on the way back (Table 5-5)";
   // Back on its own side of the switch.
   wire(rig, di1, true);
   set(rig, 0x60FF, 0, dec(sign * 300.0));
@@ -351,7 +351,7 @@ void without_effect(IsmkRig& rig, std::uint16_t code) {
   EXPECT_EQ(rig.get(0x6040), 0x0F);
 }
 
-// The pointer to the set of gains in force (L2178-2179); the sets have their own test.
+// The pointer to the set of gains in force (ch. 7.9); the sets have their own test.
 void gain_index(IsmkRig& rig, std::uint16_t code, std::int64_t pointer) {
   assign(rig, di1, code);
   rig.run_ms(3);
@@ -471,7 +471,7 @@ const std::map<std::uint16_t, Case> cases{
     {0x8800, with(fast_capture, 0x8800, 1)},
 };
 
-// The codes as the manual lists them (L2122-2150).
+// The codes as the manual lists them (ch. 7.9).
 constexpr auto printed = std::to_array<std::uint16_t>(
     {0x0001, 0x0002, 0x0004, 0x0008, 0x0010, 0x0020, 0x0040, 0x0080, 0x0100, 0x0200, 0x0400, 0x0800, 0x1000, 0x2000,
      0x4000, 0x8001, 0x8002, 0x8004, 0x8008, 0x8010, 0x8020, 0x8040, 0x8080, 0x8100, 0x8200, 0x8400, 0x8800});
@@ -561,7 +561,7 @@ TEST(IsmkInputs, WithoutFunctionNothingIsBlocked) {
   EXPECT_EQ(rig.get(0x60FD), 0);
 }
 
-// 605Ah counts for a limit switch only as the ramp of 6085h: 2 would switch the motor off (L2224).
+// 605Ah counts for a limit switch only as the ramp of 6085h: 2 would switch the motor off (ch. 7.12).
 TEST(IsmkInputs, TwoInputsOfOneFunctionAreOrEd) {
   IsmkRig rig;
   set(rig, 0x6060, 0, 3);
@@ -575,7 +575,7 @@ TEST(IsmkInputs, TwoInputsOfOneFunctionAreOrEd) {
   EXPECT_EQ(state(rig), PowerState::ready_to_switch_on);
 }
 
-// A limit met after homing is an alarm where 2010h sub 19h is 0 (L1461); moving on in homing is none.
+// A limit met after homing is an alarm where 2010h sub 19h is 0 (Table 5-16); moving on in homing is none.
 TEST(IsmkInputs, LimitAlarmOnlyAfterHoming) {
   for (const bool homed : {false, true}) {
     for (const int limit_function : {0, 1}) {

@@ -47,7 +47,7 @@ struct Enabled : IsmkRig {
   }
 };
 
-// --- Units (L2012, L2393-2402, L2598, L2608, L3458-3467)
+// --- Units (ch. 7.2, Tables 8-1 and 8-3, appendix II)
 
 TEST(IsmkUnits, PrintedExamplesAreExactWithRoundToNearest) {
   struct {
@@ -56,7 +56,7 @@ TEST(IsmkUnits, PrintedExamplesAreExactWithRoundToNearest) {
   } const speeds[]{{100, 0x001B4E82}, {150, 0x0028F5C3}, {200, 0x00369D03}, {-100, -1789570},
                    {300, 5368709},    {5000, 89478485},  {10, 178957},      {3000, 53687091}};
   for (const auto& [speed, dec] : speeds) {
-    // 10 rpm is 178956.97: the default of 60F9h sub 0Ah was cut off (L2067).
+    // 10 rpm is 178956.97: the default of 60F9h sub 0Ah was cut off (ch. 7.5).
     EXPECT_EQ(std::llround(velocity_dec_from_rpm(speed)), dec) << speed;
     EXPECT_NEAR(rpm_from_velocity_dec(static_cast<double>(dec)), speed, 1e-4);
   }
@@ -69,8 +69,8 @@ TEST(IsmkUnits, PrintedExamplesAreExactWithRoundToNearest) {
   EXPECT_DOUBLE_EQ(acceleration_dec_from_rps_s(1.0), velocity_dec_from_rpm(60.0) / 1000.0);
 }
 
-// Peak current is 2048 in every rating; 1 Arms of the 48 Ap one is 60.33 (L3467).
-// Table 1.3.1 (L302-313): peak and continuous current, rated and greatest torque, rotor inertia in kgcm2.
+// Peak current is 2048 in every rating; 1 Arms of the 48 Ap one is 60.33 (appendix II).
+// Ch. 1.3.1: peak and continuous current, rated and greatest torque, rotor inertia in kgcm2.
 struct Plate {
   const char* model;
   double peak_a, continuous_a_rms, rated_nm, peak_nm, inertia_kgcm2;
@@ -93,8 +93,8 @@ TEST(IsmkUnits, CurrentOfEveryRating) {
     EXPECT_NEAR(static_cast<double>(model.motor.rated_torque_nm), plate.rated_nm, 1e-6);
     EXPECT_NEAR(static_cast<double>(model.motor.torque_constant_nm_per_a), plate.peak_nm / plate.peak_a, 1e-6);
     EXPECT_NEAR(static_cast<double>(model.motor.inertia_kgm2), plate.inertia_kgcm2 * 1e-4, 1e-10);
-    EXPECT_EQ(model.motor.rated_speed_rpm, 3000.0F);       // L310
-    EXPECT_EQ(model.motor.counts_per_revolution, 65536U);  // L2445
+    EXPECT_EQ(model.motor.rated_speed_rpm, 3000.0F);       // ch. 1.3.1
+    EXPECT_EQ(model.motor.counts_per_revolution, 65536U);  // Table 8-2
     rig.run_ms(5);
     const drive::MotorData& motor = rig.device.drive().configuration().motor;
     const double peak_dec =
@@ -119,7 +119,7 @@ TEST(IsmkUnits, CurrentOfEveryRating) {
 
 // --- Position mode
 
-// 50000 inc at 200 rpm with 100 rps/s: 33.3 ms up, 195.6 ms even, 33.3 ms down (digest 8.1), then the window.
+// 50000 inc at 200 rpm with 100 rps/s: 33.3 ms up, 195.6 ms even, 33.3 ms down, then the window.
 TEST(IsmkPosition, TheExampleTakes262Milliseconds) {
   Enabled rig(1);
   rig.profile(200, 100);
@@ -128,7 +128,7 @@ TEST(IsmkPosition, TheExampleTakes262Milliseconds) {
   const std::int64_t reached = rig.run_until([&] { return (rig.status() & target_reached) != 0; }, 200.0);
   const double window = static_cast<double>(reached) / 16.0;
   std::printf("50000 inc at 200 rpm, 100 rps/s: %.1f ms, reached %.1f ms later\n", moving, window);
-  EXPECT_GE(window, 9.0) << "2508h sub 9 is 10 ms (L2066)";
+  EXPECT_GE(window, 9.0) << "2508h sub 9 is 10 ms (ch. 7.5)";
   EXPECT_LT(window, 40.0);
   EXPECT_NEAR(static_cast<double>(rig.get(0x6063)), 50000.0, rest);
   EXPECT_EQ(rig.status() & ~0x0200, 0x5437) << "the start bit is still set: bit 12 (C6)";
@@ -137,7 +137,7 @@ TEST(IsmkPosition, TheExampleTakes262Milliseconds) {
   EXPECT_EQ(rig.status() & ~0x0200, 0x4437);
 }
 
-// 6081h is 0 from the start: nothing moves until it is set (L2019).
+// 6081h is 0 from the start: nothing moves until it is set (ch. 7.3).
 TEST(IsmkPosition, NoSpeedNoMotion) {
   Enabled rig(1);
   rig.set(0x607A, 0, 50000);
@@ -158,7 +158,7 @@ TEST(IsmkPosition, AbsoluteAndRelative) {
   EXPECT_NEAR(static_cast<double>(position(rig)), 70000.0, rest);
 }
 
-// L1092-1093: bit 5 replaces the running move, without it the target waits; a third finds no room (bit 12).
+// Table 5-4: bit 5 replaces the running move, without it the target waits; a third finds no room (bit 12).
 TEST(IsmkPosition, ImmediateAndQueued) {
   Enabled rig(1);
   rig.profile(600, 200);
@@ -198,7 +198,7 @@ TEST(IsmkPosition, ImmediateAndQueued) {
   EXPECT_NEAR(static_cast<double>(position(rig)), -300000.0, rest);
 }
 
-// 103Fh: the target follows every write without another edge (L1105, L1113).
+// 103Fh: the target follows every write without another edge (Table 5-4).
 TEST(IsmkPosition, TrackingFollowsEveryWrite) {
   Enabled rig(1);
   rig.profile(3000, 500);
@@ -216,7 +216,7 @@ TEST(IsmkPosition, TrackingFollowsEveryWrite) {
   EXPECT_NEAR(static_cast<double>(position(rig)), 90000.0, 10.0);
 }
 
-// 60FBh sub 4 (L1802-1811): the same peak acceleration with soft corners takes longer by pi/2 on the ramps, without
+// 60FBh sub 4 (ch. 6.2.2): the same peak acceleration with soft corners takes longer by pi/2 on the ramps, without
 // delay at the start, and only in mode 1.
 TEST(IsmkPosition, SCurve) {
   Enabled rig(1);
@@ -233,7 +233,7 @@ TEST(IsmkPosition, SCurve) {
   EXPECT_NEAR(rpm(rig), 300.0, 20.0) << "mode 3 ramps on a straight line";
 }
 
-// 60FBh sub 5: a moving average of N milliseconds delays by half of them, and ends N - 1 later (L1794-1798).
+// 60FBh sub 5: a moving average of N milliseconds delays by half of them, and ends N - 1 later (ch. 6.2.2).
 TEST(IsmkPosition, SmoothingFilter) {
   const auto settles_after = [](int smoothing_ms, double& at_half_way) {
     Enabled rig(1);
@@ -242,7 +242,7 @@ TEST(IsmkPosition, SmoothingFilter) {
     EXPECT_EQ(rig.set(0x60FB, 5, smoothing_ms), dictionary::AbortCode::none);
     rig.control(0x2F);
     rig.run_ms(2);
-    EXPECT_EQ(rig.set(0x60FB, 5, 7), dictionary::AbortCode::device_state);  // L2099
+    EXPECT_EQ(rig.set(0x60FB, 5, 7), dictionary::AbortCode::device_state);  // ch. 7.8
     rig.profile(600, 100);
     rig.set(0x607A, 0, 655360);
     rig.control(0x3F);
@@ -288,11 +288,11 @@ TEST(IsmkSpeed, RampsInMode3) {
   EXPECT_LT(std::abs(rig.get(0x60F9, 0x1C)), 178956);
   rig.set(0x60FF, 0, 0);
   rig.run_ms(120);
-  EXPECT_NE(rig.status() & bit_12, 0) << "speed is zero (L1229)";
+  EXPECT_NE(rig.status() & bit_12, 0) << "speed is zero (ch. 5.2.1.3)";
 }
 
-// Bit 10 is 60FFh less actual, as 60F9h sub 1Ch has it (L1220-1226), against 60F9h sub 0Ah: whatever ramp is under way,
-// and whatever 607Fh makes of the target.
+// Bit 10 is 60FFh less actual, as 60F9h sub 1Ch has it (ch. 5.2.1.2), against 60F9h sub 0Ah: whatever ramp is under
+// way, and whatever 607Fh makes of the target.
 TEST(IsmkSpeed, ReachedIsTheSpeedErrorInMode3) {
   Enabled rig(3);
   const auto error_inside = [&] { return std::abs(rig.get(0x60F9, 0x1C)) < rig.get(0x60F9, 0x0A); };
@@ -318,7 +318,7 @@ TEST(IsmkSpeed, ReachedIsTheSpeedErrorInMode3) {
   EXPECT_FALSE(shown());
 }
 
-// "The actual speed will immediately reach the target speed" (L1165): as fast as the current limit lets.
+// "The actual speed will immediately reach the target speed" (Table 5-6, 6060h): as fast as the current limit lets.
 TEST(IsmkSpeed, Mode3NegativeHasNoRamps) {
   Enabled rig(-3);
   rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(-600)));
@@ -331,7 +331,7 @@ TEST(IsmkSpeed, Mode3NegativeHasNoRamps) {
   EXPECT_EQ(rig.status() & bit_12, 0);
 }
 
-// 60F9h sub 0Ah against the target of 60FFh, 2010h sub 18h for 60F9h sub 14h (L1220-1239).
+// 60F9h sub 0Ah against the target of 60FFh, 2010h sub 18h for 60F9h sub 14h (ch. 5.2.1.2 and 5.2.1.3).
 TEST(IsmkSpeed, ReachedAndZeroByTheirWindows) {
   Enabled rig(-3);
   rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(100)));
@@ -359,7 +359,7 @@ TEST(IsmkSpeed, ReachedAndZeroByTheirWindows) {
   EXPECT_NE(timed.status() & bit_12, 0);
 }
 
-// 607Fh and 6080h (L1241-1251).
+// 607Fh and 6080h (ch. 5.2.1.4).
 TEST(IsmkSpeed, TheLimitOfSpeed) {
   for (const int mode : {3, -3}) {
     Enabled rig(mode);
@@ -367,11 +367,11 @@ TEST(IsmkSpeed, TheLimitOfSpeed) {
     rig.set(0x60FF, 0, std::llround(velocity_dec_from_rpm(2000)));
     rig.run_ms(400);
     EXPECT_NEAR(rpm(rig), 500.0, 5.0);
-    EXPECT_EQ(rig.status() & position_limit, 0) << "bit 11 is of positions (L1145)";
+    EXPECT_EQ(rig.status() & position_limit, 0) << "bit 11 is of positions (Table 5-5)";
   }
 }
 
-// 607Eh turns everything round, and is refused while enabled (L1170-1176).
+// 607Eh turns everything round, and is refused while enabled (ch. 5.2).
 TEST(IsmkSpeed, InvertedDirection) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -442,7 +442,7 @@ TEST(IsmkTorque, SpeedLimitNeitherThrottlesNorOvershoots) {
   }
 }
 
-// The encoder counts within a turn (L332).
+// The encoder counts within a turn (ch. 1.3.1).
 TEST(IsmkPosition, StartsWithinTheTurnAfterPowerOn) {
   plant::Parameters parameters = test::ismk_plant();
   parameters.encoder.start_position_counts = 3 * 65536 + 3392;
@@ -470,7 +470,7 @@ TEST(IsmkPosition, ASetPointWithoutSpeedBreaksTheMoveOff) {
   EXPECT_EQ(rig.status() & target_reached, 0);
 }
 
-// --- Step stop (L1555-1562)
+// --- Step stop (Table 5-18)
 
 // A load turns a shaft that a direct current holds by asin(load / greatest torque), electrically, and no controller
 // takes that back; with the position loop it does.

@@ -44,18 +44,18 @@ TEST(IsmkObjects, RangesHoldAtTheirEnds) {
 TEST(IsmkObjects, ModesAndBitRatesThatAreNotThere) {
   IsmkRig rig;
   rig.run_ms(1);
-  for (int mode = -4; mode <= 7; ++mode) {  // L1997
+  for (int mode = -4; mode <= 7; ++mode) {  // ch. 7.1, 6060h
     const bool there = mode == -4 || mode == -3 || mode == 1 || mode == 3 || mode == 4 || mode == 6 || mode == 7;
     EXPECT_EQ(rig.set(0x6060, 0, mode), there ? AbortCode::none : AbortCode::value_invalid) << mode;
   }
   EXPECT_EQ(rig.get(0x6502), 0x000C006D);
-  for (int code = 1; code <= 100; ++code) {  // L3211
+  for (int code = 1; code <= 100; ++code) {  // Table 9-26, 2F81h
     const bool there = code == 100 || code == 50 || code == 25 || code == 12 || code == 5 || code == 1;
     EXPECT_EQ(rig.set(0x2F81, 0, code), there ? AbortCode::none : AbortCode::value_invalid) << code;
   }
 }
 
-// Values that are shown twice (L1251, L1261, L1752, L2066, L2511).
+// Values that are shown twice (ch. 5.2.1.4, 607Fh; Table 5-9, 6071h; Table 6-5; ch. 7.5, 2508.09; ch. 8.4.2).
 TEST(IsmkObjects, TwinsAreOneValue) {
   IsmkRig rig;
   rig.run_ms(1);
@@ -73,7 +73,7 @@ TEST(IsmkObjects, TwinsAreOneValue) {
   EXPECT_EQ(rig.get(0x6065), 10000);
   rig.set(0x6065, 0, 777700);
   EXPECT_EQ(rig.get(0x2FF0, 0x0E), 7777);
-  // 1 Arms is 60.33 DEC (L3467): rated torque is 16 Ap, a third of 2048.
+  // 1 Arms is 60.33 DEC (appendix II): rated torque is 16 Ap, a third of 2048.
   rig.set(0x6071, 0, 1000);
   EXPECT_EQ(rig.get(0x60F6, 8), 683);
   rig.set(0x60F6, 8, -2048);

@@ -4,7 +4,7 @@
 
 #include "ismk_rig.hpp"
 
-// The functions of the iSMK's digital outputs (manual L2120-2138, L2189-2207): every code has its case here.
+// The functions of the iSMK's digital outputs (manual, ch. 7.9): every code has its case here.
 namespace servodrome {
 namespace {
 
@@ -84,7 +84,7 @@ void zero_speed(IsmkRig& rig) {
   set(rig, 0x60FF, 0, dec(60.0));
   rig.run_ms(300);
   EXPECT_FALSE(out(rig));
-  // 3 inc/ms is 2.75 rpm (L1236).
+  // 3 inc/ms is 2.75 rpm (ch. 5.2.1.3, 2010.18).
   set(rig, 0x60FF, 0, dec(4.0));
   rig.run_ms(300);
   EXPECT_FALSE(out(rig));
@@ -111,7 +111,7 @@ void brake(IsmkRig& rig) {
   EXPECT_FALSE(rig.actuation.brake_released);
   set(rig, 0x2010, 0x0E, 0x10);
   rig.run_ms(3);
-  EXPECT_TRUE(rig.actuation.brake_released) << "opened by simulating OUT5 (L1519)";
+  EXPECT_TRUE(rig.actuation.brake_released) << "opened by simulating OUT5 (ch. 5.6.2.1)";
   EXPECT_FALSE(out(rig));
   set(rig, 0x2010, 0x0E, 0);
   set(rig, 0x2010, 0x0D, 0xFFEF);
@@ -204,7 +204,7 @@ void position_limit(IsmkRig& rig) {
     rig.run_ms(3);
     EXPECT_FALSE(out(rig));
   }
-  // A software limit, once home is known (L1472).
+  // A software limit, once home is known (ch. 5.6.1).
   set(rig, 0x607D, 1, 5000);
   set(rig, 0x607D, 2, -5000);
   set(rig, 0x6081, 0, dec(300.0));
@@ -310,7 +310,7 @@ const std::map<std::uint16_t, Case> cases{
     {0x8001, safe_torque_off},
 };
 
-// The codes as the manual lists them (L2122-2138).
+// The codes as the manual lists them (ch. 7.9).
 constexpr auto printed = std::to_array<std::uint16_t>({0x0001, 0x0002, 0x0004, 0x0008, 0x0010, 0x0020, 0x0040, 0x0080,
                                                        0x0100, 0x0200, 0x0400, 0x0800, 0x1000, 0x2000, 0x4000, 0x8001});
 

@@ -22,7 +22,7 @@ struct Step {
   int low_byte;
 };
 
-// L1041-1057; the transitions by their numbers there.
+// Table 5-2; the transitions by their numbers there.
 TEST(IsmkPowerState, TheTableOfTransitions) {
   const std::vector<std::vector<Step>> walks{
       {{0x06, 0x31}, {0x07, 0x33}, {0x0F, 0x37}},                // 2, 3, 4
@@ -31,7 +31,7 @@ TEST(IsmkPowerState, TheTableOfTransitions) {
       {{0x0F, 0x37}, {0x00, 0x70}, {0x06, 0x31}},                // 9, 2
       {{0x07, 0x33}, {0x00, 0x70}},                              // 10
       {{0x0F, 0x37}, {0x02, 0x70}},                              // 11 and at once 12: 605Ah is 0
-      {{0x0F, 0x37}, {0x0B, 0x70}, {0x06, 0x31}, {0x0F, 0x37}},  // the word of L1537
+      {{0x0F, 0x37}, {0x0B, 0x70}, {0x06, 0x31}, {0x0F, 0x37}},  // the word of Table 5-18, 605Ah
       {{0x00, 0x70}, {0x0F, 0x70}, {0x07, 0x70}},                // out of Disable only 6 leads
       {{0x2F, 0x37}},                                            // straight from Ready
       {{0x86, 0x31}, {0x0F, 0x37}},
@@ -39,7 +39,7 @@ TEST(IsmkPowerState, TheTableOfTransitions) {
   for (const auto& walk : walks) {
     IsmkRig rig;
     rig.run_ms(5);
-    ASSERT_EQ(low_byte(rig), 0x31) << "6040h is 6 from the start (L1066, C1)";
+    ASSERT_EQ(low_byte(rig), 0x31) << "6040h is 6 from the start (Table 5-3, C1)";
     for (const Step& step : walk) {
       command(rig, step.controlword);
       EXPECT_EQ(low_byte(rig), step.low_byte) << std::hex << step.controlword;
@@ -58,7 +58,7 @@ TEST(IsmkPowerState, PowerOnIsHealthy) {
   EXPECT_EQ(rig.get(0x6061), -4);
 }
 
-// L1054-1056: fault, and the reset that ends in Ready because its word carries 6.
+// Table 5-2: fault, and the reset that ends in Ready because its word carries 6.
 TEST(IsmkPowerState, AFaultIsResetToReady) {
   IsmkRig rig;
   rig.run_ms(5);
@@ -68,11 +68,11 @@ TEST(IsmkPowerState, AFaultIsResetToReady) {
   EXPECT_EQ(low_byte(rig), 0x38);
   EXPECT_EQ(rig.get(0x603F), 0x4210);
   command(rig, 0x86);
-  EXPECT_EQ(low_byte(rig), 0x38) << "the cause is still there (L1056)";
+  EXPECT_EQ(low_byte(rig), 0x38) << "the cause is still there (Table 5-2)";
   rig.device.drive().inject(drive::Cause::power_stage_hot, false);
   rig.run_ms(2);
   command(rig, 0x86);
-  EXPECT_EQ(low_byte(rig), 0x38) << "only an edge resets (L1096)";
+  EXPECT_EQ(low_byte(rig), 0x38) << "only an edge resets (Table 5-4)";
   command(rig, 0x06);
   command(rig, 0x86);
   EXPECT_EQ(low_byte(rig), 0x31);
@@ -153,7 +153,7 @@ TEST(IsmkStops, EveryOptionCodeOfEveryTrigger) {
   }
 }
 
-// L1530-1532, L1057, C4: out of the held quick stop by 06 and then 0F; straight by 0F only with 5 and 6.
+// Ch. 5.6.3, Table 5-2, C4: out of the held quick stop by 06 and then 0F; straight by 0F only with 5 and 6.
 TEST(IsmkStops, LeavingAHeldQuickStop) {
   for (const int code : {5, 6, 18}) {
     SCOPED_TRACE(code);
@@ -209,7 +209,7 @@ TEST(IsmkStops, ShortCircuitBrakingLiesBetweenCoastingAndTheRamp) {
   EXPECT_LT(windings, 0.1 * coasting);
 }
 
-// 605Dh, and bit 8 that torque mode does not know (L1098).
+// 605Dh, and bit 8 that torque mode does not know (Table 5-4).
 TEST(IsmkStops, Halt) {
   for (const int code : {1, 2}) {
     Turning rig;
@@ -233,7 +233,7 @@ TEST(IsmkStops, Halt) {
   EXPECT_NEAR(static_cast<double>(rig.device.drive().axis().torque()), 0.1, 0.02);
 }
 
-// 605Eh (L1546-1552): 603Fh and Fault as soon as the stop is over.
+// 605Eh (Table 5-18): 603Fh and Fault as soon as the stop is over.
 TEST(IsmkStops, FaultReaction) {
   for (const int code : {0, 1, 2, 18}) {
     SCOPED_TRACE(code);
@@ -259,7 +259,7 @@ TEST(IsmkStops, FaultReaction) {
   }
 }
 
-// --- The brake (L1474-1519)
+// --- The brake (ch. 5.6.2)
 
 struct Braked : IsmkRig {
   static plant::Parameters plant() {

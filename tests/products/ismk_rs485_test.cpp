@@ -104,7 +104,7 @@ TEST(IsmkRs485, TheFactorySettingIsTheTenByteProtocol) {
   EXPECT_EQ(port.master.ask("01 40 F0 2F 09 00 00 00 00 97"), "01 4B F0 2F 09 00 00 00 00 8C");
 }
 
-// Bit 1 clear: at once, and the answer still goes out in the old protocol (L2277, L2286).
+// Bit 1 clear: at once, and the answer still goes out in the old protocol (ch. 8.1 and 8.2).
 TEST(IsmkRs485, TheProtocolChangesAtOnce) {
   Port port;
   EXPECT_EQ(port.master.ask_serial10(Frame::make(1, Command::write_1, 0x6510, 0x0C, 0)),
@@ -134,7 +134,7 @@ TEST(IsmkRs485, TheProtocolChangesAfterARestart) {
             Frame::make(1, Command::read_1, 0x6510, 0x0C, 3));
 }
 
-// 2FE2h and 100Bh: saved, from the next restart on (L2275, L2285).
+// 2FE2h and 100Bh: saved, from the next restart on (ch. 8.1 and 8.2).
 TEST(IsmkRs485, BitRateAndStationAfterARestart) {
   std::array<std::byte, 32 * 1024> memory{};
   dictionary::RamMedium medium(memory);
@@ -163,7 +163,7 @@ TEST(IsmkRs485, BitRateAndStationAfterARestart) {
 
 TEST(IsmkRs485, ModbusErrors) {
   Port port(SerialProtocol::modbus_rtu);
-  EXPECT_EQ(port.master.ask_modbus("01 03 12 34 00 01"), "01 81 02") << "the printed code of function 03 (L2317)";
+  EXPECT_EQ(port.master.ask_modbus("01 03 12 34 00 01"), "01 81 02") << "the printed code of function 03 (ch. 8.3.1)";
   EXPECT_EQ(port.master.ask_modbus("01 06 12 34 00 01"), "01 86 02");
   EXPECT_EQ(port.master.ask_modbus("01 10 12 34 00 01 02 00 01"), "01 90 02");
   EXPECT_EQ(port.master.ask_modbus("01 06 35 00 00 08"), "01 86 03") << "no mode 8";
@@ -182,7 +182,7 @@ TEST(IsmkRs485, EveryObjectReadsAsTwoRegisters) {
   EXPECT_EQ(port.master.ask_modbus("01 03 35 00 00 01"), "01 03 02 FF FC");
   EXPECT_EQ(port.master.ask_modbus("01 03 35 00 00 02"), "01 03 04 FF FC FF FF");
   EXPECT_EQ(port.master.ask_modbus("01 03 29 90 00 02"), "01 03 04 00 00 00 00");
-  // 2FF0.11 at the printed address and at that of the rule (L791).
+  // 2FF0.11 at the printed address and at that of the rule (ch. 3.7).
   EXPECT_EQ(port.master.ask_modbus("01 03 2A 01 00 01"), port.master.ask_modbus("01 03 2A 10 00 01"));
   EXPECT_EQ(port.master.ask_modbus("01 03 2A 01 00 01").substr(0, 8), "01 03 02");
 }
@@ -225,7 +225,7 @@ bool wait_for_word(Port& port, const Word& word, unsigned wanted) {
   return word(port) == wanted;
 }
 
-// The manual's procedure frame by frame (L2391-2422): homing, a move to 50000, one by 50000, running at 150 rpm.
+// The manual's procedure frame by frame (Table 8-1): homing, a move to 50000, one by 50000, running at 150 rpm.
 TEST(IsmkRs485, TheModbusProcedureMovesTheShaft) {
   Port port(SerialProtocol::modbus_rtu);
   const auto ask = [&port](const char* request) { EXPECT_NE(port.master.ask(request), "") << request; };
@@ -257,7 +257,7 @@ TEST(IsmkRs485, TheModbusProcedureMovesTheShaft) {
   EXPECT_NEAR(port.rig.plant.velocity_rpm(), 150.0, 2.0);
 }
 
-// The same with the 10-byte protocol (L2593-2619). C031h after 06h, C437h once bit 4 is 0.
+// The same with the 10-byte protocol (Table 8-3). C031h after 06h, C437h once bit 4 is 0.
 TEST(IsmkRs485, TheTenByteProcedureMovesTheShaft) {
   Port port;
   const auto ask = [&port](const char* request) { EXPECT_NE(port.master.ask(request), "") << request; };

@@ -2,7 +2,7 @@
 
 #include "ismk_rig.hpp"
 
-// The iSMK's tables of speeds and positions that inputs choose from (manual L1180-1216, L1315-1363).
+// The iSMK's tables of speeds and positions that inputs choose from (manual, ch. 5.2.1.1 and 5.4.1.1).
 namespace servodrome {
 namespace {
 
@@ -85,7 +85,7 @@ TEST(IsmkSpeedTable, NotWithoutRampsOrWithAnalogueControl) {
     set(rig, ramp, 0, 0);
     set(rig, 0x6060, 0, 3);
     rig.run_ms(5);
-    EXPECT_EQ(rig.get(0x60FF), 0) << "mode 3 needs both ramps (L1197)";
+    EXPECT_EQ(rig.get(0x60FF), 0) << "mode 3 needs both ramps (Table 5-7, 6084h)";
     set(rig, 0x6060, 0, -3);
     rig.run_ms(5);
     EXPECT_EQ(rig.get(0x60FF), dec(300.0)) << "mode -3 has none";
@@ -96,7 +96,7 @@ TEST(IsmkSpeedTable, NotWithoutRampsOrWithAnalogueControl) {
   set(rig, 0x2502, 7, 1);
   set(rig, 0x6060, 0, 3);
   rig.run_ms(5);
-  EXPECT_EQ(rig.get(0x60FF), 0) << "L1215";
+  EXPECT_EQ(rig.get(0x60FF), 0) << "ch. 5.2.1.1";
 }
 
 // --- Positions
@@ -129,7 +129,7 @@ TEST(IsmkPositionTable, EveryPositionByALevelChange) {
   enable_in(rig, 1);
   rig.control(0x2F);
   rig.run_ms(100);
-  EXPECT_NEAR(place(rig), 0.0, 2.0) << "position 0 has had no change of level (L1363)";
+  EXPECT_NEAR(place(rig), 0.0, 2.0) << "position 0 has had no change of level (ch. 5.4.1.1)";
   for (const unsigned i : {1U, 3U, 2U, 6U, 7U, 5U, 4U, 0U}) {
     select(rig, i);
     rig.run_ms(10);
@@ -189,7 +189,7 @@ TEST(IsmkPositionTable, WithoutIndexInputsNothingIsShown) {
   EXPECT_EQ(reached(rig), 0U);
 }
 
-// The whole procedure of the manual (L1345-1355): mode, enable and start come from inputs.
+// The whole procedure of the manual (Tables 5-12 and 5-13): mode, enable and start come from inputs.
 TEST(IsmkPositionTable, EverythingByInputs) {
   IsmkRig rig;
   set(rig, 0x2020, 0x0E, 1);
@@ -212,7 +212,7 @@ TEST(IsmkPositionTable, EverythingByInputs) {
   EXPECT_EQ(reached(rig), 1U);
 }
 
-// 2020h sub 0Fh = 4Fh: each start goes on by the position of the table (L1998).
+// 2020h sub 0Fh = 4Fh: each start goes on by the position of the table (ch. 7.1).
 TEST(IsmkPositionTable, RelativeMoves) {
   IsmkRig rig;
   with_positions(rig);
@@ -247,7 +247,7 @@ TEST(IsmkPositionTable, NotWhileDisabledAndNotLater) {
   EXPECT_EQ(reached(rig), 0U);
 }
 
-// 2FF1h: L = 2, M = 3, N = -14 is Din_Pos[2] = 29986 (L1332-1334).
+// 2FF1h: L = 2, M = 3, N = -14 is Din_Pos[2] = 29986 (Table 5-11).
 TEST(IsmkPositionTable, QuickEntry) {
   IsmkRig rig;
   for (unsigned i = 0; i < 8; ++i) {

@@ -23,7 +23,7 @@ plant::Parameters loaded(double load_ratio) {
   parameters.load.viscous_friction_nms = 2.0e-4;
   parameters.load.coulomb_friction_nm = 0.04;
   parameters.load.static_friction_nm = 0.06;
-  // There is no chopper inside (L315): what heavy loads give back goes into a supply shared with other drives.
+  // There is no chopper inside (ch. 1.3.1): what heavy loads give back goes into a supply shared with other drives.
   parameters.supply.capacitance_f = 0.1;
   return parameters;
 }
@@ -89,7 +89,7 @@ TEST(IsmkAutoTuning, OnlineForLoadsOfHalfToTwentyRotors) {
   }
 }
 
-TEST(IsmkAutoTuning, DoesWhatItsBitsSay) {  // L1590
+TEST(IsmkAutoTuning, DoesWhatItsBitsSay) {  // Table 6-1
   const auto after_moves = [](int control, int revolutions) {
     TuningRig rig(loaded(3.0));
     rig.set(0x2340, 0x10, control);
@@ -108,7 +108,7 @@ TEST(IsmkAutoTuning, DoesWhatItsBitsSay) {  // L1590
   EXPECT_EQ(after_moves(0x21, -1)[0], 0);
 }
 
-// Velocity_BW stays, kvp follows the load; and what it means is told by the load known (L1600).
+// Velocity_BW stays, kvp follows the load; and what it means is told by the load known (Table 6-2).
 TEST(IsmkAutoTuning, FollowsALoadThatChanges) {
   TuningRig rig(loaded(1.0));
   rig.set(0x2FF0, 0x0A, 30);
@@ -283,7 +283,7 @@ struct RingingRig : TuningRig {
 TEST(IsmkNotch, FoundSetAndQuiet) {
   struct Case {
     double hz, load_ratio, bandwidth_hz;
-    int control;  // 128; +16: nothing else; +32: with the speed (L1720)
+    int control;  // 128; +16: nothing else; +32: with the speed (Table 6-3)
   };
   for (const Case& c : {Case{150.0, 2.0, 50.0, 0x80},
                         {150.0, 1.0, 40.0, 0xA0},

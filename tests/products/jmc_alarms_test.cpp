@@ -726,7 +726,7 @@ TEST(JmcAlarms, EveryCommunicationAlarm) {
     EXPECT_EQ(rig.get(0x1001), 0x11);
     EXPECT_EQ(rig.device.alarm().data(), code);
     products::jmc_ec::Leds leds = rig.device.leds(rig.now());
-    EXPECT_EQ(leds.alarm_flashes, 5) << "communication error (L372)";
+    EXPECT_EQ(leds.alarm_flashes, 5) << "communication error (ch. 4.3.2)";
     EXPECT_EQ(leds.error, want.led);
     const unsigned state = rig.al_status().state & 0x0FU;
     if (state != 1) {
@@ -751,7 +751,7 @@ TEST(JmcAlarms, EveryCommunicationAlarm) {
   EXPECT_EQ(real, bus_causes.size());
 }
 
-// With the motor enabled 6007h says what the loss of the outputs does (L2157).
+// With the motor enabled 6007h says what the loss of the outputs does (Table 150).
 TEST(JmcAlarms, LossOfOutputsWhileEnabled) {
   for (const int option : {0, 1, 2, 3}) {
     SCOPED_TRACE(option);
@@ -832,7 +832,7 @@ TEST(JmcAlarms, Lamps) {
     return rig.device.leds(rig.now());
   };
   rig.segment.set_cable(0, false);
-  EXPECT_EQ(leds().power, Lamp::flashing) << "not linked (L366)";
+  EXPECT_EQ(leds().power, Lamp::flashing) << "not linked (ch. 4.3.2)";
   EXPECT_EQ(leds().data_in, Lamp::off);
   rig.segment.set_cable(0, true);
   EXPECT_EQ(leds().power, Lamp::on);
@@ -849,7 +849,7 @@ TEST(JmcAlarms, Lamps) {
   rig.exchange();
   ASSERT_EQ(rig.request(8), rig.good(8));
   EXPECT_EQ(leds().run, Lamp::on);
-  // 6, 7 and 8: the limits (L373-375).
+  // 6, 7 and 8: the limits (ch. 4.3.2).
   for (const auto& [wire, flashes] : {std::pair{2, 6}, std::pair{0, 7}, std::pair{1, 8}}) {
     rig.plant.force_input(wire, true);
     EXPECT_EQ(leds().alarm_flashes, flashes);
@@ -876,7 +876,7 @@ TEST(JmcAlarms, LampsOfAnAlarmComeBeforeThoseOfInputs) {
   }
 }
 
-// The front as others see it: six lamps, each as the drive drives it (L366, L373-375, L1138-1168).
+// The front as others see it: six lamps, each as the drive drives it (ch. 4.3.2, Table 10).
 TEST(JmcAlarms, LampsOfTheFront) {
   using products::Light;
   JmcBus rig;

@@ -2,7 +2,7 @@
 
 #include "jmc_rig.hpp"
 
-// The brake sequence P01-30 to P01-32 (L680-682, L1636-1637): the motor works, and the brake is open, from Switched on.
+// The brake sequence P01-30 to P01-32 (ch. 8.2.2, Chart 129): the motor works, and the brake is open, from Switched on.
 namespace servodrome {
 namespace {
 
@@ -29,7 +29,7 @@ struct BrakeRig : JmcRig {
     run_ms(350);
     control(0x06);
     run_ms(2);
-    EXPECT_FALSE(actuation.brake_released) << "shutdown holds the brake (L2232)";
+    EXPECT_FALSE(actuation.brake_released) << "shutdown holds the brake (Table 154)";
     EXPECT_FALSE(actuation.pwm_enabled);
   }
   void turn(std::int64_t rpm) {
@@ -59,7 +59,7 @@ TEST(JmcBrake, OpensInSwitchedOnAndHoldsTheLoad) {
 }
 
 // The load hangs on the motor as soon as the brake lets go, and the loops build up their torque out of the deviation:
-// it sags. P02-50, the torque that holds it (L739), is there before the brake opens.
+// it sags. P02-50, the torque that holds it (ch. 8.2.3), is there before the brake opens.
 TEST(JmcBrake, LoadSagsByWhatP0250DoesNotHold) {
   const auto deepest = [](double share) {
     BrakeRig rig;
@@ -83,7 +83,7 @@ TEST(JmcBrake, LoadSagsByWhatP0250DoesNotHold) {
   EXPECT_GE(deepest(1.0), -3.0);
 }
 
-// Commands are taken once P01-30 has passed since power came on (L680).
+// Commands are taken once P01-30 has passed since power came on (ch. 8.2.2).
 TEST(JmcBrake, CommandsWaitForItsDelay) {
   for (const int delay_ms : {0, 100, 255}) {
     BrakeRig rig(delay_ms);
@@ -215,7 +215,7 @@ TEST(JmcBrake, WaitsNoLongerThanItsLimit) {
   EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 0.1) << "the brake stops it";
 }
 
-// 60FEh bit 0 sets the brake by hand where its mask bit is set (L3130).
+// 60FEh bit 0 sets the brake by hand where its mask bit is set (Table 216).
 TEST(JmcBrake, BySixtyFe) {
   BrakeRig rig;
   rig.control(0x07);

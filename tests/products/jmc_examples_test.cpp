@@ -16,7 +16,8 @@ struct Download {
   Bytes response;
 };
 
-// Digest 14, from L4987-4996 (AM600) and L5317-5322 (CODESYS).
+// The start-up lists of the routines for INovance ('Set the zero return parameter') and CoDeSys ('Set homing
+// parameter'), and the answer to each row.
 const Download start_up_lists[] = {
     {"6060:00 = 8", {0x2F, 0x60, 0x60, 0x00, 0x08, 0, 0, 0}, {0x60, 0x60, 0x60, 0x00, 0, 0, 0, 0}},
     {"60E0:00 = 5000", {0x2B, 0xE0, 0x60, 0x00, 0x88, 0x13, 0, 0}, {0x60, 0xE0, 0x60, 0x00, 0, 0, 0, 0}},
@@ -45,7 +46,7 @@ TEST(JmcExamples, StartUpListsByteByByte) {
   EXPECT_EQ(rig.get(0x609A), 40000);
 }
 
-// "607A:00 with 32 bits is 607A0020h" (L1436).
+// "607A:00 with 32 bits is 607A0020h" (Chart 16).
 TEST(JmcExamples, MappingEntry) {
   JmcRig rig;
   rig.to_pre_operational();
@@ -53,7 +54,8 @@ TEST(JmcExamples, MappingEntry) {
   EXPECT_EQ(rig.upload(0x1600, 12), 0xFFFFFFFFU) << "unused slots stay readable";
 }
 
-// Reconfiguration in the order of L1495-1511; refused anywhere but in Pre-Operational (L1513); gone with power (L1517).
+// Reconfiguration in the order of 'PDO Communicate' 3.3; refused anywhere but in Pre-Operational ('PDO
+// Communicate' 3.4); gone with power ('PDO Communicate' 3.4).
 TEST(JmcExamples, ReconfigurationOfPdos) {
   JmcRig rig;
   rig.to_pre_operational();
@@ -67,7 +69,7 @@ TEST(JmcExamples, ReconfigurationOfPdos) {
   EXPECT_EQ(rig.download(0x1600, 4, 0x608F0120, 4), AbortCode::not_mappable);
   EXPECT_EQ(rig.download(0x1600, 4, 0x60410010, 4), AbortCode::not_mappable);
   EXPECT_EQ(rig.download(0x1600, 4, 0x55550020, 4), AbortCode::object_does_not_exist);
-  EXPECT_EQ(rig.download(0x1600, 0, 13, 1), AbortCode::value_too_high) << "at most 12 (L1429)";
+  EXPECT_EQ(rig.download(0x1600, 0, 13, 1), AbortCode::value_too_high) << "at most 12 ('PDO mapping')";
   EXPECT_EQ(rig.download(0x1600, 0, 2, 1), AbortCode::none);
   EXPECT_EQ(rig.download(0x1C12, 1, 0x1600, 2), AbortCode::none);
   EXPECT_EQ(rig.download(0x1C12, 1, 0x1604, 2), AbortCode::value_too_high);
@@ -83,7 +85,7 @@ TEST(JmcExamples, ReconfigurationOfPdos) {
   EXPECT_EQ(rig.get(0x1600, 2), 0x60600008);
 }
 
-// At most 48 bytes in one PDO (L1429).
+// At most 48 bytes in one PDO ('PDO mapping').
 TEST(JmcExamples, LongestPdo) {
   JmcRig rig;
   rig.to_pre_operational();
@@ -120,7 +122,7 @@ TEST(JmcExamples, EachPartOfTheGearActs) {
   }
 }
 
-// Digest 14: 10000 and 2000 command units for a revolution of 4000 increments (L1651, L1677, L1683).
+// Electronic gear: 10000 and 2000 command units for a revolution of 4000 increments ('Electronic gear').
 TEST(JmcExamples, ElectronicGear) {
   for (const Gear& gear : {Gear{4000, 1, 1, 1, 4000, 1, 4000}, Gear{4000, 1, 1, 1, 10000, 1, 10000},
                            Gear{4000, 1, 2, 1, 4000, 1, 2000}, Gear{4000, 1, 25, 8, 4000, 1, 1280}}) {
@@ -148,7 +150,8 @@ TEST(JmcExamples, ElectronicGear) {
   }
 }
 
-// Gear objects take effect in Pre-Operational only, and the ratio is 1/1000 to 1000: beyond, "protection" (L1659-1661).
+// Gear objects take effect in Pre-Operational only, and the ratio is 1/1000 to 1000: beyond, "protection" ('Electronic
+// gear').
 TEST(JmcExamples, GearOutOfRangeAndOutOfState) {
   JmcRig rig;
   rig.to_pre_operational();

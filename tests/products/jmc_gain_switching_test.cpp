@@ -2,7 +2,7 @@
 
 #include "jmc_rig.hpp"
 
-// The two gain sets and the modes of P02-30 (L580-584, L713-737).
+// The two gain sets and the modes of P02-30 (Table 65, ch. 8.2.3).
 namespace servodrome {
 namespace {
 
@@ -166,7 +166,7 @@ TEST(JmcGainSwitching, WithTheCommandOnTheAxis) {
   EXPECT_FLOAT_EQ(rig.gains().velocity_kp, kp);
 }
 
-// 131072 per revolution, 200 rpm by 1000, 25 % by 1000 (L734-738).
+// 131072 per revolution, 200 rpm by 1000, 25 % by 1000 (ch. 8.2.3).
 TEST(JmcGainSwitching, UnitsOfTheLevels) {
   SwitchingRig by_speed(9);
   by_speed.set_panel(2, 31, 1000);

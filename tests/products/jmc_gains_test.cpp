@@ -6,8 +6,8 @@
 
 #include "jmc_rig.hpp"
 
-// What the panel parameters of the JMC EC drives do to the axis, measured against theory (L472-510, L694-745,
-// L753-815).
+// What the panel parameters of the JMC EC drives do to the axis, measured against theory (ch. 7 and 8.2.3, ch. 8.2.4
+// to 8.2.8).
 namespace servodrome {
 namespace {
 
@@ -104,7 +104,8 @@ std::complex<double> open_loop(GainsRig& rig, double frequency_hz) {
   return measured / error;
 }
 
-// P02-10 is where the loop's gain crosses 1, but for integral and filters, which are in the formula (L503, L620-621).
+// P02-10 is where the loop's gain crosses 1, but for integral and filters, which are in the formula (ch. 7, P02-11;
+// Table 65, P08-19 and P08-20).
 TEST(JmcGains, VelocityLoopIsTheFormula) {
   struct Case {
     int gain, integral, feedback_filter, torque_filter;  // in their steps
@@ -129,7 +130,7 @@ TEST(JmcGains, VelocityLoopIsTheFormula) {
   }
 }
 
-// P02-12: 100 % is PI, which overshoots; with 0 the integral alone answers a new speed (L704-709).
+// P02-12: 100 % is PI, which overshoots; with 0 the integral alone answers a new speed (ch. 8.2.3).
 TEST(JmcGains, PseudoDerivative) {
   const auto overshoot = [](int percent) {
     GainsRig rig(9);
@@ -185,7 +186,7 @@ TEST(JmcGains, TorqueFeedForward) {
   EXPECT_NEAR(lag(50) - full, 0.5 * expected, 0.05 * expected);
 }
 
-// P02-50: what holds a weight need not come from a deviation. It acts in position control only (L739-743).
+// P02-50: what holds a weight need not come from a deviation. It acts in position control only (ch. 8.2.3).
 TEST(JmcGains, TorqueAdded) {
   const auto sag = [](int tenths, std::int8_t mode) {
     GainsRig rig(mode);
@@ -201,7 +202,7 @@ TEST(JmcGains, TorqueAdded) {
   EXPECT_NEAR(sag(200, 9), sag(0, 9), 1.0) << "not in speed control";
 }
 
-// P02-51 and P02-52, each in its direction (L744-745).
+// P02-51 and P02-52, each in its direction (ch. 8.2.3).
 TEST(JmcGains, FrictionCompensation) {
   plant::Parameters parameters = frictionless();
   parameters.load.coulomb_friction_nm = parameters.load.static_friction_nm = 0.05;
@@ -281,7 +282,7 @@ TEST(JmcGains, TorqueLimits) {
   }
 }
 
-// P04-06, P04-07 (L781-782).
+// P04-06, P04-07 (ch. 8.2.5).
 TEST(JmcGains, SpeedLimits) {
   for (const int direction : {1, -1}) {
     GainsRig rig(9);
@@ -293,7 +294,7 @@ TEST(JmcGains, SpeedLimits) {
   }
 }
 
-// P04-05: AL.420 (L780, L1063-1068).
+// P04-05: AL.420 (ch. 8.2.5 and 9.2).
 TEST(JmcGains, OverSpeed) {
   for (const int limit_rpm : {800, 1200}) {
     GainsRig rig(9);
@@ -304,7 +305,7 @@ TEST(JmcGains, OverSpeed) {
   }
 }
 
-// P03-15: AL.501 beyond ten times so many command units, unless 6065h says otherwise (L765, C-26).
+// P03-15: AL.501 beyond ten times so many command units, unless 6065h says otherwise (ch. 8.2.4, C-26).
 TEST(JmcGains, ExcessiveDeviation) {
   const auto alarm = [](int tens, std::int64_t window) {
     GainsRig rig(1);
@@ -321,7 +322,7 @@ TEST(JmcGains, ExcessiveDeviation) {
   EXPECT_EQ(alarm(20, 5000), "") << "6065h has priority";
 }
 
-// P03-05: by the deviation alone, at the end of the command, at the end of the smoothed one (L756).
+// P03-05: by the deviation alone, at the end of the command, at the end of the smoothed one (ch. 8.2.4).
 TEST(JmcGains, InPosition) {
   const auto at_criterion = [](int criterion) {
     GainsRig rig(1);

@@ -3,7 +3,7 @@
 #include "drive/homing_figures.hpp"
 #include "jmc_rig.hpp"
 
-// Homing of the JMC EC drives (L4017-4576): every method from every side on a plant with random geometry, and what
+// Homing of the JMC EC drives (HM): every method from every side on a plant with random geometry, and what
 // surrounds the methods.
 namespace servodrome {
 namespace {
@@ -48,7 +48,7 @@ plant::Parameters plant_of(const World& world, Counts start, std::string_view ra
   parameters.encoder.start_position_counts = start;
   parameters.load.low_stop_counts = world.low_stop;
   parameters.load.high_stop_counts = world.high_stop;
-  // CW-, HW+, CCW+ (L270-273); CW is positive.
+  // CW-, HW+, CCW+ (ch. 3.1.2); CW is positive.
   parameters.switches[0].wire = 0;
   parameters.switches[0].from_counts = world.positive_limit;
   parameters.switches[1].wire = 1;
@@ -119,7 +119,7 @@ int every_method(std::string_view rating, int rounds, Tolerance tolerance) {
         }
         if (!rig.finish()) return ADD_FAILURE() << "does not finish", 0;
         EXPECT_EQ(rig.status() & flags, reached | attained) << std::hex << rig.status();
-        // 35 takes the present point, so nothing is travelled (L4572-4576).
+        // 35 takes the present point, so nothing is travelled (HM 2.35).
         const std::int64_t travelled = figure.number == 35 ? 0 : offset;
         const Counts expected = expected_home(figure, world, figure.number == 35 ? begins : *from, 0);
         EXPECT_NEAR(static_cast<double>(rig.home(travelled)), static_cast<double>(expected),
@@ -158,7 +158,7 @@ World simple_world() {
   return world;
 }
 
-// 0, 15, 16, 31, 32: chosen, and nothing happens (L2858, L4328, L4544). Others are refused (D-23).
+// 0, 15, 16, 31, 32: chosen, and nothing happens (HM 2.15 and 2.31, object 6098h). Others are refused (D-23).
 TEST(JmcHoming, ReservedMethods) {
   for (const int number : {0, 15, 16, 31, 32}) {
     Homing rig(simple_world(), 0);
@@ -176,7 +176,8 @@ TEST(JmcHoming, ReservedMethods) {
   for (const int number : {-128, -1, 36, 37, 127}) EXPECT_EQ(rig.set(0x6098, 0, number), AbortCode::value_invalid);
 }
 
-// The offset is a move of its own, with the slow speed, after home is found (L4089, L4105): bit 12 comes before bit 10.
+// The offset is a move of its own, with the slow speed, after home is found (Charts 42 and 44): bit 12 comes before
+// bit 10.
 TEST(JmcHoming, OffsetIsTravelledAtTheSlowSpeed) {
   for (const std::int64_t offset : {3000, -3000}) {
     Homing rig(simple_world(), 20000);
@@ -199,7 +200,7 @@ TEST(JmcHoming, OffsetIsTravelledAtTheSlowSpeed) {
   }
 }
 
-// 1 -> 0 of bit 4 ends it: ramp 609Ah, no home, no error (L4040).
+// 1 -> 0 of bit 4 ends it: ramp 609Ah, no home, no error (Chart 38).
 TEST(JmcHoming, StartBitTakenAwayAborts) {
   Homing rig(simple_world(), 0);
   rig.start(3);
@@ -211,7 +212,7 @@ TEST(JmcHoming, StartBitTakenAwayAborts) {
   EXPECT_FALSE(rig.device.drive().homed());
 }
 
-// Halt by 605Dh with 609Ah; bit 10 is standstill then, and homing goes on afterwards (L4058-4061).
+// Halt by 605Dh with 609Ah; bit 10 is standstill then, and homing goes on afterwards (Chart 273).
 TEST(JmcHoming, HaltAndResume) {
   Homing rig(simple_world(), 0);
   rig.set(0x609A, 0, 40000);
@@ -247,7 +248,7 @@ TEST(JmcHoming, SpeedAndRampOfZero) {
   EXPECT_EQ(rig.status() & flags, reached | attained);
 }
 
-// P03-68: AL.551, a fault with bit 13 (L908, L1091-1095). 0 is no limit.
+// P03-68: AL.551, a fault with bit 13 (ch. 9.1 and 9.2). 0 is no limit.
 TEST(JmcHoming, TimesOut) {
   Homing rig(simple_world(), 0);
   rig.set_panel(3, 68, 1);
@@ -280,7 +281,7 @@ TEST(JmcHoming, HomeNotFound) {
   EXPECT_EQ(rig.status() & 0x6F, 0x27);
 }
 
-// Out of tolerance while homing: the fault shows bit 13 (L4063).
+// Out of tolerance while homing: the fault shows bit 13 (Chart 273).
 TEST(JmcHoming, FollowingErrorIsAHomingError) {
   Homing rig(simple_world(), 0);
   rig.set(0x6065, 0, 200);

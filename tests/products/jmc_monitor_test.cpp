@@ -3,7 +3,7 @@
 
 #include "jmc_rig.hpp"
 
-// The monitoring items d00 to d31 of the JMC EC drives (L817-859) against the true shaft.
+// The monitoring items d00 to d31 of the JMC EC drives (ch. 8.3) against the true shaft.
 namespace servodrome {
 namespace {
 
@@ -114,7 +114,7 @@ TEST(JmcMonitor, PhaseSequence) {
   }
 }
 
-// d22 follows any motion (L852), and AF-J-L makes one of its own (L679).
+// d22 follows any motion (ch. 8.3), and AF-J-L makes one of its own (ch. 8.2.2, P01-04).
 // Disabled while the drive finds out its load: it has failed, says so, and the axis rests.
 TEST(JmcMonitor, DisableEndsTheRecognitionOfInertia) {
   plant::Parameters parameters = test::jmc_plant();
@@ -162,7 +162,7 @@ TEST(JmcMonitor, InertiaRatio) {
   EXPECT_EQ(off.set(0x200E, 1, 1), AbortCode::device_state);
 }
 
-// d26: the search finds the resonance of a two-mass axis (L855).
+// d26: the search finds the resonance of a two-mass axis (ch. 8.3).
 TEST(JmcMonitor, Resonance) {
   plant::Parameters parameters = test::jmc_plant();
   const double rotor = parameters.motor.rotor_inertia_kgm2;

@@ -2,7 +2,7 @@
 
 #include "jmc_bus.hpp"
 
-// The modes of the JMC EC drives over process data, on a motor (digest part 2, section 4).
+// The modes of the JMC EC drives over process data, on a motor.
 namespace servodrome {
 namespace {
 
@@ -48,14 +48,15 @@ void follow_sine(std::uint32_t sync0_ns, int cycles_per_turn) {
   EXPECT_LT(worst, steepest + 2.2 / (period_ms * 1e-3));
   rig.settle();
   EXPECT_NEAR(rig.position(), start, 2);
-  EXPECT_TRUE(rig.bit(10)) << "at rest on its target (L3459)";
+  EXPECT_TRUE(rig.bit(10)) << "at rest on its target (Table 222)";
 }
 TEST(JmcMotion, CyclicPositionFreeRun) { follow_sine(0, 500); }
 TEST(JmcMotion, CyclicPositionWithSync0) { follow_sine(1'000'000, 500); }
 // The period of SYNC0 is that of the targets, whatever 60C2h says.
 TEST(JmcMotion, CyclicPositionWithSync0Of4Ms) { follow_sine(4'000'000, 200); }
 
-// The manual's scaling: 4000 units are a revolution (L5315), 607Ah + 60B0h is the demand (L3555).
+// The manual's scaling: 4000 units are a revolution (routine for CoDeSys, 'Set homing parameter'), 607Ah + 60B0h is the
+// demand (Table 234).
 TEST(JmcMotion, CyclicPositionOffset) {
   JmcBus rig;
   rig.open_limits();
@@ -70,7 +71,7 @@ TEST(JmcMotion, CyclicPositionOffset) {
   EXPECT_NEAR(rig.position(), 3800, 2);
 }
 
-// Too fast: it runs on at the greatest speed with a warning, and gets there (L3553, D-16).
+// Too fast: it runs on at the greatest speed with a warning, and gets there (Table 233, D-16).
 TEST(JmcMotion, CyclicPositionAboveTheGreatestSpeed) {
   JmcBus fast;
   fast.open_limits();
@@ -151,7 +152,7 @@ TEST(JmcMotion, CyclicVelocity) {
   EXPECT_NEAR(rig.plant.velocity_rpm(), 300.0, 6.0);
 }
 
-// Above 6080h: alarm and stop (L3656, L3680).
+// Above 6080h: alarm and stop (Tables 242 and 35).
 TEST(JmcMotion, CyclicVelocityAboveTheGreatestSpeed) {
   JmcBus rig;
   rig.open_limits();
@@ -192,7 +193,7 @@ TEST(JmcMotion, ProfilePositionHandshake) {
   ProfileRig rig;
   EXPECT_TRUE(rig.bit(10));
   rig.start(4000);
-  EXPECT_TRUE(rig.bit(12)) << "taken; no other until bit 4 is 0 again (L3757)";
+  EXPECT_TRUE(rig.bit(12)) << "taken; no other until bit 4 is 0 again (Table 250)";
   EXPECT_FALSE(rig.bit(10));
   rig.word(0x0F, 2);
   EXPECT_FALSE(rig.bit(12));
@@ -202,7 +203,7 @@ TEST(JmcMotion, ProfilePositionHandshake) {
   rig.start(-500, 0x50);  // relative to the last target
   rig.cycles(300);
   EXPECT_NEAR(rig.position(), 3500, 2);
-  // Set-points are sampled at the edge (L3736).
+  // Set-points are sampled at the edge (Table 248).
   rig.start(20000);
   rig.cycles(150);
   rig.set(0x6081, 0, 1000);
@@ -213,7 +214,7 @@ TEST(JmcMotion, ProfilePositionHandshake) {
   EXPECT_NEAR(rig.position(), 20000, 2);
 }
 
-// The four combinations of bits 9 and 5 (L3832-3852): what the speed is where the first target was.
+// The four combinations of bits 9 and 5 (PP 2): what the speed is where the first target was.
 TEST(JmcMotion, ProfilePositionSecondSetPoint) {
   for (const std::uint16_t bits : std::to_array<std::uint16_t>({0x000, 0x200, 0x220, 0x020})) {
     SCOPED_TRACE(bits);
@@ -252,7 +253,7 @@ TEST(JmcMotion, ProfilePositionSecondSetPoint) {
   }
 }
 
-// "The motor will stop during two runs" (L3842): the shaft, not the demand alone.
+// "The motor will stop during two runs" (PP 2): the shaft, not the demand alone.
 TEST(JmcMotion, ShaftStandsBetweenTwoSetPoints) {
   ProfileRig rig;
   rig.start(12000);
@@ -293,7 +294,7 @@ TEST(JmcMotion, SetPointThatWaitsBeginsAfterTwoSeconds) {
   EXPECT_GE(ticks, 0);
 }
 
-// 6082h is where the motor starts, at once (L3798, D-20).
+// 6082h is where the motor starts, at once (Table 255, D-20).
 TEST(JmcMotion, ProfilePositionStartSpeed) {
   ProfileRig rig;
   rig.set(0x6082, 0, 8000);
@@ -323,7 +324,7 @@ TEST(JmcMotion, ProfilePositionStartSpeed) {
   EXPECT_NEAR(rig.position(), 12004, 2);
 }
 
-// 6081h above the smaller of 607Fh and 6080h: alarm, and operation stops (L3790).
+// 6081h above the smaller of 607Fh and 6080h: alarm, and operation stops (Table 254).
 TEST(JmcMotion, ProfilePositionAboveTheGreatestSpeed) {
   for (const bool by_motor : {false, true}) {
     ProfileRig rig;
@@ -364,7 +365,7 @@ TEST(JmcMotion, ProfilePositionWithDefaults) {
   EXPECT_EQ(rig.state() & 0x4F, 0x08U);
 }
 
-// 6083h above 60C5h, 6084h above 60C6h: clipped, with a warning that goes with it (L3806, L3814, L3969).
+// 6083h above 60C5h, 6084h above 60C6h: clipped, with a warning that goes with it (Tables 256, 257 and 268).
 TEST(JmcMotion, RampsAreClippedWithWarning) {
   for (const bool acceleration : {true, false}) {
     ProfileRig rig;
@@ -396,9 +397,9 @@ TEST(JmcMotion, ProfileVelocityAndHalt) {
   rig.word(0x07, 110);
   rig.put<std::int32_t>(Out::velocity, 40000);
   rig.word(0x10F, 20);
-  EXPECT_EQ(rig.status_in() & 0x016FU, 0x0127U) << "halted but enabled (L4011)";
+  EXPECT_EQ(rig.status_in() & 0x016FU, 0x0127U) << "halted but enabled (PV 4)";
   EXPECT_FALSE(rig.bit(12)) << "executes nothing";
-  EXPECT_TRUE(rig.bit(10)) << "speed 0 (L3931)";
+  EXPECT_TRUE(rig.bit(10)) << "speed 0 (Table 264)";
   EXPECT_EQ(rig.velocity(), 0);
   rig.word(0x0F, 300);
   EXPECT_EQ(rig.status_in() & 0x016FU, 0x0027U);
@@ -409,14 +410,14 @@ TEST(JmcMotion, ProfileVelocityAndHalt) {
   EXPECT_FALSE(rig.bit(10)) << "decelerates";
   rig.cycles(200);
   EXPECT_TRUE(rig.bit(10));
-  // Changes act at once (L3979).
+  // Changes act at once (PV 2).
   rig.word(0x0F, 20);
   rig.put<std::int32_t>(Out::velocity, -20000);
   rig.cycles(400);
   EXPECT_NEAR(rig.velocity(), -20000, 600);
 }
 
-// Above the smaller of 607Fh and 6080h: it runs at the maximum, and warns (L3961).
+// Above the smaller of 607Fh and 6080h: it runs at the maximum, and warns (Table 267).
 TEST(JmcMotion, ProfileVelocityAboveTheGreatestSpeed) {
   for (const bool by_motor : {false, true}) {
     JmcBus rig;
@@ -493,7 +494,7 @@ TEST(JmcMotion, TorqueModeKeepsToTheGreatestSpeed) {
 
 // --- Halt and mode 0
 
-// Bit 8 works in every mode, also in the cyclic ones (L3446, L3618).
+// Bit 8 works in every mode, also in the cyclic ones (Tables 221 and 237).
 TEST(JmcMotion, HaltInEveryMode) {
   for (const std::int8_t mode : std::to_array<std::int8_t>({1, 3, 8, 9, 10})) {
     for (const int code : {1, 2, 3, 32767}) {
@@ -538,7 +539,7 @@ TEST(JmcMotion, HaltInEveryMode) {
   }
 }
 
-// A master that leaves 6060h of the default PDO at 0 and chose the mode by SDO (section 3 of the digest).
+// A master that leaves 6060h of the default PDO at 0 and chose the mode by SDO (README.md of the product, 6060h = 0).
 TEST(JmcMotion, ModeZeroChangesNothing) {
   JmcBus rig;
   rig.open_limits();

@@ -25,7 +25,7 @@ TEST(JmcObjects, AreThoseOfTable219) {
   // Mentioned as "not used", and not in the table (D-30).
   std::erase_if(rows, [](const test::CsvRow& row) { return row.at("index") == "0x60D0"; });
   EXPECT_EQ(rig.device.dictionary().find(0x60D0, 1), nullptr);
-  // Slots 0Ch of the six last maps are not printed, the second 1602h:0Ch is (D-04, reading of section 2.2).
+  // Slots 0Ch of the six last maps are not printed, the second 1602h:0Ch is (D-04).
   EXPECT_EQ(
       test::compare_objects(rig.device.bus_dictionary(), 0, rows, test::read_differences("jmc_od_differences.csv")),
       218U);
@@ -46,7 +46,7 @@ TEST(JmcObjects, NoOthers) {
   }
 }
 
-// Sections 2.2 and 2.3 of the digest: bytes of the default PDOs, and what is in the unused slots.
+// Table 219: bytes of the default PDOs, and what is in the unused slots.
 TEST(JmcObjects, DefaultPdos) {
   JmcRig rig;
   const auto bytes = [&rig](std::uint16_t pdo) {
@@ -71,7 +71,7 @@ TEST(JmcObjects, DefaultPdos) {
 TEST(JmcObjects, ValuesThatAreNotThere) {
   JmcRig rig;
   rig.run_ms(1);
-  for (int mode = -3; mode <= 12; ++mode) {  // L2403, L3413
+  for (int mode = -3; mode <= 12; ++mode) {  // 'Control articles', object 6060h
     const bool there =
         mode == 0 || mode == 1 || mode == 3 || mode == 4 || mode == 6 || mode == 8 || mode == 9 || mode == 10;
     EXPECT_EQ(rig.set(0x6060, 0, mode), there ? AbortCode::none : AbortCode::value_invalid) << mode;
@@ -94,7 +94,7 @@ TEST(JmcObjects, ValuesThatAreNotThere) {
 }
 
 // Each rating shows its own name, identity and nameplate, and so does its slave information memory.
-// Power and supply of Table 1 (L215-220), the names by the rules of L233-250, 3000 rpm (L239). Rated torque is the
+// Power and supply of Table 1 (ch. 2.1), the names by the rules of ch. 2.2, 3000 rpm (ch. 2.2). Rated torque is the
 // power at that speed. The torque constant is chosen (ratings.hpp): 4500 rpm on 80 % of the supply.
 struct Plate {
   const char* model;
@@ -114,7 +114,8 @@ constexpr auto plates = std::to_array<Plate>({
 });
 
 TEST(JmcObjects, NameplatesOfTheManual) {
-  ASSERT_EQ(products::jmc_ec::ratings.size(), plates.size() + 2U);  // and two stepper drives (L4610, L4880)
+  ASSERT_EQ(products::jmc_ec::ratings.size(),
+            plates.size() + 2U);  // and two stepper drives (routine for TwinCAT3, routine for INovance)
   for (const Plate& plate : plates) {
     SCOPED_TRACE(plate.model);
     JmcRig rig(plate.model);
@@ -130,11 +131,11 @@ TEST(JmcObjects, NameplatesOfTheManual) {
     EXPECT_NEAR(rig.upload(0x6076, 0), 1000.0 * torque_nm, 1.0);
     EXPECT_NEAR(rig.upload(0x6075, 0), 1000.0 * torque_nm / constant / std::sqrt(2.0), 2.0);
     EXPECT_NEAR(static_cast<double>(model.motor.peak_current_a / model.motor.rated_current_a), 3.0,
-                1e-6);  // 300 % (L225)
+                1e-6);  // 300 % (ch. 2.1)
   }
   JmcRig half("2hss458-ec");
-  EXPECT_EQ(half.get(0x6075), 6000);  // L3338
-  EXPECT_EQ(half.get(0x6076), 4436);  // L3342
+  EXPECT_EQ(half.get(0x6075), 6000);  // Table 219
+  EXPECT_EQ(half.get(0x6076), 4436);  // Table 219
   JmcRig open("2dm542-ec");
   EXPECT_EQ(open.get(0x6075), 2970);  // 4.2 A of its name, as an r.m.s. value
   EXPECT_EQ(open.get(0x6076), 1800);

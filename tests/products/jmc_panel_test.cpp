@@ -69,7 +69,7 @@ TEST(JmcPanel, IsTheList) {
     EXPECT_EQ(acts_from_power_on(id), row.at("effective") == "power-on");
     EXPECT_EQ(set_while_stopped(id), row.at("access") == "rw, set while stopped");
     EXPECT_TRUE(entry->saved && entry->local);
-    // The printed addresses (L443-464), and the others by the same rule.
+    // The printed addresses (ch. 6), and the others by the same rule.
     const std::uint16_t address = products::jmc_ec::register_of(id);
     if (!row.at("modbus").empty()) {
       EXPECT_EQ(address, std::stoi(row.at("modbus"), nullptr, 16));
@@ -155,11 +155,11 @@ TEST(JmcPanel, RangesAndTheRunningMotor) {
   ASSERT_TRUE(rig.enable());
   EXPECT_EQ(rig.set_panel(0, 23, 7), AbortCode::device_state) << "stop and set";
   EXPECT_EQ(rig.set_panel(1, 1, 1), AbortCode::device_state);
-  EXPECT_EQ(rig.set_panel(0, 26, 7), AbortCode::none) << "may be set while it runs (L462)";
+  EXPECT_EQ(rig.set_panel(0, 26, 7), AbortCode::none) << "may be set while it runs (ch. 6)";
   EXPECT_EQ(rig.set_panel(2, 0, 500), AbortCode::none);
 }
 
-// A value that waits for power-on: AL.941, a warning with 13 flashes; enabled like that, AL.110 (L1013-1022).
+// A value that waits for power-on: AL.941, a warning with 13 flashes; enabled like that, AL.110 (ch. 9.2).
 TEST(JmcPanel, WaitsForPowerOn) {
   MemoryRig memory;
   FactoryJmcRig& rig = memory.rig;
@@ -216,7 +216,7 @@ TEST(JmcPanel, MotorOfTheParameters) {
   EXPECT_FLOAT_EQ(motor.rated_torque_nm, before.rated_torque_nm);
 }
 
-// P00-00: "0: P0-01 to P0-17 is available" (L633); with a motor's number they are not.
+// P00-00: "0: P0-01 to P0-17 is available" (ch. 8.2.1); with a motor's number they are not.
 TEST(JmcPanel, MotorNumberSetsTheParametersAside) {
   MemoryRig memory;
   FactoryJmcRig& rig = memory.rig;
@@ -234,7 +234,7 @@ TEST(JmcPanel, MotorNumberSetsTheParametersAside) {
 
 // --- P01-02, P01-03
 
-TEST(JmcRigidity, LevelThirteenIsPrinted) {  // L565-576, L621
+TEST(JmcRigidity, LevelThirteenIsPrinted) {  // Table 65
   FactoryJmcRig rig;
   EXPECT_EQ(rig.panel(1, 2), 1);
   EXPECT_EQ(rig.panel(1, 3), 13);
@@ -260,7 +260,7 @@ TEST(JmcRigidity, EveryLevelIsStifferThanTheOneBefore) {
 
 TEST(JmcRigidity, ModesOfAdjustment) {
   FactoryJmcRig rig;
-  // Standard: what the level sets cannot be changed, feed-forwards can (L493).
+  // Standard: what the level sets cannot be changed, feed-forwards can (ch. 7, P01-02).
   rig.set_panel(2, 10, 1234);
   rig.set_panel(8, 20, 1);
   rig.set_panel(2, 3, 555);
@@ -271,7 +271,7 @@ TEST(JmcRigidity, ModesOfAdjustment) {
   EXPECT_EQ(rig.panel(2, 4), 222);
   rig.set_panel(1, 3, 20);
   EXPECT_EQ(rig.panel(2, 10), products::jmc_ec::rigidity_levels[20].velocity_gain_1);
-  // Positioning: neither can feed-forwards, 30.0 % and 0.50 ms (L676-677).
+  // Positioning: neither can feed-forwards, 30.0 % and 0.50 ms (ch. 8.2.2, P01-02).
   rig.set_panel(1, 2, 2);
   EXPECT_EQ(rig.panel(2, 3), 300);
   EXPECT_EQ(rig.panel(2, 4), 50);

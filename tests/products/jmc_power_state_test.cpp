@@ -2,7 +2,8 @@
 
 #include "jmc_bus.hpp"
 
-// The state machine of the JMC EC drives (L1616-1645, L2184-2298), their option codes, limits and the brake's output.
+// The state machine of the JMC EC drives ('CiA402 Protocol state machine', objects 6040h and 6041h), their option
+// codes, limits and the brake's output.
 namespace servodrome {
 namespace {
 
@@ -54,7 +55,7 @@ TEST(JmcPowerState, AControlwordInEveryCycleDisables) {
   EXPECT_FALSE(rig.actuation.pwm_enabled);
 }
 
-// "Ready holds the brake; can be started releases it and enables the shaft" (L1636, C-30).
+// "Ready holds the brake; can be started releases it and enables the shaft" (Chart 129, C-30).
 TEST(JmcPowerState, EnergisedInSwitchedOn) {
   plant::Parameters parameters = test::jmc_plant();
   parameters.load.gravity_torque_nm = 0.15;
@@ -107,7 +108,7 @@ struct StopCase {
   int state;
 };
 
-// 605Ah to 605Ch at 300 rpm; 400000 is 6084h, 800000 6085h (L2310-2353).
+// 605Ah to 605Ch at 300 rpm; 400000 is 6084h, 800000 6085h (Tables 158 to 160).
 TEST(JmcPowerState, OptionCodes) {
   for (const StopCase& stop : {
            StopCase{0x605A, 1, 0x02, 400000.0, 0x40},
@@ -167,7 +168,7 @@ TEST(JmcPowerState, DisableWithoutRamp) {
 
 // --- Limits
 
-// 607Dh: alarm and stop (L3511), statusword bit 11 in CSP and PP (L2274).
+// 607Dh: alarm and stop (Table 228), statusword bit 11 in CSP and PP (Table 156).
 TEST(JmcPowerState, SoftwareLimits) {
   for (const std::int8_t mode : std::to_array<std::int8_t>({1, 8})) {
     SCOPED_TRACE(int{mode});
@@ -216,7 +217,7 @@ TEST(JmcPowerState, SoftwareLimits) {
   EXPECT_FALSE(rig.bit(11));
 }
 
-// 607Eh: bit 7 turns positions round, bit 6 speeds, and the limit switches change places (L3513-3521).
+// 607Eh: bit 7 turns positions round, bit 6 speeds, and the limit switches change places (Table 229).
 TEST(JmcPowerState, Polarity) {
   for (const bool inverted : {false, true}) {
     JmcBus rig;
@@ -246,7 +247,7 @@ TEST(JmcPowerState, Polarity) {
   }
 }
 
-// 6065h and 6066h: 4000 units and 1 ms; FFFFFFFFh is off (L2456), and so is 0 (C-26).
+// 6065h and 6066h: 4000 units and 1 ms; FFFFFFFFh is off (Table 167), and so is 0 (C-26).
 TEST(JmcPowerState, FollowingError) {
   for (const std::int64_t window : {std::int64_t{4000}, std::int64_t{0xFFFFFFFF}, std::int64_t{0}}) {
     JmcBus rig;
@@ -260,7 +261,7 @@ TEST(JmcPowerState, FollowingError) {
     rig.cycles(50);
     if (window == 4000) {
       EXPECT_EQ(rig.input<std::uint16_t>(In::error), 0x5006);
-      EXPECT_TRUE(rig.bit(13)) << "L3462";
+      EXPECT_TRUE(rig.bit(13)) << "Table 222";
       EXPECT_STREQ(rig.device.alarm().data(), "AL.501");
     } else {
       EXPECT_EQ(rig.state(), 0x27U) << window;
@@ -269,7 +270,7 @@ TEST(JmcPowerState, FollowingError) {
   }
 }
 
-// 60FEh: bit 0 closes the brake, while its mask bit is set (L3129-3133).
+// 60FEh: bit 0 closes the brake, while its mask bit is set (Table 216).
 TEST(JmcPowerState, BrakeByTheBus) {
   JmcRig rig;
   ASSERT_TRUE(rig.enable());
@@ -291,7 +292,7 @@ TEST(JmcPowerState, BrakeByTheBus) {
   EXPECT_FALSE(rig.actuation.brake_released);
 }
 
-// 60FDh (L3111).
+// 60FDh (Table 215).
 TEST(JmcPowerState, DigitalInputs) {
   JmcRig rig;
   rig.run_ms(2);
@@ -304,7 +305,7 @@ TEST(JmcPowerState, DigitalInputs) {
   }
 }
 
-// Homing with 607Ch: home is travelled away from at 6099h:02, and is 0 there (L4087, D-25).
+// Homing with 607Ch: home is travelled away from at 6099h:02, and is 0 there (Chart 42, D-25).
 TEST(JmcPowerState, HomeOffsetIsTravelled) {
   for (const std::int32_t offset : {0, 2000, 1500}) {
     plant::Parameters parameters = test::jmc_plant();
@@ -343,7 +344,7 @@ TEST(JmcPowerState, HomeOffsetIsTravelled) {
   }
 }
 
-// 0, 15, 16, 31 and 32 may be chosen, and nothing happens (L4328, L4542); without 6099h:01 homing that uses it is
+// 0, 15, 16, 31 and 32 may be chosen, and nothing happens (HM 2.15 and 2.31); without 6099h:01 homing that uses it is
 // refused (D-24).
 TEST(JmcPowerState, HomingThatDoesNothing) {
   for (const int method : {0, 15, 16, 31, 32}) {

@@ -2,8 +2,8 @@
 
 #include "jmc_rig.hpp"
 
-// Touch probes 60B8h to 60BDh of the JMC EC drives (L2923-3039, L3384-3389) on a turning axis: DI3 and DI4 see cams at
-// known counts, so the positions are known to the count.
+// Touch probes 60B8h to 60BDh of the JMC EC drives (Tables 204 to 209, Table 219) on a turning axis: DI3 and DI4 see
+// cams at known counts, so the positions are known to the count.
 namespace servodrome {
 namespace {
 
@@ -30,7 +30,7 @@ plant::Parameters with_cams() {
   plant::Parameters parameters = test::jmc_plant();
   parameters.encoder.index_position_counts = index_at;
   parameters.encoder.index_width_counts = 2;
-  parameters.switches[0].wire = 3;  // DI3 (L275)
+  parameters.switches[0].wire = 3;  // DI3 (ch. 3.1.2)
   parameters.switches[0].from_counts = cam_1_from;
   parameters.switches[0].to_counts = cam_1_to - 1;
   parameters.switches[1].wire = 4;  // DI4
@@ -110,7 +110,7 @@ TEST(JmcProbe, EnablesAndArming) {
   EXPECT_EQ(rig.get(0x60BA), cam_1_from);
 }
 
-// Source 01 is the encoder's Z; 10 is said to be not used (L2940), 11 is reserved: neither latches (D-30).
+// Source 01 is the encoder's Z; 10 is said to be not used (object 60B8h), 11 is reserved: neither latches (D-30).
 TEST(JmcProbe, Sources) {
   ProbeRig rig;
   rig.set(0x60B8, 0, (on | by_index | rising | falling) | (on | by_object | rising) << 8);

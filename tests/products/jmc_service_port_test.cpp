@@ -4,7 +4,7 @@
 #include "rs485.hpp"
 
 // The service port of the JMC EC drives: Modbus RTU on RS232, parameters at group << 8 | number, items at 0D00h
-// (L443-464; readings in service_port.hpp).
+// (ch. 6; readings in service_port.hpp).
 namespace servodrome {
 namespace {
 
@@ -35,7 +35,7 @@ TEST(JmcServicePort, IsEightNOneAtTheRateOfP0021) {
   const std::array<std::uint32_t, 4> rates{9600, 19200, 57600, 115200};
   for (int code = 0; code < 4; ++code) {
     Port port;
-    EXPECT_EQ(port.rig.device.serial_port()->format().bit_rate, 57600U) << "factory value 2 (L554)";
+    EXPECT_EQ(port.rig.device.serial_port()->format().bit_rate, 57600U) << "factory value 2 (Table 65, P00-21)";
     port.rig.set_panel(0, 21, code);
     EXPECT_EQ(port.rig.device.serial_port()->format().bit_rate, 57600U) << "from power-on";
     port.power_cycle();
@@ -48,10 +48,10 @@ TEST(JmcServicePort, IsEightNOneAtTheRateOfP0021) {
   EXPECT_FALSE(JmcEc::supports({.bit_rate = 9600, .parity = modbus::Parity::even}));
 }
 
-// The work flow of the PC software: upload, modify, download, upload (L439, L468).
+// The work flow of the PC software: upload, modify, download, upload (ch. 6).
 TEST(JmcServicePort, UploadsAndDownloads) {
   Port port;
-  // P00-01 to P00-05 in one read would meet none at 0002h in the screen's list, but P00-02 exists (L538).
+  // P00-01 to P00-05 in one read would meet none at 0002h in the screen's list, but P00-02 exists (Table 65).
   EXPECT_EQ(port.master.ask_modbus("01 03 00 01 00 02"), "01 03 04 0B B8 00 39");  // 3000 rpm, 0.57 Nm
   EXPECT_EQ(port.master.ask_modbus("01 03 00 06 00 01"), "01 83 02") << "no P00-06";
   EXPECT_EQ(port.master.ask_modbus("01 03 02 00 00 01"), "01 03 02 01 E0");  // P02-00 48.0

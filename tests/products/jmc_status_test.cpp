@@ -36,7 +36,7 @@ struct StatusRig : JmcBus {
   std::uint16_t error_in() const { return input<std::uint16_t>(In::error); }
 };
 
-// Bit 11 is of the command as well as of the position (L2274): it shows why 8612h came, though the axis never was
+// Bit 11 is of the command as well as of the position (Table 156): it shows why 8612h came, though the axis never was
 // there.
 TEST(JmcStatus, CyclicCommandBeyondTheSoftwareLimit) {
   StatusRig rig(8);
@@ -58,7 +58,7 @@ TEST(JmcStatus, CyclicCommandBeyondTheSoftwareLimit) {
   EXPECT_EQ(rig.status_in() & beyond_limit, 0) << "the command is where the axis is";
 }
 
-// The same of set-points (L2656), absolute and relative; the next one inside takes the bit away.
+// The same of set-points (object 607Dh), absolute and relative; the next one inside takes the bit away.
 TEST(JmcStatus, SetPointBeyondTheSoftwareLimit) {
   for (const bool relative : {false, true}) {
     StatusRig rig(1);
@@ -134,8 +134,8 @@ TEST(JmcStatus, ErrorOfTheBusComesBehindTheAlarmOfTheDrive) {
   EXPECT_NE(rig.get(0x603F), 0x5006);
 }
 
-// Warnings are alarms of the list (L916-924), and 603Fh has "the latest alarm signal" (L2180): it shows a warning while
-// there is no fault.
+// Warnings are alarms of the list (ch. 9.1), and 603Fh has "the latest alarm signal" (Table 151): it shows a warning
+// while there is no fault.
 TEST(JmcStatus, WarningsAreReadIn603F) {
   StatusRig rig(8);
   drive::Drive& drive = rig.device.drive();

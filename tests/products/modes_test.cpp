@@ -6,7 +6,7 @@
 #include "rig.hpp"
 
 // The modes beside profile position, torque and speed limits, limit switches, probes and terminals of whole drives on
-// their plants (CiA 402-2 clauses 11 to 18; ISMC manual L1532-2012, L2592-2749).
+// their plants (CiA 402-2 clauses 11 to 18; ISMC manual, ch. 4.4 to 4.6, ch. 4.8.1 to 4.8.3).
 namespace servodrome {
 namespace {
 
@@ -287,7 +287,7 @@ TEST(ProfileTorque, Sin2SlopeIsSteepestAtItsMiddle) {
   EXPECT_NEAR(static_cast<double>(axis.ticks() - begin) / 16.0, 500.0 * 1.5708, 12.0);
 }
 
-TEST(ProfileTorque, HaltStopsTheAxisByItsDecelerationSlope) {  // L988
+TEST(ProfileTorque, HaltStopsTheAxisByItsDecelerationSlope) {  // ch. 3.4, 605Dh
   Servo free(4);
   free.must(0x6087, 0, 1000);
   free.must(0x6071, 0, 40);
@@ -629,7 +629,7 @@ TEST(TouchProbe, LatchesExactCounts) {  // 60B8h to 60BDh
   EXPECT_EQ(axis.get(0x60B9), 0);
 }
 
-TEST(TouchProbe, OfTheIsmcIsTheRisingEdgeOfZ) {  // L2592-2667, G29
+TEST(TouchProbe, OfTheIsmcIsTheRisingEdgeOfZ) {  // ch. 4.8.1, G29
   plant::Parameters parameters = test::default_plant();
   parameters.encoder.index_position_counts = 4242;
   Servo axis(3, parameters);
@@ -648,7 +648,7 @@ TEST(TouchProbe, OfTheIsmcIsTheRisingEdgeOfZ) {  // L2592-2667, G29
   EXPECT_EQ(axis.get(0x60B9), 0x01);
 }
 
-TEST(Terminals, OfTheIsmc) {  // L2669-2723
+TEST(Terminals, OfTheIsmc) {  // ch. 4.8.2.1 and 4.8.2.2
   Servo axis(0);
   axis.run_ms(1);
   for (int wire = 0; wire < 6; ++wire) {

@@ -5,7 +5,7 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// Motion of whole drives on their plants: the figures of the ISMC manual's examples (digest section 14), and the modes
+// Motion of whole drives on their plants: the figures of the ISMC manual's examples, and the modes
 // of the reference drive.
 namespace servodrome {
 namespace {

@@ -7,8 +7,8 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// The power drive systems' state machine of both products: CiA 402-2 figure 4 and table 24 (ISMC manual L766-905), the
-// option codes (L907-1025), brake and power stage.
+// The power drive systems' state machine of both products: CiA 402-2 figure 4 and table 24 (ISMC manual, ch. 3), the
+// option codes (ch. 3.4), brake and power stage.
 namespace servodrome {
 namespace {
 
@@ -26,8 +26,8 @@ constexpr double quick_ramp = 5242880.0;
 
 struct IsmcFacts {
   using Device = Ismc;
-  static constexpr bool leaves_quick_stop_by_enabling = false;  // transition 16 (L809)
-  static constexpr bool switches_dc_link = true;                // table 3-1 (L777-786)
+  static constexpr bool leaves_quick_stop_by_enabling = false;  // transition 16 (Table 3-2)
+  static constexpr bool switches_dc_link = true;                // table 3-1
 };
 struct Generic402Facts {
   using Device = Generic402;
@@ -157,7 +157,7 @@ struct Pattern {
   std::uint16_t mask;
   std::uint16_t value;
 };
-Pattern pattern(PowerState state) {  // CiA 402-2 table 27, manual L859-868
+Pattern pattern(PowerState state) {  // CiA 402-2 table 27; ISMC manual, Table 3-7
   switch (state) {
     case PowerState::not_ready_to_switch_on: return {0x4F, 0x00};
     case PowerState::switch_on_disabled: return {0x4F, 0x40};

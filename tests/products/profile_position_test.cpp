@@ -5,7 +5,7 @@
 #include "products/ismc/ismc.hpp"
 #include "rig.hpp"
 
-// Profile position mode: set-points, targets, limits, units (CiA 402-2 clauses 8 and 10; ISMC manual L1083-1530).
+// Profile position mode: set-points, targets, limits, units (CiA 402-2 clauses 8 and 10; ISMC manual, ch. 4.3).
 namespace servodrome {
 namespace {
 
@@ -215,7 +215,7 @@ TEST(SetPoints, WhatRelativeIsRelativeTo) {  // 60F2h bits 0 and 1
                 : option == 1 ? 1.0
                               : 300.0);  // it moved on by half a millisecond
   }
-  Positioning<Ismc> axis;  // the demand when the point is started (L1122, G16)
+  Positioning<Ismc> axis;  // the demand when the point is started (ch. 4.3.3, G16)
   ASSERT_TRUE(axis.enable());
   axis.give(1000000);
   axis.run_ms(500);
@@ -375,7 +375,7 @@ TEST(Rotary, RelativeTargetsMayBeTurnsAway) {
   EXPECT_EQ(axis.get(0x6062), 10000 - 3 * 3600);
 }
 
-TEST(Rotary, RangeOfTheIsmcIsOffWhileSoftwareLimitsAreValid) {  // L1159
+TEST(Rotary, RangeOfTheIsmcIsOffWhileSoftwareLimitsAreValid) {  // ch. 4.3.5, 607Bh
   Positioning<Ismc> axis;
   axis.must(0x607B, 1, 0);
   axis.must(0x607B, 2, 9999);

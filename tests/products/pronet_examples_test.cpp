@@ -5,8 +5,9 @@
 #include "products/pronet/pronet.hpp"
 #include "rig.hpp"
 
-// The worked examples of the ProNet manual (digest section 14, W1 to W25), frame by frame, and the motions they make
-// against the figures that follow. Where the digest corrects a misprint (W8, W18, W25) the correction is what is sent.
+// The worked examples of the ProNet manual (in its order, named W1 to W25 here), frame by frame, and the motions they
+// make against the figures that follow. Where the manual has a misprint (W8, W18, W25), the test sends the corrected
+// frame.
 namespace servodrome {
 namespace {
 
@@ -14,7 +15,7 @@ using products::Pronet;
 using test::Rig;
 using Axis = Rig<Pronet>;
 
-constexpr std::int32_t counts = 10000;  // per turn: the examples count in this encoder's increments (L2130)
+constexpr std::int32_t counts = 10000;  // per turn: the examples count in this encoder's increments (ch. 9.3)
 
 plant::Parameters incremental_encoder() {
   plant::Parameters parameters = test::default_plant();
@@ -125,7 +126,7 @@ TEST(PronetExamples, TransfersAndMapping) {
   carry_out(axis, transfers);
 }
 
-// L2076-2156: profile position over two RPDOs.
+// Ch. 9.2 and 9.3: profile position over two RPDOs.
 TEST(PronetExamples, ProfilePosition) {
   Axis axis(incremental_encoder());
   axis.run_ms(1);
@@ -158,7 +159,7 @@ TEST(PronetExamples, ProfilePosition) {
   expect_move(axis, seconds_at_30_rpm(15.0) - 0.002, -15 * counts, 10 * counts);
 }
 
-// L2158-2264: interpolated position, from the PDOs to the first set-points.
+// Ch. 9.4: interpolated position, from the PDOs to the first set-points.
 TEST(PronetExamples, InterpolatedPosition) {
   Axis axis(incremental_encoder());
   axis.run_ms(1);
@@ -186,7 +187,7 @@ TEST(PronetExamples, InterpolatedPosition) {
                       {"W20",
                        {{"000 # 82 01", "701 # 00"}},
                        {},
-                       [](Axis& each) {  // the PDO setup is kept (L2104, L2238)
+                       [](Axis& each) {  // the PDO setup is kept (ch. 9.2 and 9.4)
                          EXPECT_EQ(each.get(0x1400, 2), 1);
                          EXPECT_EQ(each.get(0x1601, 1), 0x60C10120);
                          EXPECT_EQ(each.get(0x1A01, 0), 2);
@@ -217,7 +218,7 @@ TEST(PronetExamples, InterpolatedPosition) {
   EXPECT_NEAR(static_cast<double>(axis.get(0x6064)), 16.0, 1.0);
 }
 
-// L2266-2294. As printed the example sets neither 6099h:01 nor 609Ah, whose factory value is 0: no motion (C33).
+// Ch. 9.5. As printed the example sets neither 6099h:01 nor 609Ah, whose factory value is 0: no motion (C33).
 TEST(PronetExamples, Homing) {
   Axis axis(incremental_encoder());
   axis.run_ms(1);
@@ -247,7 +248,7 @@ TEST(PronetExamples, Homing) {
   EXPECT_EQ(complete.get(0x6063) - complete.plant.position_counts(), -3 * counts);  // index 0 of the third turn
 }
 
-// L2356-2368, on node 2.
+// Ch. 10.2, on node 2.
 TEST(PronetExamples, CobIdsOfNodeTwo) {
   Axis axis(incremental_encoder(), {.node_id = 2});
   axis.run_ms(1);
@@ -271,7 +272,7 @@ TEST(PronetExamples, CobIdsOfNodeTwo) {
             2);
 }
 
-// L2336-2356: one frame, two drives, each with a dummy where the other's set-point is.
+// Ch. 10.2: one frame, two drives, each with a dummy where the other's set-point is.
 TEST(PronetExamples, OneFrameServesTwoNodes) {
   Axis one(incremental_encoder(), {.node_id = 1});
   Axis two(incremental_encoder(), {.node_id = 2});

@@ -182,7 +182,7 @@ std::vector<Case> cases() {
   };
 }
 
-// --- Warnings (recommendation of the digest): told and shown, nothing else
+// --- Warnings (this project's choice): told and shown, nothing else
 
 struct Warning {
   std::uint16_t code;
@@ -507,7 +507,7 @@ TEST(PronetFaults, TheEndIsToldWhenNothingIsLeft) {
   EXPECT_EQ(axis.get(0x1001), 0);
 }
 
-// 1029h:01 decides what becomes of the NMT state (L2398-2400).
+// 1029h:01 decides what becomes of the NMT state (appendix).
 TEST(PronetFaults, LostHeartbeatLeavesOperationalUnless1029SaysOtherwise) {
   using canopen::NmtState;
   for (const auto& [behaviour, state] : {std::pair{0, NmtState::pre_operational}, std::pair{1, NmtState::operational},

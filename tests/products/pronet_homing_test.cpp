@@ -18,7 +18,7 @@ constexpr std::int64_t high_limit = 8 * turn + 700;
 constexpr std::int64_t switch_from = turn + 1234;  // one turn and a bit of the travel
 constexpr std::int64_t switch_to = 2 * turn + 4321;
 
-// Terminals of the factory's Pn509 and Pn510 (digest section 6): POT CN1_16, NOT CN1_17, HmRef CN1_39.
+// Terminals of the factory's Pn509 and Pn510 (README.md of the product): POT CN1_16, NOT CN1_17, HmRef CN1_39.
 constexpr std::uint8_t pot_wire = 2;
 constexpr std::uint8_t not_wire = 3;
 constexpr std::uint8_t home_wire = 4;
@@ -95,7 +95,7 @@ TEST(PronetHoming, EveryMethodFromEverySide) {
       axis.set(0x607C, 0, offset);
       axis.sent.clear();
       EXPECT_EQ(home(axis), 0x1400);
-      // 6064h at the found point is -607Ch: zero lies 607Ch further on (L1367, L1412).
+      // 6064h at the found point is -607Ch: zero lies 607Ch further on (ch. 7.2 and 7.2.3).
       const std::int64_t true_position = axis.plant.position_counts();
       EXPECT_NEAR(static_cast<double>(axis.get(0x6064) - true_position), static_cast<double>(-offset - way.found), 2.0);
       // No travel back: the axis stands where the ramp ended, beyond the point, less than 10 rpm take to stop.
@@ -114,7 +114,7 @@ TEST(PronetHoming, EveryMethodFromEverySide) {
   }
 }
 
-// "Afterwards the drive slowly returns" (L1499-1518): only the search for the switch is fast.
+// "Afterwards the drive slowly returns" (ch. 7.2.4): only the search for the switch is fast.
 TEST(PronetHoming, OnlyTheSearchIsFast) {
   for (const int method : {1, 2, 3, 4, 17, 18, 19, 20}) {
     for (const std::int64_t start : {std::int64_t{0}, switch_from + 2000, low_limit - 500}) {
@@ -202,8 +202,8 @@ TEST(PronetHoming, InterruptedAtEachLegItIsDoneAgain) {
   }
 }
 
-// "The error cause is found by reading the error code" (L1400): as long as bit 13 tells the error, and after it until
-// homing starts again or the mode changes. It is no alarm.
+// "The error cause is found by reading the error code" (ch. 7.2.2): as long as bit 13 tells the error, and after it
+// until homing starts again or the mode changes. It is no alarm.
 TEST(PronetHoming, AnErrorTellsItsCode) {
   struct Failure {
     const char* what;
@@ -283,7 +283,8 @@ TEST(PronetHoming, AnErrorTellsItsCode) {
   }
 }
 
-// The incremental encoder counts from where the shaft is as the power comes (L764, L1365); the others know their turn.
+// The incremental encoder counts from where the shaft is as the power comes (ch. 4 and 7.2); the others know their
+// turn.
 TEST(PronetHoming, AnIncrementalEncoderBeginsAtZero) {
   for (const std::int32_t counts : {10000, 131072, 65536}) {
     SCOPED_TRACE(counts);
@@ -334,14 +335,14 @@ TEST(PronetHoming, HomeIsLostWithThePowerOfAnIncrementalEncoder) {
               2.0);
 }
 
-// Serial encoders and resolvers have no index: 1 to 4 start no motion (L1365).
+// Serial encoders and resolvers have no index: 1 to 4 start no motion (ch. 7.2).
 TEST(PronetHoming, IndexMethodsNeedAnIncrementalEncoder) {
   for (const std::int32_t counts : {131072, 65536}) {
     for (const int method : {1, 2, 3, 4}) {
       Axis axis(travel(0, counts));
       prepare(axis, method);
       EXPECT_EQ(home(axis) & 0x3000, 0x2000) << counts << " " << method;
-      EXPECT_EQ(axis.get(0x603F), 0x6320) << "the cause (L1400)";
+      EXPECT_EQ(axis.get(0x603F), 0x6320) << "the cause (ch. 7.2.2)";
       EXPECT_EQ(axis.plant.position_counts(), 0);
       EXPECT_EQ(axis.status() & 0x6F, 0x27) << "no fault";
     }
@@ -384,7 +385,7 @@ TEST(PronetHoming, BitFourInterruptsAndHaltStops) {
   EXPECT_EQ(home(axis), 0x1400) << "and may be started again";
 }
 
-// --- Terminals (L2298-2332)
+// --- Terminals (ch. 10.1, 60FEh)
 
 std::uint32_t inputs(Axis& axis) {
   axis.run_ms(1);
@@ -419,7 +420,7 @@ TEST(PronetInputs, EachTerminalCanHaveEachFunctionFromWireAndBus) {
       set_digit(axis, 0x3088, terminal, 0);
       EXPECT_EQ(inputs(axis), 0U);
 
-      const std::int64_t bus_bit = std::int64_t{1} << (24 + terminal);  // CN1_14 is bit 24 (L2302-2305)
+      const std::int64_t bus_bit = std::int64_t{1} << (24 + terminal);  // CN1_14 is bit 24 (ch. 10.1)
       axis.set(0x60FE, 1, bus_bit);
       EXPECT_EQ(inputs(axis), 0U) << "the bus commits nothing that Pn512 and Pn513 do not enable";
       set_digit(axis, 0x3084, terminal, 1);
@@ -465,7 +466,7 @@ TEST(PronetInputs, HomingWithFilteredSwitches) {
   EXPECT_NEAR(static_cast<double>(found), static_cast<double>(switch_from - 9), 4.0);
 }
 
-// A controller that has the reference switch on its own inputs homes the drive by the bus (L2298).
+// A controller that has the reference switch on its own inputs homes the drive by the bus (ch. 10.1).
 TEST(PronetInputs, HomingByASwitchOfTheMaster) {
   plant::Parameters parameters = travel(0);
   parameters.switch_count = 0;
@@ -493,7 +494,7 @@ TEST(PronetInputs, HomingByASwitchOfTheMaster) {
   }
 }
 
-// Outside homing a limit switch stops the axis and blocks its direction (section 10 of the digest).
+// Outside homing a limit switch stops the axis and blocks its direction (README.md of the product).
 TEST(PronetInputs, LimitSwitchStopsAndBlocksOneDirection) {
   Axis axis(travel(7 * turn));
   axis.run_ms(1);

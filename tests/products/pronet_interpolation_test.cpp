@@ -14,7 +14,7 @@ using Axis = test::Rig<Pronet>;
 
 constexpr std::uint16_t alarm_69 = 0x8169;
 
-// The master's part: PDOs as the manual configures them (L2018-2036), set-points and SYNCs.
+// The master's part: PDOs as the manual configures them (ch. 7.5.4), set-points and SYNCs.
 class Master {
  public:
   explicit Master(Axis& axis, unsigned period_ms = 1) : axis_(axis), period_ms_(period_ms) {
@@ -135,7 +135,7 @@ TEST(PronetInterpolation, ASetPointIsReachedOnePeriodAfterItsSync) {
   }
 }
 
-// Without a buffer the last set-point before the SYNC counts (L2012).
+// Without a buffer the last set-point before the SYNC counts (ch. 7.5.4).
 TEST(PronetInterpolation, OnlyTheLastSetPointIsKept) {
   Axis axis;
   Master master(axis);
@@ -148,7 +148,7 @@ TEST(PronetInterpolation, OnlyTheLastSetPointIsKept) {
   EXPECT_EQ(axis.get(0x6062), 30);
 }
 
-// The digest's reading of L2015-2016: one SYNC period without a new set-point is tolerated, the second raises A 69.
+// How this project reads ch. 7.5.4: one SYNC period without a new set-point is tolerated, the second raises A 69.
 struct Late {
   const char* what;
   std::function<void(Axis&, Master&)> run;
@@ -245,7 +245,7 @@ TEST(PronetInterpolation, TheAlarmIsNotArmedBeforeTheFirstSync) {
 }
 
 // 2105h is the period that the SYNC is expected with, 60C2h the one that is interpolated over: both must be set
-// (L2033).
+// (ch. 7.5.4).
 TEST(PronetInterpolation, BothPeriodObjectsMustBeSet) {
   // Set-points at a steady speed with a SYNC each 4 ms. Answers whether it went without an alarm, and the least speed
   // of the demand on the way.
@@ -306,7 +306,7 @@ class Stream {
   Master master_;
 };
 
-// L2012: "the sync period should be not bigger than interpolation cycle period". A set-point is reached one period
+// Ch. 7.5.4: "the sync period should be not bigger than interpolation cycle period". A set-point is reached one period
 // 60C2h after its SYNC, however often they come.
 TEST(PronetInterpolation, TheLagIsOnePeriod) {
   for (const bool by_both_objects : {false, true}) {
@@ -321,8 +321,8 @@ TEST(PronetInterpolation, TheLagIsOnePeriod) {
   }
 }
 
-// "After receiving the synchronization information, servo drive will synchronize its internal clock" (L2012): wherever
-// the SYNC lies in the drive's cycle, the demand is as fast as the set-points and no faster.
+// "After receiving the synchronization information, servo drive will synchronize its internal clock" (ch. 7.5.4):
+// wherever the SYNC lies in the drive's cycle, the demand is as fast as the set-points and no faster.
 TEST(PronetInterpolation, ASyncAnywhereInTheCycleDoesNotRing) {
   for (unsigned off = 0; off < 8; ++off) {
     SCOPED_TRACE(off);

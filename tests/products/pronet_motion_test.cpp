@@ -44,7 +44,7 @@ double until_standing(Axis& axis) {
 constexpr std::uint16_t reached = 0x0400;
 constexpr std::uint16_t acknowledge = 0x1000;
 
-// --- Units (L750-901)
+// --- Units (ch. 4)
 
 TEST(PronetMotion, SpeedsAreTenthsOfRpm) {
   Axis axis;
@@ -59,8 +59,8 @@ TEST(PronetMotion, SpeedsAreTenthsOfRpm) {
   EXPECT_NEAR(static_cast<double>(axis.get(0x6069)), 12345.0, 15.0);
 }
 
-// The manual's examples of factors: speeds per minute are 10/1, accelerations per minute squared 10/60 (L854-861,
-// L893-901). 6069h is not scaled.
+// The manual's examples of factors: speeds per minute are 10/1, accelerations per minute squared 10/60 (ch. 4.3
+// and 4.4). 6069h is not scaled.
 TEST(PronetMotion, FactorsScaleSpeedsAndRamps) {
   Axis axis;
   axis.run_ms(1);
@@ -109,7 +109,7 @@ TEST(PronetMotion, TrapezoidTakesItsTime) {
 }
 
 // 6086h = 2: acceleration time from rest v/a + a/j, or 2 sqrt(v/j) where a is not reached; the ramp down is the same
-// (L762, L1826-1838, L1882).
+// (ch. 4, 7.4.3 and 7.4.4).
 TEST(PronetMotion, SCurveTakesItsTime) {
   struct Curve {
     std::int64_t jerk;          // 60A4h:01
@@ -148,7 +148,7 @@ TEST(PronetMotion, SCurveTakesItsTime) {
   }
 }
 
-// Only single set-points with S-curves: what comes while one runs is not taken (L1882).
+// Only single set-points with S-curves: what comes while one runs is not taken (ch. 7.4.4).
 TEST(PronetMotion, SCurveTakesNoSecondSetPoint) {
   Axis axis;
   must_set(axis, 0x6086, 0, 2);
@@ -173,7 +173,7 @@ TEST(PronetMotion, SCurveTakesNoSecondSetPoint) {
   EXPECT_EQ(axis.get(0x6062), 0);
 }
 
-// --- Set-points (L1692-1708, L1842-1878, L2148)
+// --- Set-points (ch. 7.4.1, 7.4.2, 7.4.4 and 9.3)
 
 TEST(PronetMotion, OneSetPointRunsAndOneWaits) {
   Axis axis;
@@ -235,7 +235,7 @@ TEST(PronetMotion, RelativeToTheLastTarget) {
   EXPECT_EQ(axis.get(0x6062), 150000);
   axis.control(0x0F);
   axis.run_ms(1);
-  set_point(axis, 150000);  // absolute, to where it is: no motion (L2150-2152)
+  set_point(axis, 150000);  // absolute, to where it is: no motion (ch. 9.3)
   axis.run_ms(20);
   EXPECT_FALSE(axis.device.drive().in_motion());
   EXPECT_EQ(axis.status() & reached, reached);
@@ -256,7 +256,7 @@ TEST(PronetMotion, WithoutProfileVelocityNothingMoves) {
   EXPECT_EQ(axis.get(0x6062), 100000);
 }
 
-// 6082h lets a sequence pass its first target without stopping (L1754-1756, L1848).
+// 6082h lets a sequence pass its first target without stopping (ch. 7.4.3, 6081h; ch. 7.4.4).
 TEST(PronetMotion, EndVelocityPassesTheTarget) {
   Axis axis;
   must_set(axis, 0x6082, 0, 1500);
@@ -305,7 +305,7 @@ TEST(PronetMotion, HaltStopsByItsCodeAndGoesOn) {
   }
 }
 
-// --- Windows (L917-991, L1582-1664)
+// --- Windows (ch. 5 and 7.3.3)
 
 TEST(PronetMotion, FollowingErrorShowsInBit13AndNowhereElse) {
   Axis axis;
@@ -400,7 +400,7 @@ TEST(PronetMotion, OptionCodes) {
   }
 }
 
-// Bits 8, 9, 14 and 15 are not used; the main power shows in bit 4 (L1126-1217).
+// Bits 8, 9, 14 and 15 are not used; the main power shows in bit 4 (ch. 6.2.2).
 TEST(PronetMotion, StatuswordThroughTheStates) {
   Axis axis;
   axis.run_ms(1);

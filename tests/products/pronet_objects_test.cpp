@@ -73,7 +73,7 @@ TEST(PronetObjects, ValuesThatAreNotInTheLists) {
   EXPECT_EQ(axis.set(0x60C0, 0, 1), AbortCode::value_too_high);
 }
 
-// Pn006, Pn703 and Pn704 (L2041-2043): what cannot be is refused, not kept until the node is silent for good.
+// Pn006, Pn703 and Pn704 (ch. 8): what cannot be is refused, not kept until the node is silent for good.
 TEST(PronetObjects, SettingsOfTheBusThatCannotBeAreRefused) {
   Axis axis;
   axis.run_ms(1);
@@ -117,7 +117,7 @@ TEST(PronetObjects, FactorsWithoutADivisorAreRefused) {
   }
 }
 
-// Section 12 of the digest: Pn values outlive the power at once, everything else is lost; Pn006, Pn703 and Pn704 act
+// Pn values outlive the power at once, everything else is lost; Pn006, Pn703 and Pn704 act
 // after a restart only.
 class Storage : public testing::Test {
  protected:
@@ -179,7 +179,7 @@ TEST_F(Storage, AddressAndBitRateActAfterARestart) {
   ASSERT_FALSE(axis.sent.empty());
   EXPECT_EQ(axis.sent.front().id, 0x709U);
   EXPECT_EQ(axis.get(0x1800, 1), 0x189);
-  constexpr std::uint32_t rates[] = {50'000, 100'000, 125'000, 250'000, 500'000, 1'000'000};  // L2042
+  constexpr std::uint32_t rates[] = {50'000, 100'000, 125'000, 250'000, 500'000, 1'000'000};  // ch. 8, Pn703
   for (unsigned code = 0; code < std::size(rates); ++code) {
     axis.set(0x30FF, 0, code);
     power_cycle();

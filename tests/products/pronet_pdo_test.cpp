@@ -51,7 +51,7 @@ void only(Axis& axis, unsigned number, std::initializer_list<std::uint32_t> obje
   EXPECT_EQ(axis.set(static_cast<std::uint16_t>(0x1800 + number - 1), 2, type), AbortCode::none);
 }
 
-// Out of the box every TPDO comes each 10 ms, changed or not (section 2.3 of the digest).
+// Out of the box every TPDO comes each 10 ms, changed or not (ch. 3.3).
 TEST(PronetPdo, FromTheFactoryAllAreSentEvery10Ms) {
   Axis axis;
   axis.run_ms(1);
@@ -83,7 +83,7 @@ TEST(PronetPdo, Type255IsPeriodicOnly) {
   axis.sent.clear();
   axis.run_ms(200);
   EXPECT_EQ(count(axis, 0x181), 0U);
-  // The inhibit time is the least distance: 100 us each (L337-339).
+  // The inhibit time is the least distance: 100 us each (ch. 3.3, 'Transmit type of PDO').
   axis.set(0x1800, 5, 5);
   axis.set(0x1800, 3, 400);
   axis.sent.clear();
@@ -92,7 +92,7 @@ TEST(PronetPdo, Type255IsPeriodicOnly) {
   EXPECT_LE(count(axis, 0x181), 11U);
 }
 
-// Type 254: sent when a bit changed that the mask does not hide (L402, L531-559).
+// Type 254: sent when a bit changed that the mask does not hide (ch. 3.3).
 TEST(PronetPdo, Type254IsSentOnChangesThatTheMaskLetsThrough) {
   for (unsigned number = 1; number <= 4; ++number) {
     SCOPED_TRACE(number);
@@ -275,7 +275,7 @@ TEST(PronetPdo, HighestSubIndexAsPrinted) {
   EXPECT_EQ(ask(axis, "601 # 40 00 14 00 00 00 00 00"), "581 # 4F 00 14 00 02 00 00 00");
 }
 
-// A new identifier only by way of bit 31; that of TPDO 1 stays between 181h and 1FFh (L385-394, L2358-2362).
+// A new identifier only by way of bit 31; that of TPDO 1 stays between 181h and 1FFh (ch. 3.3, 1800h; ch. 10.2).
 TEST(PronetPdo, CobIds) {
   Axis axis;
   axis.run_ms(1);
@@ -305,14 +305,14 @@ TEST(PronetPdo, CobIds) {
   }
   for (const std::int64_t node : {1, 127}) EXPECT_EQ(axis.set(0x1016, 1, node << 16 | 100), AbortCode::none) << node;
   EXPECT_EQ(axis.set(0x1016, 1, 0), AbortCode::none);
-  // 1005h: 80h, with or without bit 31, and nothing else (L617-627).
+  // 1005h: 80h, with or without bit 31, and nothing else (ch. 3.4).
   for (const std::int64_t value : {0x80LL, 0x80000080LL}) EXPECT_EQ(axis.set(0x1005, 0, value), AbortCode::none);
   for (const std::int64_t value : {0x40000080LL, 0x81LL, 0xC0000080LL, 0x20000080LL, 0LL}) {
     EXPECT_EQ(axis.set(0x1005, 0, value), AbortCode::value_invalid) << value;
   }
 }
 
-// NMT 82h keeps everything, 81h brings the objects back to their reset values (L743-744, L2104).
+// NMT 82h keeps everything, 81h brings the objects back to their reset values (ch. 3.7 and 9.2).
 TEST(PronetPdo, ResetCommunicationKeepsWhatResetNodeLoses) {
   Axis axis;
   axis.run_ms(1);
@@ -388,7 +388,7 @@ TEST(PronetPdo, DummiesOfEveryWidth) {
   EXPECT_EQ(axis.device.dictionary().find(0x0001, 0), nullptr);
 }
 
-// Two drives hang on one frame and move apart (L2336-2356).
+// Two drives hang on one frame and move apart (ch. 10.2).
 TEST(PronetPdo, OneFrameMovesTwoDrives) {
   Axis one(test::default_plant(), {.node_id = 1});
   Axis two(test::default_plant(), {.node_id = 2});

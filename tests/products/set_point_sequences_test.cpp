@@ -130,7 +130,7 @@ TEST(LimitsInARange, CyclicPositionGoesTheWayInside) {
 
 // --- An old target
 
-// L1105, L1113: with 103Fh the axis follows a "change of target position" in position mode; a target that was written
+// Table 5-4: with 103Fh the axis follows a "change of target position" in position mode; a target that was written
 // before the mode is none.
 TEST(FollowedTarget, IsmkIsNotTheOneOfAnotherMode) {
   test::IsmkRig rig;

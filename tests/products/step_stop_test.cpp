@@ -3,7 +3,7 @@
 
 #include "ismk_rig.hpp"
 
-// The iSMK's step stop, 2340h sub 1 and 2 (L1555-1562): a load that is too great turns the shaft away. The true shaft
+// The iSMK's step stop, 2340h sub 1 and 2 (Table 5-18): a load that is too great turns the shaft away. The true shaft
 // is measured.
 namespace servodrome {
 namespace {

@@ -391,7 +391,7 @@ TEST(StopBeyondTheMotor, ProfileVelocityBrakesFromTheSpeedThatThereIs) {
 
 // --- Limits
 
-// L1145: "input the reverse shift instruction can make the motor exit the position limit state".
+// Table 5-5: "input the reverse shift instruction can make the motor exit the position limit state".
 TEST(AfterALimit, IsmkMovesByARelativeSetPointFromWhereItStands) {
   IsmkRig rig;
   rig.set(0x6060, 0, 1);
@@ -742,7 +742,7 @@ TEST(FaultResetBit, CommandsNothing) {
   axis.run_ms(3000);
   EXPECT_NEAR(axis.turns(), 3.0, 0.001);
 }
-// The iSMK's 86h resets and ends in Ready (L1056); without a fault it is no command.
+// The iSMK's 86h resets and ends in Ready (Table 5-2); without a fault it is no command.
 TEST(FaultResetBit, OfTheIsmkIsNoCommandWithoutAFault) {
   IsmkRig rig;
   rig.set(0x6060, 0, 3);

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-// Every frame of the iSMK manual's "RS232 protocol" (L2468-2619; section 16.2 of its digest); the checksums of the two
+// Every frame of the iSMK manual's "RS232 protocol" (ch. 8.4.1 and 8.4.2); the checksums of the two
 // status replies are cut off in print.
 namespace servodrome::serial10 {
 

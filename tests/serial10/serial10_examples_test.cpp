@@ -1,4 +1,4 @@
-// Every frame of the iSMK manual's "RS232 protocol" (L2468-2619; section 16.2 of its digest), byte by byte.
+// Every frame of the iSMK manual's "RS232 protocol" (ch. 8.4.1 and 8.4.2), byte by byte.
 #include "modbus/ismk_objects.hpp"
 #include "serial10/ismk_examples.hpp"
 #include "serial10/server.hpp"
@@ -60,7 +60,7 @@ TEST(Serial10Examples, UniversalId) {
   drive.device.objects.target_speed_rpm = 600;
   EXPECT_EQ(drive.ask(Frame::make(127, Command::read, 0x2FF0, 9, 0).bytes), "05 4B F0 2F 09 58 02 00 00 2E");
   EXPECT_EQ(drive.ask(Frame::make(5, Command::read, 0x2FF0, 9, 0).bytes), "05 4B F0 2F 09 58 02 00 00 2E");
-  EXPECT_EQ(drive.ask(Frame::make(1, Command::read, 0x2FF0, 9, 0).bytes), "") << "L2479";
+  EXPECT_EQ(drive.ask(Frame::make(1, Command::read, 0x2FF0, 9, 0).bytes), "") << "ch. 8.4.1";
   drive.server.set_id(1);
   EXPECT_EQ(drive.ask(ismk_examples[0].request), ismk_examples[0].answer);
 }
