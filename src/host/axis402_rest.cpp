@@ -19,7 +19,7 @@ struct StandingTarget {
   Rest rest;
   std::array<std::int8_t, 3> modes;  // 0: none
 };
-constexpr std::int8_t immediate_velocity = -3;  // iSMK manual L1213
+constexpr std::int8_t immediate_velocity = -3;  // iSMK manual, ch. 5.2.1.1
 constexpr std::array standing_targets{
     StandingTarget{0x60FF, StandingTarget::Rest::zero, {3, 9, immediate_velocity}},
     StandingTarget{0x6042, StandingTarget::Rest::zero, {2}},

@@ -62,16 +62,16 @@ void add_models(describe::Description& description, std::span<const products::Mo
   }
 }
 
-describe::Description describe_ismc() {  // ISMC manual L2871, L3001
+describe::Description describe_ismc() {  // ISMC manual, ch. 6
   return description_of<products::Ismc>("ISMC", "Sapphire", "ismc", {20, 50, 125, 250, 500, 800, 1000}, "ISMC.eds",
                                         "ISMC servo drive, CANopen, as servodrome simulates it");
 }
 
-describe::Description describe_pronet() {  // ProNet manual L2042
+describe::Description describe_pronet() {  // ProNet manual, ch. 8, Pn703
   auto description =
       description_of<products::Pronet>("ESTUN", "ProNet", "pronet", {50, 100, 125, 250, 500, 1000}, "ProNet.eds",
                                        "ESTUN ProNet servo drive, CANopen, as servodrome simulates it");
-  description.dummy_usage = {false, true, true, true, true, true, true};  // 0002h to 0007h (L2375-2380)
+  description.dummy_usage = {false, true, true, true, true, true, true};  // 0002h to 0007h (appendix)
   return description;
 }
 
@@ -89,7 +89,7 @@ describe::Description describe_generic402_ec() {
                                                 "Reference drive with everything CiA 402-2 has, EtherCAT");
 }
 
-describe::Description describe_ismk() {  // iSMK manual L3211
+describe::Description describe_ismk() {  // iSMK manual, Table 9-26, 2F81h
   return description_of<products::Ismk>("Kinco", "iSMK", "ismk", {10, 50, 125, 250, 500, 1000}, "iSMK.eds",
                                         "Kinco iSMK integrated servo, variant AA, as servodrome simulates it");
 }
@@ -101,7 +101,7 @@ describe::Description describe_ismk_ea() {
   return description;
 }
 
-describe::Description describe_jmc_ec() {  // vendor's name: JMC manual L4930
+describe::Description describe_jmc_ec() {  // vendor's name: JMC manual, routine for INovance, 'Add device'
   const char* name = products::jmc_ec::find_rating({}).device_name;
   auto description = description_of<products::JmcEc>("ShenZhen Just motion control", name, name, {}, "jmc_ec",
                                                      "JMC EC series servo, EtherCAT, as servodrome simulates it");
@@ -143,7 +143,7 @@ constexpr SerialInterface jmc_ec_serial{
 };
 
 const std::array products{
-    // Wiring: ISMC manual L2680.
+    // Wiring: ISMC manual, ch. 4.8.2.1, 60FDh.
     Product{"ismc",
             "ISMC servo drive, CANopen",
             make<products::Ismc>,
@@ -173,7 +173,7 @@ const std::array products{
             {0, 1, 2},
             describe_generic402,
             &generic402_serial},
-    // Two terminals, iSMK manual L664-671; the home switch would be a third.
+    // Two terminals, iSMK manual, Table 3-9; the home switch would be a third.
     Product{"ismk",
             "Kinco iSMK integrated servo, CANopen and RS485",
             make<products::Ismk>,
@@ -204,7 +204,7 @@ const std::array products{
             .default_model = products::ismk::default_rating,
             .fieldbus = Fieldbus::ethercat,
             .output_wires = products::ismk::output_count},
-    // CW-, HW+, CCW+, DI3 and DI4, JMC manual L270-276; CW is positive.
+    // CW-, HW+, CCW+, DI3 and DI4, JMC manual, ch. 3.1.2; CW is positive.
     Product{.name = "jmc_ec",
             .title = "JMC EC series, integrated servos and stepper drives, EtherCAT",
             .make = make<products::JmcEc>,
@@ -215,7 +215,7 @@ const std::array products{
             .models = products::jmc_ec::models,
             .default_model = products::jmc_ec::default_rating,
             .fieldbus = Fieldbus::ethercat,
-            .output_wires = 2},  // alarm and in position (L277-280)
+            .output_wires = 2},  // alarm and in position (ch. 3.1.2)
 };
 
 }  // namespace

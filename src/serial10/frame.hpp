@@ -4,12 +4,12 @@
 #include <cstddef>
 #include <cstdint>
 
-// The 10-byte frames of the Kinco iSMK's "RS232 protocol" (iSMK manual L2447-2619): id, command, index, sub-index, four
+// The 10-byte frames of the Kinco iSMK's "RS232 protocol" (iSMK manual, ch. 8.4): id, command, index, sub-index, four
 // bytes of data (all least significant byte first), checksum.
 namespace servodrome::serial10 {
 
 inline constexpr std::size_t frame_bytes = 10;
-inline constexpr std::uint8_t universal_id = 127;  // every drive takes it for its own (iSMK manual L912, L921)
+inline constexpr std::uint8_t universal_id = 127;  // every drive takes it for its own (iSMK manual, ch. 4.1.2.2)
 
 enum class Command : std::uint8_t {
   write_4 = 0x23,
@@ -35,7 +35,7 @@ struct Frame {
     return static_cast<std::uint32_t>(bytes[8]) << 24 | static_cast<std::uint32_t>(bytes[7]) << 16 |
            static_cast<std::uint32_t>(bytes[6]) << 8 | bytes[5];
   }
-  // All ten bytes add up to 0 (iSMK manual L2468).
+  // All ten bytes add up to 0 (iSMK manual, ch. 8.4.1).
   constexpr bool is_intact() const { return sum(frame_bytes) == 0; }
 
   static constexpr Frame make(std::uint8_t id, Command command, std::uint16_t index, std::uint8_t sub,

@@ -16,10 +16,10 @@ inline constexpr Time never = Time::max();
 
 // One drive on a serial line that speaks the 10-byte protocol: every character of the line goes in with the time its
 // stop bit ended, frames come out. A frame that is for another id or whose checksum is wrong is not answered (iSMK
-// manual L2479-2480); part of a frame is forgotten after `partial_frame_timeout` without a character (the manual gives
+// manual, ch. 8.4.1); part of a frame is forgotten after `partial_frame_timeout` without a character (the manual gives
 // none). Drives on one line are all handed all characters, but not their own.
 //
-// Answers (iSMK manual L2495-2619): a write is confirmed with the request's data; a value that is read is lengthened to
+// Answers (iSMK manual, ch. 8.4.2): a write is confirmed with the request's data; a value that is read is lengthened to
 // four bytes by its topmost bit, whatever its type; an error carries the CiA 301 abort code.
 class Server {
  public:

@@ -1,4 +1,4 @@
-// Kinco iSMK: the alarms of chapter 10 (manual L3268-3385) by emergency code (L3158-3196).
+// Kinco iSMK: the alarms of the manual's chapter 10 by emergency code (ch. 9.3.3.6).
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

@@ -1,4 +1,4 @@
-// ESTUN ProNet: the alarms (manual L637-667, A 69 L2016). The manual names no causes: they are the drive's.
+// ESTUN ProNet: the alarms (manual, ch. 3.5, A 69 in ch. 7.5.4). The manual names no causes: they are the drive's.
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

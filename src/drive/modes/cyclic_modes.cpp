@@ -257,7 +257,7 @@ std::uint16_t InterpolatedPosition::status(const Axis& axis) const {
 
 namespace {
 
-// The digest's reading of A 69 (ProNet manual L2015-2016): one SYNC period without a set-point is tolerated, the end of
+// The digest's reading of A 69 (ProNet manual, ch. 7.5.4): one SYNC period without a set-point is tolerated, the end of
 // the second raises it. A SYNC is told from a late one by a base tick.
 constexpr double sync_slack_cycles = 0.125;
 constexpr unsigned tolerated_stale_syncs = 1;

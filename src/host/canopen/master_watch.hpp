@@ -11,7 +11,7 @@
 
 namespace servodrome::host {
 
-// The node-ID that the manuals' examples give a master (Kinco L3085).
+// The node-ID that the manuals' examples give a master (Kinco, Table 9-17).
 inline constexpr std::uint8_t master_node_id = 127;
 
 // As long as it lives, drives watch this master's heartbeat (1016h, CiA 301 7.2.8.3.2.2), so that an axis stops by

@@ -21,7 +21,7 @@ constexpr auto standard_commands = std::to_array<ObjectRange>({
 
 constexpr std::array store_1010{StoreCommand{{0x1010, 1}, dictionary::save_signature}};
 
-// ISMC manual L2912-2922: kept and in force after a restart.
+// ISMC manual, ch. 6, Table 5-1: kept and in force after a restart.
 constexpr auto ismc_connection = std::to_array<ObjectRange>({{0x2004}, {0x2401}});
 
 constexpr auto generic402_connection = std::to_array<ObjectRange>({{0x2F00}, {0x2F01}, {0x2F20}});
@@ -31,7 +31,7 @@ constexpr auto pronet_connection = std::to_array<ObjectRange>({{0x30FF}, {0x3100
 constexpr auto pronet_restart = std::to_array<ObjectRange>({{0x3006}, {0x2F10}, {0x2F11}});
 
 // Simulated inputs and outputs, other units of objects that are there already, and pointers to them; 2FF0h sub 1 stores
-// all but the motor data, sub 3 these (iSMK manual L2212-2213).
+// all but the motor data, sub 3 these (iSMK manual, ch. 7.10).
 constexpr auto ismk_commands = std::to_array<ObjectRange>({{0x2010, 0x02, 0x02},
                                                            {0x2010, 0x0E, 0x0E},
                                                            {0x2690},
@@ -43,8 +43,8 @@ constexpr auto ismk_commands = std::to_array<ObjectRange>({{0x2010, 0x02, 0x02},
 constexpr auto ismk_connection = std::to_array<ObjectRange>({{0x100B}, {0x2F81}, {0x2FE2}, {0x6510, 0x0B, 0x0C}});
 constexpr std::array ismk_store{StoreCommand{{0x2FF0, 1}, 1}, StoreCommand{{0x2FF0, 3}, 1}};
 
-// Of the service port: P00-21 to P00-27 and the functions; P00, P03-09 to P03-11 and P06 act from power-on (JMC manual
-// L1013-1022). The objects of the bus are not kept at all, the panel's at once.
+// Of the service port: P00-21 to P00-27 and the functions; P00, P03-09 to P03-11 and P06 act from power-on (JMC manual,
+// ch. 9.2, AL.110). The objects of the bus are not kept at all, the panel's at once.
 constexpr auto jmc_commands = std::to_array<ObjectRange>({{0x200D}, {0x200E}});
 constexpr auto jmc_connection = std::to_array<ObjectRange>({{0x2000, 0x16, 0x1C}});
 constexpr auto jmc_restart = std::to_array<ObjectRange>({{0x2000}, {0x2003, 0x0A, 0x0C}, {0x2006}});

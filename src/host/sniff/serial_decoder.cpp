@@ -237,7 +237,7 @@ Decoded SerialDecoder::decode_rtu(std::span<const std::uint8_t> frame, bool is_a
   return decoded;
 }
 
-// iSMK manual L2447-2619.
+// iSMK manual, ch. 8.4.
 Decoded SerialDecoder::decode_serial10(const serial10::Frame& frame) {
   using serial10::Command;
   Decoded decoded;

@@ -30,7 +30,7 @@ constexpr TuningDialect reference(std::string_view product) {
           .notch = NotchAbility{.relative_width = 0.7, .depth = 0.15, .highest_hz = 1500.0}};
 }
 
-// L1564-1888 of the iSMK manual, as src/products/ismk/gains.hpp reads it: kvp is a current in DEC by a velocity in DEC
+// Ch. 6 of the iSMK manual, as src/products/ismk/gains.hpp reads it: kvp is a current in DEC by a velocity in DEC
 // over 2^18; Kvi/32 adds up at 4 kHz.
 constexpr double ismk_integral_hz = 4000.0;
 constexpr auto ismk_gains = std::to_array<GainObject>({

@@ -38,7 +38,7 @@ constexpr auto reference = std::to_array<GainLine>({
     {{0x2012, 0}, "Where a gain is 0", "the inertia that the drive makes its gains for, by the rotor's"},
 });
 
-// L1564-1888 of the iSMK manual.
+// Ch. 6 of the iSMK manual.
 constexpr auto ismk = std::to_array<GainLine>({
     {{0x60F9, 1}, "Gain set 0", kp_does},
     {{0x60F9, 2}, "Gain set 0", ki_does},
@@ -76,7 +76,7 @@ constexpr ObjectAddress panel(std::uint8_t group, std::uint8_t number) {
   return {static_cast<std::uint16_t>(0x2000 + group), static_cast<std::uint8_t>(number + 1)};
 }
 constexpr std::string_view pseudo_derivative_does = "1000: a plain PI controller; the less, the more of it is integral";
-// P01, P02 and P08 of the JMC manual (L559-588, L674-745), at the service port.
+// P01, P02 and P08 of the JMC manual (Table 65, ch. 8.2.2 and 8.2.3), at the service port.
 constexpr auto jmc = std::to_array<GainLine>({
     {panel(1, 2), "Rigidity",
      "0: gains are set by hand; 1, 2: they follow the rigidity level, and are not to be written"},

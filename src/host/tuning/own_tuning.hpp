@@ -17,7 +17,7 @@ struct OwnTuningResult {
   std::vector<GainValue> after;
 };
 
-// iSMK (manual L1583-1590, L1720-1741): learns the inertia (2340h sub 10h bits 0 and 1) while the axis is run to and
+// iSMK (manual, ch. 6.1 and 6.2.1): learns the inertia (2340h sub 10h bits 0 and 1) while the axis is run to and
 // fro in profile velocity, which adjusts kvp; then looks for resonances (60F9h sub 4 bit 7), which sets notch filters.
 // The bandwidth is what the drive has (2FF0h sub 0Ah). On failure the old gains are put back; whatever happens the axis
 // is stopped and disabled. Throws HostError, Cancelled as the axis' options say.

@@ -92,7 +92,7 @@ constexpr std::array reference{
     TerminalWords{0x2031, 0, 0, input_functions, "bits", eight_inverted},
 };
 
-// L2113-2207 of the iSMK manual; the words are the drive's own table.
+// Ch. 7.9 of the iSMK manual; the words are the drive's own table.
 template <typename Rows>
 constexpr auto named(const Rows& rows) {
   std::array<NamedNumber, std::tuple_size_v<Rows> + 1> words{};
@@ -149,7 +149,7 @@ constexpr std::array ismk{
     TerminalWords{0x2010, 0x0E, 0x0E, output_functions, "bits", ismk_output_simulation},
 };
 
-// P06 of the JMC manual (L617-619, L802-804), at the service port.
+// P06 of the JMC manual (Table 65, ch. 8.2.7), at the service port.
 constexpr auto levels = std::to_array<NamedNumber>({{0, "active while low"}, {1, "active while high"}});
 constexpr std::array jmc{
     TerminalWords{0x2006, 1, 1, input_functions},
