@@ -4,12 +4,13 @@
 
 #include "drive/homing/methods.hpp"
 
-// The homing methods of the ISMC drive, as the text of its manual has them (L2171-2588), row by row: which speed on
+// The homing methods of the ISMC drive, as the text of its manual has them (ch. 4.7.6), row by row: which speed on
 // which leg, where it slows down without stopping, where it returns. Fast is 6099h sub 1, slow sub 2; where the manual
-// mixes the two up (method 14 L2346 and L2352, method 23 L2426) or lets the axis speed up again after it slowed down
-// (methods 27 L2491, 30 L2531) the speeds of the neighbouring rows hold.
+// mixes the two up (method 14 ch. 4.7.6, method 23 ch. 4.7.6) or lets the axis speed up again after it slowed down
+// (methods 27 ch. 4.7.6, 30 ch. 4.7.6) the speeds of the neighbouring rows hold.
 //
-// Not supported: 0, 15, 16, 31, 32 (L2113, L2359, L2544) and everything else that is absent here, 37 included.
+// Not supported: 0, 15, 16, 31, 32 (Table 4-80; ch. 4.7.6, methods 17 and 33) and everything else that is absent here,
+// 37 included.
 namespace servodrome::products::ismc {
 namespace homing {
 
@@ -34,148 +35,149 @@ inline constexpr std::array homing_methods = [] {
   using namespace homing;
   return std::array{
       // Hard stop. Speeds are not printed: fast towards the stop, slow away from it.
-      make_method(-4, {leg(positive, fast, Until::stalled, Then::hold), to_index_negative}),  // L2585-2588
-      make_method(-3, {leg(negative, fast, Until::stalled, Then::hold), to_index_positive}),  // L2579-2582
-      make_method(-2, {leg(positive, fast, Until::stalled, Then::hold),
-                       leg(negative, slow, Until::retracted, Then::latch)}),  // L2570-2575
-      make_method(-1, {leg(negative, fast, Until::stalled, Then::hold),
-                       leg(positive, slow, Until::retracted, Then::latch)}),  // L2563-2568
+      make_method(-4, {leg(positive, fast, Until::stalled, Then::hold), to_index_negative}),
+      make_method(-3, {leg(negative, fast, Until::stalled, Then::hold), to_index_positive}),
+      make_method(
+          -2, {leg(positive, fast, Until::stalled, Then::hold), leg(negative, slow, Until::retracted, Then::latch)}),
+      make_method(
+          -1, {leg(negative, fast, Until::stalled, Then::hold), leg(positive, slow, Until::retracted, Then::latch)}),
 
       // Limit switch, then index. A start on the switch is not described; the first leg ends at once.
       make_method(1, {leg(negative, fast, Until::limit_reached, Then::stop),
-                      leg(positive, slow, Until::limit_released, Then::keep), to_index_positive}),  // L2171-2179
+                      leg(positive, slow, Until::limit_released, Then::keep), to_index_positive}),
       make_method(2, {leg(positive, fast, Until::limit_reached, Then::stop),
-                      leg(negative, slow, Until::limit_released, Then::keep), to_index_negative}),  // L2181-2188
+                      leg(negative, slow, Until::limit_released, Then::keep), to_index_negative}),
 
-      // Home switch, then index, without limit detection. Only 4 and 5 return to the index (L2206-2217).
+      // Home switch, then index, without limit detection. Only 4 and 5 return to the index (ch. 4.7.6, methods 4 and
+      // 5).
       make_method(3,
                   {leg(positive, fast, Until::home_rising, Then::stop),
                    leg(negative, slow, Until::home_falling, Then::keep), to_index_negative},
-                  1),  // L2192-2200
+                  1),
       make_method(
           4,
           {leg(positive, slow, Until::home_rising, Then::keep, 3), leg(negative, fast, Until::home_falling, Then::stop),
            leg(positive, slow, Until::home_rising, Then::keep), to_index_positive},
-          1, and_return),  // L2202-2210
+          1, and_return),
       make_method(5,
                   {leg(negative, fast, Until::home_rising, Then::stop),
                    leg(positive, slow, Until::home_falling, Then::keep), to_index_positive},
-                  1, and_return),  // L2212-2220
+                  1, and_return),
       make_method(
           6,
           {leg(negative, slow, Until::home_rising, Then::keep, 3), leg(positive, fast, Until::home_falling, Then::stop),
            leg(negative, slow, Until::home_rising, Then::keep), to_index_negative},
-          1),  // L2222-2230
+          1),
 
       // Home switch with limit detection, then index.
       make_method(7,
                   {leg(positive, fast, Until::home_rising, Then::stop, 2, 1),
                    leg(negative, fast, Until::home_rising, Then::keep),
                    leg(negative, slow, Until::home_falling, Then::keep), to_index_negative},
-                  2),  // L2232-2245
+                  2),
       make_method(8,
                   {leg(positive, slow, Until::home_rising, Then::keep, 3, 1),
                    leg(negative, fast, Until::home_falling, Then::stop),
                    leg(positive, slow, Until::home_rising, Then::keep), to_index_positive},
-                  1),  // L2247-2262
+                  1),
       make_method(9,
                   {leg(positive, fast, Until::home_rising, Then::keep, 1, 2),
                    leg(positive, fast, Until::home_falling, Then::stop),
                    leg(negative, slow, Until::home_rising, Then::keep),  // slow all the way from the limit
                    to_index_negative},
-                  1),  // L2264-2278
+                  1),
       make_method(10,
                   {leg(positive, fast, Until::home_rising, Then::keep, 2, 1),
                    leg(negative, fast, Until::home_rising, Then::stop),
                    leg(positive, slow, Until::home_falling, Then::keep), to_index_positive},
-                  2),  // L2280-2295
+                  2),
       make_method(11,
                   {leg(negative, fast, Until::home_rising, Then::stop, 2, 1),
                    leg(positive, fast, Until::home_rising, Then::keep),
                    leg(positive, slow, Until::home_falling, Then::keep), to_index_positive},
-                  2),  // L2297-2310
+                  2),
       make_method(12,
                   {leg(negative, slow, Until::home_rising, Then::keep, 3, 1),
                    leg(positive, fast, Until::home_falling, Then::stop),
                    leg(negative, slow, Until::home_rising, Then::keep), to_index_negative},
-                  1),  // L2312-2325
+                  1),
       make_method(13,
                   {leg(negative, fast, Until::home_rising, Then::keep, 1, 2),
                    leg(negative, fast, Until::home_falling, Then::stop),
                    leg(positive, slow, Until::home_rising, Then::keep),  // slow all the way from the limit
                    to_index_positive},
-                  1),  // L2327-2339
+                  1),
       make_method(14,
                   {leg(negative, fast, Until::home_rising, Then::keep, 2, 1),
                    leg(positive, fast, Until::home_rising, Then::stop),
                    leg(negative, slow, Until::home_falling, Then::keep), to_index_negative},
-                  2),  // L2341-2354
+                  2),
 
       // Limit switch.
       make_method(17, {leg(negative, fast, Until::limit_reached, Then::stop),
-                       leg(positive, slow, Until::limit_released, Then::latch)}),  // L2359-2366
+                       leg(positive, slow, Until::limit_released, Then::latch)}),
       make_method(18, {leg(positive, fast, Until::limit_reached, Then::stop),
-                       leg(negative, slow, Until::limit_released, Then::latch)}),  // L2368-2375
+                       leg(negative, slow, Until::limit_released, Then::latch)}),
 
       // Home switch without limit detection.
       make_method(
           19,
           {leg(positive, fast, Until::home_rising, Then::stop), leg(negative, slow, Until::home_falling, Then::latch)},
-          1),  // L2377-2385
+          1),
       make_method(
           20,
           {leg(positive, slow, Until::home_rising, Then::latch), leg(negative, fast, Until::home_falling, Then::stop),
            leg(positive, slow, Until::home_rising, Then::latch)},
-          1),  // L2387-2395
+          1),
       make_method(
           21,
           {leg(negative, fast, Until::home_rising, Then::stop), leg(positive, slow, Until::home_falling, Then::latch)},
-          1),  // L2397-2405
+          1),
       make_method(
           22,
           {leg(negative, slow, Until::home_rising, Then::latch), leg(positive, fast, Until::home_falling, Then::stop),
            leg(negative, slow, Until::home_rising, Then::latch)},
-          1),  // L2407-2415
+          1),
 
       // Home switch with limit detection.
       make_method(
           23,
           {leg(positive, fast, Until::home_rising, Then::stop, 2, 1),
            leg(negative, fast, Until::home_rising, Then::keep), leg(negative, slow, Until::home_falling, Then::latch)},
-          2),  // L2417-2431
+          2),
       make_method(
           24,
           {leg(positive, slow, Until::home_rising, Then::latch, drive::no_leg, 1),
            leg(negative, fast, Until::home_falling, Then::stop), leg(positive, slow, Until::home_rising, Then::latch)},
-          1),                                                                       // L2433-2451
+          1),
       make_method(25, {leg(positive, fast, Until::home_falling, Then::stop, 1, 1),  // whatever the level
-                       leg(negative, slow, Until::home_rising, Then::latch)}),      // L2453-2463
+                       leg(negative, slow, Until::home_rising, Then::latch)}),
       make_method(
           26,
           {leg(positive, fast, Until::home_rising, Then::keep, 2, 1),
            leg(negative, fast, Until::home_rising, Then::stop), leg(positive, slow, Until::home_falling, Then::latch)},
-          2),  // L2465-2478
+          2),
       make_method(
           27,
           {leg(negative, fast, Until::home_rising, Then::stop, 2, 1),
            leg(positive, fast, Until::home_rising, Then::keep), leg(positive, slow, Until::home_falling, Then::latch)},
-          2),  // L2480-2496
+          2),
       make_method(
           28,
           {leg(negative, slow, Until::home_rising, Then::latch, drive::no_leg, 1),
            leg(positive, fast, Until::home_falling, Then::stop), leg(negative, slow, Until::home_rising, Then::latch)},
-          1),                                                                       // L2498-2511
+          1),
       make_method(29, {leg(negative, fast, Until::home_falling, Then::stop, 1, 1),  // whatever the level
-                       leg(positive, slow, Until::home_rising, Then::latch)}),      // L2513-2523
+                       leg(positive, slow, Until::home_rising, Then::latch)}),
       make_method(
           30,
           {leg(negative, fast, Until::home_rising, Then::keep, 2, 1),
            leg(positive, fast, Until::home_rising, Then::stop), leg(negative, slow, Until::home_falling, Then::latch)},
-          2),  // L2525-2542
+          2),
 
-      make_method(33, {to_index_negative}),  // L2544-2551
-      make_method(34, {to_index_positive}),  // L2553-2557
-      present_position(35),                  // L2559-2561
+      make_method(33, {to_index_negative}),
+      make_method(34, {to_index_positive}),
+      present_position(35),
   };
 }();
 static_assert(drive::are_well_formed(homing_methods));

@@ -4,10 +4,10 @@ namespace servodrome::products {
 
 namespace {
 
-constexpr std::uint16_t i2t_enable = 1u << 1;  // of 2017h (L2823)
+constexpr std::uint16_t i2t_enable = 1u << 1;  // of 2017h (ch. 5, 8900h)
 constexpr std::uint32_t velocity_tracking_off = 0xFFFFFFFF;
 
-// 10 and 100 kbit/s are not offered (L294, L314-334).
+// 10 and 100 kbit/s are not offered (Table 1-2, ch. 2.2).
 constexpr auto bit_rates = std::to_array<std::int64_t>({1000000, 800000, 500000, 250000, 125000, 50000, 20000});
 
 drive::Signal signal_of(std::uint8_t function) {
@@ -30,7 +30,7 @@ void Ismc::prepare(dictionary::Area areas) {
     if (settings().node_id != 0) objects().manufacturer.node_id = settings().node_id;
     if (settings().bit_rate != 0) objects().manufacturer.bit_rate = settings().bit_rate;
   }
-  objects().drive.positioning_option_code = 1;  // relative to the demand position (L1122, G16)
+  objects().drive.positioning_option_code = 1;  // relative to the demand position (ch. 4.3.3, G16)
 }
 
 drive::Configuration Ismc::configuration() const {
@@ -53,7 +53,7 @@ drive::Configuration Ismc::configuration() const {
     configuration.ignored.set(drive::Cause::velocity_error);
   }
   for (std::size_t i = 0; i < own.input_function.size(); ++i) {
-    configuration.inputs[i] = {signal_of(own.input_function[i]), false};  // active high (L2176)
+    configuration.inputs[i] = {signal_of(own.input_function[i]), false};  // active high (ch. 4.7.6, method 1)
   }
   configuration.touch_probe = ismc::touch_probe(own.index_deviation_firmware != 0);
   configuration.remote_outputs = own.output_function;
@@ -79,7 +79,8 @@ dictionary::AbortCode Ismc::check(const dictionary::Entry& entry, std::span<cons
 }
 
 void Ismc::written(const dictionary::Entry& entry) {
-  // Bus settings act after a restart and outlive it without 1010h (L334, L2922).
+  // Bus settings act after a restart and outlive it without 1010h (ch. 2.2; ch. 6, 'Master slave CANopen
+  // configuration').
   if (entry.index == 0x2004 || entry.index == 0x2401) {
     keep(dictionary::Area::manufacturer);
     return;

@@ -158,7 +158,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   constexpr canopen::PdoSubIndices tpdo_subs{.sync_start_value = false};
   builder.append(canopen::rpdo_section<Communication, rpdo_subs>, at_communication);
   builder.append(canopen::tpdo_section<Communication, tpdo_subs>, at_communication);
-  builder.add(text_constant(0x1008, "Manufacturer device name", "Sapphire"));  // L3001
+  builder.add(text_constant(0x1008, "Manufacturer device name", "Sapphire"));  // ch. 6
   builder.add(text_constant(0x1009, "Manufacturer hardware version", "1.0"));
   builder.add(text_constant(0x100A, "Manufacturer software version", "V1.03"));
   builder.pick(drive::cia402_section, cia402_objects, offsetof(Objects, drive));
@@ -169,13 +169,13 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);
 
-  // Factory PDOs: the manual's application example; PDO 3 and 4 off (L689, L2928-2956, G7).
+  // Factory PDOs: the manual's application example; PDO 3 and 4 off (ch. 2.6.2, 'PDO CAN identifier'; ch. 6, G7).
   builder.map_pdo(0x1600, {0x60400010, 0x60600008, 0x607A0020});
   builder.map_pdo(0x1601, {0x60FF0020, 0x60810020});
   builder.map_pdo(0x1A00, {0x60410010, 0x60610008, 0x60640020});
   builder.map_pdo(0x1A01, {0x606C0020, 0x60780010});
-  // "A prohibition time has been set for TxPDO" (L714), and none is printed: an axis in motion changes its process data
-  // every cycle, and three of them would fill a bus of 1 Mbit/s (G6).
+  // "A prohibition time has been set for TxPDO" (ch. 2.6.2, 'Prohibited time'), and none is printed: an axis in motion
+  // changes its process data every cycle, and three of them would fill a bus of 1 Mbit/s (G6).
   for (std::uint16_t index = 0x1800; index <= 0x1803; ++index) builder.set_default(index, 3, tpdo_inhibit_time);
   for (const std::uint16_t index : std::to_array<std::uint16_t>({0x1402, 0x1403, 0x1802, 0x1803})) {
     builder.at(index, 1).default_value |= 0x80000000;
@@ -197,7 +197,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   }
   builder.count = kept;
   builder.set_default(0x60A4, 1, 1310720);
-  builder.set_range(0x60C2, 1, 0, 4);    // 1 to 4 ms (L1933); 0 raises 6553h
+  builder.set_range(0x60C2, 1, 0, 4);    // 1 to 4 ms (ch. 4.6.2); 0 raises 6553h
   builder.set_range(0x60C2, 2, -3, -3);  // masters write it (G52)
   builder.at(0x60C2, 1).unit = "ms";
   builder.at(0x60E0, 0).type = Type::integer16;  // printed INT16 (G43)
@@ -213,7 +213,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.at(0x6099, 2).pdo = Pdo::none;
   builder.at(0x60C2, 1).pdo = Pdo::none;
   builder.at(0x60C2, 2).pdo = Pdo::none;
-  // Units as the manual names them: all quantities of motion are in user units, which are counts (L1096-1099).
+  // Units as the manual names them: all quantities of motion are in user units, which are counts (ch. 4.3.2).
   for (std::size_t i = 0; i < builder.count; ++i) {
     Entry& entry = builder.entries[i];
     const std::string_view unit = entry.unit;

@@ -42,7 +42,7 @@ void AlarmLog::raise(const drive::FaultRow& row, Alarms& alarms, const drive::Dr
   alarms.state |= words.state;
   alarms.state_2 |= words.state_2;
   alarms.extension |= words.extension;
-  // Every bit of 2602h sets the summary (L3276), unless that is masked itself (L3330).
+  // Every bit of 2602h sets the summary (Table 10-1, bit 0), unless that is masked itself (Table 10-4, 2605.01).
   if (words.state_2 != 0) alarms.state |= static_cast<std::uint16_t>(alarms.mask & extended_error);
 
   const bool on = drive.energised();

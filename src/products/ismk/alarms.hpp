@@ -23,11 +23,11 @@ struct AlarmWords {
 // The bits of a row of the fault table, without the summary bit 0 of 2601h.
 AlarmWords words_of(const drive::FaultRow& row);
 
-// What the display shows of 2601h or 2602h: four digits with a point before the last, "080.0" (L3345-3385).
+// What the display shows of 2601h or 2602h: four digits with a point before the last, "080.0" (Tables 10-5 and 10-6).
 std::array<char, 6> display_code(std::uint16_t word);
-inline constexpr std::array<char, 6> motor_wrong_code{'F', 'F', 'F', '.', 'F', '\0'};  // L3346
+inline constexpr std::array<char, 6> motor_wrong_code{'F', 'F', 'F', '.', 'F', '\0'};  // Table 10-5, FFF.F
 
-// What the error history keeps of an alarm (L3268): how the drive was, and all the alarm words then.
+// What the error history keeps of an alarm (ch. 10.1): how the drive was, and all the alarm words then.
 struct AlarmRecord : PastFault {
   AlarmWords words{};
 };
@@ -55,7 +55,7 @@ class AlarmLog {
   std::size_t size_ = 0;
 };
 
-// Bytes 3 to 7 of an emergency message: 2601h and 2602h in the last four (L3158-3163); byte 3 is not defined.
+// Bytes 3 to 7 of an emergency message: 2601h and 2602h in the last four (Table 9-23); byte 3 is not defined.
 std::array<std::uint8_t, 5> emergency_bytes(const Alarms& alarms);
 
 }  // namespace servodrome::products::ismk

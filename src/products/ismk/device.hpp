@@ -31,7 +31,7 @@ class IsmkDevice : public Fieldbus {
     Fieldbus::cycle(now);
   }
 
-  // Table 3-1 (L534-539); those of the bus flicker with its traffic, which is not shown.
+  // Table 3-1; those of the bus flicker with its traffic, which is not shown.
   Lamps lamps(Time now) override {
     Lamps lamps;
     lamps.add({"PWR", "green", Light::on});

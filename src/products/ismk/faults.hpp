@@ -12,23 +12,23 @@ using drive::ResetRule;
 
 // Where an alarm shows: bits 0..15 are those of 2601h, 16..31 those of 2602h, 32..47 those of 2605h sub 7. What stands
 // in 2605h sub 7 details a bit of the other two, which is set with it, or'ed in << 8; no detail has bit 0 of 2601h,
-// because that one says that 2602h is not 0 (L3276).
+// because that one says that 2602h is not 0 (Table 10-1).
 constexpr std::uint16_t state_bit(unsigned bit) { return static_cast<std::uint16_t>(bit); }
 constexpr std::uint16_t state_2_bit(unsigned bit) { return static_cast<std::uint16_t>(16 + bit); }
 constexpr std::uint16_t extension_bit(unsigned bit, std::uint16_t detailed) {
   return static_cast<std::uint16_t>(unsigned{detailed} << 8U | (32U + bit));
 }
 
-// The alarms of the manual's chapter 10 (L3268-3385) with their emergency codes (L3158-3196). Error registers are the
+// The alarms of the manual's chapter 10 with their emergency codes (ch. 9.3.3.6). Error registers are the
 // recommendation of the digest, because the manual is silent. The reaction is 605Eh throughout; faults after which the
 // current is no longer known cut the power stage whatever 605Eh says, and those after which the rotor's angle is not
-// known leave of it only braking by short circuit, "even if the encoder is wrong" (L1530). What its own table calls
+// known leave of it only braking by short circuit, "even if the encoder is wrong" (ch. 5.6.3). What its own table calls
 // "restart" or "service" is reset by a restart only.
 //
 // Which cause has which row is a reading where the manual names no cause: the plant's over-current comparators are one
 // alarm; telegrams that break off are 400.0 (encoder times out), none at all 000.2; the supply of the gates hangs on
 // the logic supply; a fault of the drive's own electronics is the MCU's. Without a cause in this drive, and raised by
-// injection only: the chopper (the iSMK has none, L315), pulses and the second encoder (no terminals), the current
+// injection only: the chopper (the iSMK has none, ch. 1.3.1), pulses and the second encoder (no terminals), the current
 // sensor, watchdog, interrupt, SPI, the motor's identification and 81FFh, whose bus is not said.
 inline constexpr auto faults = [] {
   constexpr auto option_code = Reaction::option_code;
@@ -36,20 +36,21 @@ inline constexpr auto faults = [] {
   constexpr auto power_off = Reaction::power_off;
   constexpr auto reset = ResetRule::when_cause_gone;
   constexpr auto restart = ResetRule::power_cycle;
-  const auto overcurrent = [](Cause cause) {  // L3355
+  const auto overcurrent = [](Cause cause) {  // Table 10-5, 008.0
     return drive::FaultRow{cause,         0x2320,      0x03, Reaction::power_off, ResetRule::when_cause_gone,
                            "Overcurrent", state_bit(7)};
   };
-  const auto motor_temperature = [](Cause cause) {  // L3365
+  const auto motor_temperature = [](Cause cause) {  // Table 10-5, 200.0
     return drive::FaultRow{
         cause, 0x4310, 0x09, Reaction::option_code, ResetRule::when_cause_gone, "Motor temperature", state_bit(13)};
   };
   return std::to_array<drive::FaultRow>({
-      {Cause::motor_mismatch, 0x6320, 0x01, power_off, restart, "Motor wrongly configured", state_2_bit(4)},  // L3346
-      // 2601h (L3273-3291)
+      {Cause::motor_mismatch, 0x6320, 0x01, power_off, restart, "Motor wrongly configured",
+       state_2_bit(4)},  // Table 10-5, FFF.F
+      // 2601h (Table 10-1)
       {Cause::encoder_connection, 0x7331, 0x41, angle_lost, reset, "Encoder not connected", state_bit(1)},
       {Cause::encoder_multi_turn, 0x7320, 0x41, option_code, ResetRule::clear_multi_turn, "Encoder internal fault",
-       state_bit(2)},  // L3350
+       state_bit(2)},  // Table 10-5, 000.4
       {Cause::encoder_crc, 0x7330, 0x41, angle_lost, reset, "Encoder CRC", state_bit(3)},
       {Cause::power_stage_hot, 0x4210, 0x09, option_code, reset, "Driver temperature", state_bit(4)},
       {Cause::over_voltage, 0x3210, 0x05, option_code, reset, "Overvoltage", state_bit(5)},
@@ -65,10 +66,10 @@ inline constexpr auto faults = [] {
       {Cause::i2t, 0x2350, 0x03, option_code, reset, "Motor or driver IIt", state_bit(11)},
       {Cause::pulse_frequency, 0x8A80, 0x21, option_code, reset, "Over frequency", state_bit(12)},
       motor_temperature(Cause::motor_hot),
-      motor_temperature(Cause::motor_contact),  // the input "motor error" (L2180)
+      motor_temperature(Cause::motor_contact),  // the input "motor error" (ch. 7.9)
       {Cause::encoder_delimiter, 0x7331, 0x41, angle_lost, reset, "Encoder information", state_bit(14)},
       {Cause::memory, 0x6310, 0x01, option_code, restart, "EEPROM data", state_bit(15)},
-      // 2602h (L3293-3309)
+      // 2602h (Table 10-2)
       {Cause::current_sensor, 0x5210, 0x03, power_off, reset, "Current sensor", state_2_bit(0)},
       {Cause::watchdog, 0x6010, 0x01, power_off, restart, "Watchdog", state_2_bit(1)},
       {Cause::interrupt, 0x6011, 0x01, power_off, restart, "Wrong interrupt", state_2_bit(2)},
@@ -82,7 +83,7 @@ inline constexpr auto faults = [] {
       {Cause::second_encoder_direction, 0x8A81, 0x41, option_code, reset, "Closed loop direction", state_2_bit(13)},
       {Cause::second_encoder_connection, 0x7382, 0x41, option_code, reset, "Master ABZ", state_2_bit(14)},
       {Cause::second_encoder_count, 0x7306, 0x41, option_code, reset, "Master counting", state_2_bit(15)},
-      // 2605h sub 7 (L3317-3325)
+      // 2605h sub 7 (Table 10-3)
       {Cause::current_sensor_origin, 0x5210, 0x03, power_off, reset, "Origin record", extension_bit(0, state_2_bit(0))},
       {Cause::brake_resistor_hot, 0x7111, 0x01, option_code, reset, "Internal braking resistor over-temperature",
        extension_bit(1, state_bit(8))},

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 constexpr double kvp_scale = 262144.0;  // 2^18
-constexpr double tick_s = 62.5e-6;      // Ts of L1695
+constexpr double tick_s = 62.5e-6;      // Ts of ch. 6.2.1
 
 double counts_per_rad(const drive::MotorData& motor) { return motor.counts_per_revolution / (2.0 * pi); }
 

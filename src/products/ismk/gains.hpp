@@ -7,11 +7,11 @@
 #include "drive/loops/motor_data.hpp"
 #include "products/ismk/objects.hpp"
 
-// The gains of the iSMK, from its units to physical ones and back (chapter 6, L1564-1888).
+// The gains of the iSMK, from its units to physical ones and back (chapter 6).
 //
-// The scale of kvp follows from the printed formula (L1617-1627): its constant 1.853358080e5 is 0.0707 x 2^18 x 10,
+// The scale of kvp follows from the printed formula (ch. 6.2.1): its constant 1.853358080e5 is 0.0707 x 2^18 x 10,
 // where 0.0707 = 4 x 1.414 x 2048 / 16.384 x 1e-4 comes from the units of current, speed, inertia and torque constant
-// that the manual prints (L2030-2037). So a current in DEC is kvp / 2^18 times a speed error in DEC, and Imax "in DEC"
+// that the manual prints (ch. 7.3). So a current in DEC is kvp / 2^18 times a speed error in DEC, and Imax "in DEC"
 // counts in 0.1 Ap. What has no formula is a reading, each of them one constant.
 namespace servodrome::products::ismk {
 
@@ -19,17 +19,17 @@ namespace servodrome::products::ismk {
 // values (kvp 4, Kvi/32 2) the integral so takes 16 ms, and Kvi/32 acts with every set that has Kvi in it: set 0 alone.
 inline constexpr double velocity_ki_rate_hz = 4000.0;
 
-inline constexpr double kpp_per_hz = 100.0;  // L1748; L1759 has 103 (C26)
+inline constexpr double kpp_per_hz = 100.0;  // Table 6-5, ch. 6.2.2 has 103 (C26)
 
-// 60FBh sub 2 counts as 2FF0h sub 1Ah: 1000 is 100 % (L1749, L2097).
+// 60FBh sub 2 counts as 2FF0h sub 1Ah: 1000 is 100 % (Table 6-5, ch. 7.8).
 inline constexpr double velocity_feed_forward_full = 1000.0;
 
 // The acceleration in DEC, divided by K_Acc_FF, is a current in DEC. Its factory value, the weakest, is off.
 inline constexpr std::int16_t acceleration_feed_forward_off = 32767;
 inline constexpr double acceleration_percent_constant =
-    6746518.0;  // of L1782: ACC % = this / K_Acc_FF / Easy_Kload x 100
+    6746518.0;  // of ch. 6.2.2: ACC % = this / K_Acc_FF / Easy_Kload x 100
 
-inline constexpr float current_bandwidth_hz = 2000.0F;  // L3415
+inline constexpr float current_bandwidth_hz = 2000.0F;  // appendix I
 
 // Width by frequency, and gain at the centre, of a notch: not printed.
 inline constexpr float notch_relative_width = 0.5F;
@@ -38,10 +38,10 @@ inline constexpr float notch_depth = 0.05F;
 inline constexpr float highest_notch_hz = 1750.0F;
 
 // How many of the four notches 60F9h sub 4 bits 0 and 1 switch on, the first ones: none, the single filter of 60F9h sub
-// 3, with the second of automatic setting, all (L1724, L1739-1741: "BCD code").
+// 3, with the second of automatic setting, all (ch. 6.2.1: "BCD code").
 inline constexpr std::array<std::size_t, 4> notches_of_code{0, 1, 2, 4};
 
-// 60F9h sub 6 without bit 7 (L1605).
+// 60F9h sub 6 without bit 7 (Table 6-2).
 struct SpeedMode {
   std::uint8_t code;
   drive::VelocityFeedback feedback;
@@ -65,11 +65,11 @@ inline constexpr drive::Rates fast_rates{2, 8};
 // nullptr for a code that is not there.
 const SpeedMode* find_speed_mode(std::uint8_t object_value);
 
-constexpr double feedback_filter_hz(std::uint8_t n) { return 100.0 + 20.0 * n; }  // L1604
-// f = 1 / (2 pi 62.5 us N); 1 is off (L1685-1703).
+constexpr double feedback_filter_hz(std::uint8_t n) { return 100.0 + 20.0 * n; }  // Table 6-2
+// f = 1 / (2 pi 62.5 us N); 1 is off (ch. 6.2.1).
 double output_filter_hz(std::uint16_t n);
 
-// The manual's formula (L1617-1627), for the inertia of rotor and load in kg m^2 and a bandwidth in Hz; not rounded.
+// The manual's formula (ch. 6.2.1), for the inertia of rotor and load in kg m^2 and a bandwidth in Hz; not rounded.
 double kvp_of_bandwidth(double bandwidth_hz, double inertia_kgm2, const drive::MotorData& motor);
 double bandwidth_of_kvp(double kvp, double inertia_kgm2, const drive::MotorData& motor);
 
@@ -84,15 +84,15 @@ constexpr double easy_kload(double full_feed_forward) { return acceleration_perc
 std::int16_t acceleration_feed_forward_of(double permille, double inertia_kgm2, const drive::MotorData& motor);
 double acceleration_permille_of(std::int16_t k_acc_ff, double inertia_kgm2, const drive::MotorData& motor);
 
-// Kvi_Mix = 32 Kvi + Kvi/32 (L1603).
+// Kvi_Mix = 32 Kvi + Kvi/32 (Table 6-2).
 constexpr std::uint32_t kvi_mix(std::uint16_t kvi, std::uint16_t kvi_32) { return 32U * kvi + kvi_32; }
 
 // The loops' gains with the set that the pointer names. `motor.inertia_kgm2`: rotor and load as far as they are known.
 drive::Gains loop_gains(const Gains& gains, const Tuning& tuning, const drive::MotorData& motor);
 
-// What chooses the set (L1818-1888).
+// What chooses the set (ch. 6.3 and 6.4).
 struct PointerSources {
-  bool inputs_assigned = false;  // gain switch 0 or 1 is a function of some input: nothing else counts then (L1872)
+  bool inputs_assigned = false;  // gain switch 0 or 1 is a function of some input: nothing else counts then (ch. 6.3.1)
   std::uint8_t inputs = 0;       // gain switch 0 in bit 0, 1 in bit 1
   bool automatic = false;        // 60F9h sub 9
   bool at_target = false;        // target reached, or standing

@@ -4,7 +4,7 @@
 
 #include "drive/homing/cia402_methods.hpp"
 
-// The homing methods of the iSMK: those of Table 5-15 (1 to 4, 9 to 12, 19 to 22, L1426-1442), 33 of every homing
+// The homing methods of the iSMK: those of Table 5-15 (1 to 4, 9 to 12, 19 to 22), 33 of every homing
 // example, and the others of CiA 402-2, whose rows the text has lost at page breaks. The geometry is the standard's
 // throughout, because the drawings are lost as well. Hard-stop methods are not printed, so there are none: 0609 0030h.
 namespace servodrome::products::ismk {

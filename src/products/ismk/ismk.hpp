@@ -14,16 +14,17 @@ class Ismk final : public IsmkOnCan {
   static constexpr std::span<const dictionary::Entry> table{ismk::object_table};
   static constexpr drive::Policy policy = ismk::make_policy();
   static constexpr dictionary::LengthAborts length_aborts{};
-  static constexpr canopen::Profile profile{.rpdo_types = {.reserved = true},  // "all 256" (L3018)
-                                            .tpdo_types = {.reserved = true},
-                                            .inhibit_time_unit = std::chrono::milliseconds(1),  // L3034, L3042
-                                            .sdo_block = false,                         // five services, L2721-2727
-                                            .sdo_download_response_echoes_data = true,  // L2824, L2855-2904
-                                            .sdo_expedited_upload_sign_extends = true,  // L2866, L2890
-                                            .time_consumer = false,
-                                            .lss = false};
-  static constexpr std::uint8_t factory_node_id = 1;          // L879
-  static constexpr std::uint32_t factory_bit_rate = 500'000;  // L3211
+  static constexpr canopen::Profile profile{
+      .rpdo_types = {.reserved = true},  // "all 256" (ch. 9.3.3.3)
+      .tpdo_types = {.reserved = true},
+      .inhibit_time_unit = std::chrono::milliseconds(1),  // Table 9-14, ch. 9.3.3.3
+      .sdo_block = false,                                 // five services, ch. 9.3.2
+      .sdo_download_response_echoes_data = true,          // ch. 9.3.2
+      .sdo_expedited_upload_sign_extends = true,          // Table 9-9, ch. 9.3.2
+      .time_consumer = false,
+      .lss = false};
+  static constexpr std::uint8_t factory_node_id = 1;          // ch. 4.1.2.1
+  static constexpr std::uint32_t factory_bit_rate = 500'000;  // Table 9-26, 2F81h
 
   explicit Ismk(const Settings& settings) : IsmkOnCan(settings) {}
 

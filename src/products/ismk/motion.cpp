@@ -16,13 +16,13 @@ using drive::Mode;
 
 constexpr std::uint32_t key(const Entry& entry) { return entry.key(); }
 
-// 60FBh sub 4 (L1753).
+// 60FBh sub 4 (Table 6-5).
 constexpr std::int64_t trapezoid = 1;
 constexpr std::int64_t s_curve = 3;
 // 6086h of the S-curve: no jerk is printed, so it is the shape that needs none (README.md).
 constexpr std::int16_t s_curve_shape = static_cast<std::int16_t>(drive::RampShape::sin2);
 
-// 6099h sub 6 (L1421): a quarter of a turn while it looks for the right window itself, half a turn with 2.
+// 6099h sub 6 (ch. 5.5): a quarter of a turn while it looks for the right window itself, half a turn with 2.
 constexpr std::uint8_t blind_automatic = 1;
 constexpr std::uint8_t blind_half_turn = 2;
 constexpr double automatic_blind_turns = 0.25;
@@ -38,7 +38,7 @@ std::uint8_t blind_window_for(double turns_from_edge) {
 }
 
 std::uint8_t sync_period_ms(const ServoObjects& objects) {
-  return static_cast<std::uint8_t>(1U << objects.motion.sync_period);  // L3212
+  return static_cast<std::uint8_t>(1U << objects.motion.sync_period);  // Table 9-26, 3011.01
 }
 Time sync_period(const ServoObjects& objects) { return std::chrono::milliseconds(sync_period_ms(objects)); }
 
@@ -78,7 +78,7 @@ void MotionControl::configure(const ServoObjects& objects, drive::Configuration&
                                  .reached_counts_per_s = own.target_speed_window / velocity_dec_per_inc_s,
                                  .zero_counts_per_ms = objects.io.zero_speed_window_inc_per_ms,
                                  .zero_ms = own.zero_speed_time_ms};
-  // The text has "disables" for both values (L1560-1561): 1 is taken for enabling.
+  // The text has "disables" for both values (Table 5-18, 2340.01): 1 is taken for enabling.
   if (own.step_stop_mode != 0) {
     const auto share = static_cast<float>(std::abs(own.step_stop_current / peak_current_dec));
     configuration.standstill_current_a = std::min(share, 1.0F) * motor.peak_current_a;
@@ -105,7 +105,7 @@ void MotionControl::loaded(ServoObjects& objects) {
 AbortCode MotionControl::check(const Entry& entry, std::int64_t number, const drive::Drive& drive) {
   switch (key(entry)) {
     case 0x60FB04: return number == trapezoid || number == s_curve ? AbortCode::none : AbortCode::value_invalid;
-    case 0x60FB05: return drive.energised() ? AbortCode::device_state : AbortCode::none;  // L2099
+    case 0x60FB05: return drive.energised() ? AbortCode::device_state : AbortCode::none;  // ch. 7.8
     default: return AbortCode::none;
   }
 }
@@ -115,15 +115,15 @@ bool MotionControl::written(const Entry& entry, ServoObjects& objects, const dri
   drive::Objects& common = objects.drive;
   Motion& own = objects.motion;
   switch (key(entry)) {
-    case 0x2FF009:  // one target speed in two units (L2511)
+    case 0x2FF009:  // one target speed in two units (ch. 8.4.2)
       common.target_velocity = rounded<std::int32_t>(velocity_dec_from_rpm(own.target_speed_rpm));
       return true;
-    case 0x2FF00E: common.following_error_window = own.following_error_limit * 100U; return true;  // L1752
-    case 0x607100:  // one target of torque mode in two units (L1261)
+    case 0x2FF00E: common.following_error_window = own.following_error_limit * 100U; return true;  // Table 6-5
+    case 0x607100:  // one target of torque mode in two units (Table 5-9)
       own.target_current = rounded<std::int16_t>(common.target_torque / thousandth_per_dec);
       return true;
     case 0x60F608: common.target_torque = rounded<std::int16_t>(own.target_current * thousandth_per_dec); return true;
-    case 0x607F00:  // one limit in two units (L1251)
+    case 0x607F00:  // one limit in two units (ch. 5.2.1.4)
       common.max_motor_speed_rpm = rounded<std::uint16_t>(rpm_from_velocity_dec(common.max_profile_velocity));
       return false;
     case 0x608000:
@@ -143,7 +143,7 @@ void MotionControl::refresh(const Entry& entry, ServoObjects& objects, const dri
   switch (key(entry)) {
     case 0x2FF009: own.target_speed_rpm = rounded<std::int16_t>(rpm_from_velocity_dec(common.target_velocity)); break;
     case 0x2FF00E: own.following_error_limit = rounded<std::uint16_t>(common.following_error_window / 100.0); break;
-    case 0x606300:  // the actual position of the user, whatever 607Eh is (L2003)
+    case 0x606300:  // the actual position of the user, whatever 607Eh is (ch. 7.2)
       common.position_actual_internal_value = drive::wrap_to_32_bits(axis.to_user_position(axis.position()));
       break;
     case 0x60FC00:
@@ -193,7 +193,7 @@ bool MotionControl::cycle(drive::Drive& drive, ServoObjects& objects) {
   if (homing_.running()) {
     homing_.step(drive, objects.drive);
   } else if (enabled && !enabled_once_ && objects.motion.homing_at_power_on != 0) {
-    homing_.start(drive, objects.drive);  // L1402, L1415
+    homing_.start(drive, objects.drive);  // Table 5-14, ch. 5.5
   }
   enabled_once_ = enabled_once_ || enabled;
 

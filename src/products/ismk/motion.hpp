@@ -15,7 +15,7 @@ namespace servodrome::products::ismk {
 
 inline constexpr std::uint8_t initialise_command = 10;  // of 2FF0h sub 1
 
-// Counts SYNCs that do not come when they are due (3011h sub 4, L3214, L3244).
+// Counts SYNCs that do not come when they are due (3011h sub 4, Tables 9-26 and 9-27).
 class SyncMonitor {
  public:
   void stop() { running_ = false; }

@@ -7,7 +7,7 @@
 #include "products/identity.hpp"
 #include "products/ismk/sections.hpp"
 
-// The object dictionary of the iSMK, AA variant: chapter 7 (L1890-2263), chapter 9 (L2640-3257) and the objects that
+// The object dictionary of the iSMK, AA variant: chapter 7, chapter 9 (ch. 9.1 to 9.5) and the objects that
 // other chapters name. What the manual does not number (PDO parameters, identity) is as README.md says.
 namespace servodrome::products::ismk {
 
@@ -36,7 +36,7 @@ constexpr void append_servo_objects(dictionary::TableBuilder<Capacity>& builder,
   builder.append(section::buses, at + offsetof(ServoObjects, buses));
   builder.append(section::device, at + offsetof(ServoObjects, device));
 
-  // 2508h sub 9 and 6068h are one value (L2066, L2195).
+  // 2508h sub 9 and 6068h are one value (ch. 7.5 and 7.9).
   builder.add(element(0x2508, 9, ObjectCode::record, "Reach position time window",
                       SERVODROME_FIELD(drive::Objects, position_window_time_ms), Access::rw, Pdo::both,
                       {.default_value = 10, .unit = "ms", .saved = true}),
@@ -45,8 +45,8 @@ constexpr void append_servo_objects(dictionary::TableBuilder<Capacity>& builder,
   builder.at(0x6068, 0).saved = false;
 
   builder.at(0x6007, 0).type = Type::unsigned16;
-  builder.set_default(0x6007, 0, 0).set_range(0x6007, 0, 0, 1);  // L3215
-  builder.set_default(0x6040, 0, 0x06);                          // L1995
+  builder.set_default(0x6007, 0, 0).set_range(0x6007, 0, 0, 1);  // Table 9-26
+  builder.set_default(0x6040, 0, 0x06);                          // ch. 7.1
   builder.set_default(0x605A, 0, 0).set_range(0x605A, 0, 0, 18);
   builder.set_default(0x605B, 0, 0).set_range(0x605B, 0, 0, 18);
   builder.set_default(0x605C, 0, 0).set_range(0x605C, 0, 0, 18);
@@ -68,7 +68,7 @@ constexpr void append_servo_objects(dictionary::TableBuilder<Capacity>& builder,
   for (Entry& entry : builder.entries) {
     if (entry.index == 0x6099) entry.code = ObjectCode::record;  // of one object, with the manufacturer's
   }
-  // 607Dh sub 1 is the positive limit here (L2070-2071), the minimum in CiA 402.
+  // 607Dh sub 1 is the positive limit here (ch. 7.5), the minimum in CiA 402.
   std::swap(builder.at(0x607D, 1).offset, builder.at(0x607D, 2).offset);
   builder.at(0x607D, 1).name = "Soft_Positive_Limit";
   builder.at(0x607D, 2).name = "Soft_Negative_Limit";
@@ -120,17 +120,17 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.set_default(0x1018, 1, vendor_id)
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);
-  builder.set_default(0x100C, 0, 1000).set_default(0x100D, 0, 3);  // L3206-3207
+  builder.set_default(0x100C, 0, 1000).set_default(0x100D, 0, 3);  // Table 9-26
   // No communication object is printed as savable, but the station number: the master configures the node at every
-  // start (L3099-3101, L3217-3219).
+  // start (ch. 9.3.3.4 and 9.4).
   for (std::size_t i = 0; i < builder.count; ++i) {
     Entry& entry = builder.entries[i];
     if (area_of(entry.index) == Area::communication && entry.index != 0x100B) entry.saved = false;
   }
   for (std::uint16_t pdo = 0; pdo < 4; ++pdo) {
-    builder.set_default(static_cast<std::uint16_t>(0x1400 + pdo), 2, 254);  // L3007
+    builder.set_default(static_cast<std::uint16_t>(0x1400 + pdo), 2, 254);  // ch. 9.3.3.3
     builder.set_default(static_cast<std::uint16_t>(0x1800 + pdo), 2, 254);
-    builder.at(static_cast<std::uint16_t>(0x1800 + pdo), 3).unit = "ms";  // L3034, L3042
+    builder.at(static_cast<std::uint16_t>(0x1800 + pdo), 3).unit = "ms";  // Table 9-14, ch. 9.3.3.3
   }
   builder.set_default(0x1600, 1, 0x60400010).set_default(0x1600, 0, 1);
   builder.set_default(0x1A00, 1, 0x60410010).set_default(0x1A00, 0, 1);

@@ -6,7 +6,7 @@
 #include "canopen/301/communication_objects.hpp"
 #include "drive/objects.hpp"
 
-// Where the objects of an iSMK drive live (chapter 7 of the manual, L1890-2263), one plain struct for each of its
+// Where the objects of an iSMK drive live (chapter 7 of the manual), one plain struct for each of its
 // groups. Index, type, range and unit are in object_table.hpp. Values the manual gives "in DEC" are in internal units:
 // see units.hpp.
 namespace servodrome::products::ismk {
@@ -15,11 +15,11 @@ namespace servodrome::products::ismk {
 struct Io {
   std::uint16_t input_polarity = 0xFFFF;           // bit n: input n+1 is direct, else inverted
   std::uint16_t input_simulation = 0;              // bit n: input n+1
-  std::array<std::uint16_t, 5> input_function{};   // function words, L2151-2188
+  std::array<std::uint16_t, 5> input_function{};   // function words, ch. 7.9
   std::uint16_t input_real = 0;                    // bit n: input n+1
   std::uint16_t output_polarity = 0xFFFF;          // bit n: output n+1
   std::uint16_t output_simulation = 0;             // bit n: output n+1
-  std::array<std::uint16_t, 2> output_function{};  // function words, L2189-2207
+  std::array<std::uint16_t, 2> output_function{};  // function words, ch. 7.9
   std::uint16_t output_real = 0;                   // bit n: output n+1
   std::uint16_t zero_speed_window_inc_per_ms = 3;  // 2010h sub 18h
   std::uint8_t limit_function = 1;                 // 0: a limit switch after homing is an alarm
@@ -107,7 +107,7 @@ struct Alarms {
 struct Buses {
   std::uint16_t station = 1;              // 100Bh: node id and RS485 station, from the next restart
   std::uint32_t cob_id_guarding = 0x700;  // 100Eh
-  std::uint8_t can_bit_rate = 50;         // 2F81h, 10 kbit/s with the odd cases of L3211; from the next restart
+  std::uint8_t can_bit_rate = 50;         // 2F81h, 10 kbit/s with the odd cases of Table 9-26; from the next restart
   std::uint16_t rs485_bit_rate = 90;      // 2FE2h: 10368000 / baud, from the next restart
   std::uint8_t cascade = 0;               // 6510h sub 0Bh
   std::uint8_t rs485_protocol = 1;        // 6510h sub 0Ch: bit 0: RS232 protocol, bit 1: from the next restart

@@ -21,12 +21,12 @@ inline constexpr auto digital_inputs = [] {
   constexpr auto signal = [](std::uint8_t to, drive::Signal from) {
     return drive::DigitalInputBit{to, drive::DigitalInputBit::Source::signal, static_cast<std::uint8_t>(from)};
   };
-  // Bit 4, not bit 3, is the interlock (L2005, C25).
+  // Bit 4, not bit 3, is the interlock (ch. 7.2, 60FDh, C25).
   return std::array{signal(0, drive::Signal::negative_limit), signal(1, drive::Signal::positive_limit),
                     signal(2, drive::Signal::home), signal(4, drive::Signal::enable_refused)};
 }();
 
-// Table 5-2 (L1041-1057): the low bytes of the statusword without bit 4, which is the main circuit.
+// Table 5-2: the low bytes of the statusword without bit 4, which is the main circuit.
 inline constexpr drive::StateBits state_bits = [] {
   using drive::PowerState;
   drive::StateBits bits = drive::cia402_state_bits;
@@ -38,24 +38,24 @@ inline constexpr drive::StateBits state_bits = [] {
   return bits;
 }();
 
-// Table 5-5 (L1117-1156).
+// Table 5-5.
 inline constexpr auto status_bits = [] {
   using drive::StatusBit;
   using drive::StatusSource;
   constexpr std::uint32_t homing = mode_bit(Mode::homing);
   return std::array{
       StatusBit{9, StatusSource::remote},
-      StatusBit{10, StatusSource::target_reached, ~homing},  // C037h after homing (L2406)
+      StatusBit{10, StatusSource::target_reached, ~homing},  // C037h after homing (ch. 8.3.2)
       StatusBit{11, StatusSource::position_limit},
       StatusBit{12, StatusSource::mode_bit_12, ~homing},
-      StatusBit{12, StatusSource::mode_bit_13, homing},  // "origin return to zero error" (L1148, C35)
+      StatusBit{12, StatusSource::mode_bit_13, homing},  // "origin return to zero error" (Table 5-5, C35)
       StatusBit{13, StatusSource::following_error},
       StatusBit{14, StatusSource::commutation_found},
       StatusBit{15, StatusSource::home_found},
   };
 }();
 
-// CiA 402 and the way out of a held quick stop: 06h, then 0Fh (L1530-1532).
+// CiA 402 and the way out of a held quick stop: 06h, then 0Fh (ch. 5.6.3).
 inline constexpr auto transitions = [] {
   using drive::Command;
   using drive::PowerState;
@@ -76,40 +76,40 @@ constexpr drive::Policy make_policy() {
   policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
                            mode_bit(Mode::profile_torque) | mode_bit(Mode::homing) |
                            mode_bit(Mode::interpolated_position) | mode_bit(Mode::immediate_velocity) |
-                           mode_bit(Mode::pulse);  // L1997
+                           mode_bit(Mode::pulse);  // ch. 7.1, 6060h
   policy.mode_none = false;
-  policy.option_codes = {.quick_stop = codes({0, 1, 2, 5, 6, winding_brake_code}),  // L1537
+  policy.option_codes = {.quick_stop = codes({0, 1, 2, 5, 6, winding_brake_code}),  // Table 5-18, 605Ah
                          .quick_stop_stays = codes({5, 6, winding_brake_code}),
-                         .quick_stop_continues = codes({5, 6}),                      // L1057
-                         .shutdown = codes({0, 1, 2, winding_brake_code}),           // L1538
-                         .disable_operation = codes({0, 1, 2, winding_brake_code}),  // L1539
-                         .halt = codes({1, 2}),                                      // L1540
-                         .fault_reaction = codes({0, 1, 2, winding_brake_code})};    // L1546
-  policy.nmt_aborts_connection = false;  // what 6007h watches is the node protection (L3215)
+                         .quick_stop_continues = codes({5, 6}),                      // Table 5-2
+                         .shutdown = codes({0, 1, 2, winding_brake_code}),           // Table 5-18, 605Bh
+                         .disable_operation = codes({0, 1, 2, winding_brake_code}),  // Table 5-18, 605Ch
+                         .halt = codes({1, 2}),                                      // Table 5-18
+                         .fault_reaction = codes({0, 1, 2, winding_brake_code})};    // Table 5-18
+  policy.nmt_aborts_connection = false;  // what 6007h watches is the node protection (Table 9-26)
   policy.transitions = transitions;
   policy.state_bits = state_bits;
   policy.status_bits = status_bits;
   policy.remote_bit = remote_bit;
-  policy.modes_without_halt = mode_bit(Mode::profile_torque);  // L1098
-  policy.brake_engages_before_power_off = true;                // L1500-1513
+  policy.modes_without_halt = mode_bit(Mode::profile_torque);  // Table 5-4
+  policy.brake_engages_before_power_off = true;                // ch. 5.6.2
   policy.faults = faults;
-  policy.single_turn_encoder = true;      // L332
-  policy.reset_word_is_a_command = true;  // 86h resets and ends in Ready (L1056, L2159)
+  policy.single_turn_encoder = true;      // ch. 1.3.1
+  policy.reset_word_is_a_command = true;  // 86h resets and ends in Ready (Table 5-2, ch. 7.9)
   policy.set_point_queue = 1;
-  policy.target_tracking = 1u << 12;                       // 103Fh (L1113)
-  policy.shaped_modes = mode_bit(Mode::profile_position);  // L1811
-  policy.interpolation = drive::Interpolation::target;     // L3227-3244
-  policy.software_limits_need_homing = true;               // L1472
+  policy.target_tracking = 1u << 12;                       // 103Fh (Table 5-4)
+  policy.shaped_modes = mode_bit(Mode::profile_position);  // ch. 6.2.2
+  policy.interpolation = drive::Interpolation::target;     // ch. 9.5
+  policy.software_limits_need_homing = true;               // ch. 5.6.1
   policy.homing_methods = homing_methods;
-  policy.home_offset_sign = -1;       // L1406
-  policy.home_counts_at_rest = true;  // bit 15: "not performed or completed" (L1155)
+  policy.home_offset_sign = -1;       // Table 5-14
+  policy.home_counts_at_rest = true;  // bit 15: "not performed or completed" (Table 5-5)
   policy.homing_needs_its_inputs = true;
   policy.digital_inputs = digital_inputs;
   policy.output_count = 5;
   policy.velocity_loop_ticks = 4;   // 4 kHz ...
-  policy.position_loop_ticks = 16;  // ... and 1 kHz (L1605)
+  policy.position_loop_ticks = 16;  // ... and 1 kHz (Table 6-2)
   policy.units = units;
-  policy.velocity_loop_ticks = 4;  // 4 kHz and 1 kHz; 60F9h sub 6 bit 7 doubles both (L1605)
+  policy.velocity_loop_ticks = 4;  // 4 kHz and 1 kHz; 60F9h sub 6 bit 7 doubles both (Table 6-2)
   policy.position_loop_ticks = 16;
   return policy;
 }

@@ -5,7 +5,7 @@
 
 #include "products/model.hpp"
 
-// The four ratings of the iSMK (L302-327) with their motors.
+// The four ratings of the iSMK (ch. 1.3.1) with their motors.
 //
 // Printed: peak and continuous current of the drive, rated and greatest torque, rated speed, rotor inertia, supply 24
 // to 60 V, encoder 65536 inc/rev. Derived: the torque constant is greatest torque by peak current, so the rated current
@@ -14,7 +14,7 @@
 // resistances for copper losses of 15, 22, 35 and 55 W at rated torque; inductances for electrical time constants
 // of 1.4 to 3 ms, with which every motor still reaches peak torque at rated speed on 48 V; thermal resistances for a
 // winding 98 K above ambient in continuous duty at rated torque and 48 K at 70 % of it, which is what the duty printed
-// means (S1 only at 70 % of rated torque, L308, with an alarm at 100 degC, L792).
+// means (S1 only at 70 % of rated torque, ch. 1.3.1, with an alarm at 100 degC, ch. 3.7).
 namespace servodrome::products::ismk {
 
 namespace rating {
@@ -36,13 +36,13 @@ constexpr Model model(std::string_view name, std::string_view title, const Namep
   made.name = name;
   made.title = title;
   drive::MotorData& motor = made.motor;
-  motor.counts_per_revolution = 65536;  // L2445
+  motor.counts_per_revolution = 65536;  // Table 8-2
   motor.pole_pairs = 5;
   motor.torque_constant_nm_per_a = plate.peak_torque_nm / plate.peak_current_a;
   motor.rated_current_a = plate.rated_torque_nm / motor.torque_constant_nm_per_a;
   motor.peak_current_a = plate.peak_current_a;
   motor.rated_torque_nm = plate.rated_torque_nm;
-  motor.rated_speed_rpm = 3000.0F;  // L310
+  motor.rated_speed_rpm = 3000.0F;  // ch. 1.3.1
   motor.max_speed_rpm = 6000.0F;    // above 6080h, 5000 rpm
   motor.resistance_ohm = plate.resistance_ohm;
   motor.inductance_d_h = plate.inductance_h;
@@ -59,7 +59,8 @@ constexpr Model model(std::string_view name, std::string_view title, const Namep
 
 }  // namespace rating
 
-inline constexpr std::string_view default_rating = "60-040";  // to which the printed defaults belong (L2026, L3467)
+inline constexpr std::string_view default_rating =
+    "60-040";  // to which the printed defaults belong (ch. 7.3, 6073h; appendix II)
 
 inline constexpr std::array ratings{
     rating::model("40-010", "iSMK40-010, 100 W",

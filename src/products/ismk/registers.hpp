@@ -4,12 +4,12 @@
 #include "modbus/register_map.hpp"
 #include "products/ismk/object_table.hpp"
 
-// Modbus on the iSMK's RS485 port (L2270-2429): the registers of the objects (L1904-1990 and chapter 7), and what the
-// functions answer.
+// Modbus on the iSMK's RS485 port (ch. 8.1 to 8.3): the registers of the objects (ch. 7, 'Object list' and chapter 7),
+// and what the functions answer.
 namespace servodrome::products::ismk {
 
 // Each object index has a page, sub-index n lies 10h * n behind its beginning. Objects without a printed address, such
-// as 3041h (L2251), have no register.
+// as 3041h (ch. 7.14, 3041.06), have no register.
 inline constexpr auto register_pages = std::to_array<modbus::Page>({
     {0x2010, 0x0800}, {0x2020, 0x0C00}, {0x2508, 0x1900}, {0x2601, 0x1F00}, {0x2602, 0x2000}, {0x2FE2, 0x2600},
     {0x2FF0, 0x2900}, {0x2FFF, 0x2F00}, {0x6040, 0x3100}, {0x6041, 0x3200}, {0x605A, 0x3400}, {0x605B, 0x3410},
@@ -24,26 +24,26 @@ inline constexpr std::uint16_t sub_index_stride = 0x10;
 inline constexpr auto registers = modbus::make_register_map<[] {
   modbus::RegisterMapBuilder<object_table.size() + 1> builder;
   builder.add_pages(object_table, register_pages, sub_index_stride);
-  builder.remove(0x6410, 0x1F);            // printed with "-" (L2253)
-  builder.add({0x2A01, 0x2FF0, 0x11, 1});  // as printed (L791); the rule has 2A10h: both are answered
+  builder.remove(0x6410, 0x1F);            // printed with "-" (ch. 7.14)
+  builder.add({0x2A01, 0x2FF0, 0x11, 1});  // as printed (ch. 3.7); the rule has 2A10h: both are answered
   return builder;
 }>();
 static_assert(modbus::is_valid_map(registers, object_table));
 
-// A read that is refused is answered with function code 81h (L2317), where the standard has 83h.
+// A read that is refused is answered with function code 81h (ch. 8.3.1), where the standard has 83h.
 inline constexpr auto error_functions = std::to_array<modbus::ErrorFunction>({{0x03, 0x81}});
 
 inline constexpr modbus::Profile modbus_profile{
     .functions = {.read_input_registers = false,
                   .read_write_multiple_registers = false,
-                  .device_identification = false},    // 03, 06 and 10h (L2297-2353)
-    .word_order = modbus::WordOrder::low_word_first,  // L2339-2340, L2393
-    .extension = modbus::Extension::by_top_bit,       // as SDO answers are padded (L2866)
-    .registers_per_object_at_least = 2,               // L2395
+                  .device_identification = false},    // 03, 06 and 10h (ch. 8.3.1)
+    .word_order = modbus::WordOrder::low_word_first,  // ch. 8.3.1, Table 8-1
+    .extension = modbus::Extension::by_top_bit,       // as SDO answers are padded (Table 9-9)
+    .registers_per_object_at_least = 2,               // Table 8-1
     .error_functions = error_functions,
 };
 
-// 2FE2h (L2285).
+// 2FE2h (ch. 8.2).
 constexpr std::uint32_t rs485_bit_rate_of(std::uint16_t code) { return 10'368'000U / code; }
 inline constexpr auto rs485_bit_rates = std::to_array<std::uint16_t>({1080, 540, 270, 90});
 

@@ -1,4 +1,4 @@
-// The RS485 port of the iSMK: Modbus RTU or the 10-byte protocol (L839-851, L2270-2288).
+// The RS485 port of the iSMK: Modbus RTU or the 10-byte protocol (ch. 4.1.2.1, 8.1 and 8.2).
 #include <algorithm>
 
 #include "products/ismk/servo.hpp"
@@ -7,7 +7,7 @@ namespace servodrome::products::ismk {
 
 namespace {
 
-// 6510h sub 0Ch (L850, L2277, L2286).
+// 6510h sub 0Ch (ch. 4.1.2.1, 8.1 and 8.2).
 constexpr std::uint8_t speaks_serial10 = 1U << 0;
 constexpr std::uint8_t after_restart = 1U << 1;
 
@@ -18,7 +18,7 @@ SerialProtocol protocol_of(std::uint8_t selection) {
 }  // namespace
 
 bool supports(const modbus::CharacterFormat& format) {
-  return format.data_bits == 8 && format.stop_bits == 1 && format.parity == modbus::Parity::none &&  // L851
+  return format.data_bits == 8 && format.stop_bits == 1 && format.parity == modbus::Parity::none &&  // ch. 4.1.2.1
          std::any_of(rs485_bit_rates.begin(), rs485_bit_rates.end(),
                      [&](std::uint16_t code) { return rs485_bit_rate_of(code) == format.bit_rate; });
 }

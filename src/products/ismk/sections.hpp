@@ -152,7 +152,7 @@ inline constexpr auto gains = std::to_array<Entry>({
     sub(0x60F9, 0x28, "PI pointer", SERVODROME_FIELD(Gains, pointer), rw, none, {.minimum = 0, .maximum = 3}),
     highest_sub(0x60FB, record, "Position loop", 5),
     [] {
-      // Set 0 is INTEGER16, the other sets UNSIGNED16 (L1748, L1827); the range is the same.
+      // Set 0 is INTEGER16, the other sets UNSIGNED16 (Table 6-5; Table 6-6, 2340.06); the range is the same.
       Entry kpp = sub(0x60FB, 0x01, "Kpp[0]", SERVODROME_ELEMENT(Gains, position_kp, 0), rw, none,
                       {.default_value = 1000, .minimum = 0, .maximum = 32700, .unit = "0.01 Hz", .saved = true});
       kpp.type = Type::integer16;
@@ -164,7 +164,7 @@ inline constexpr auto gains = std::to_array<Entry>({
         {.default_value = 32767, .unit = "DEC", .saved = true}),
 });
 
-// Printed with the range 0 to 31, which leaves out the functions of its bits 5 and 7 (L1590, C26): those rule.
+// Printed with the range 0 to 31, which leaves out the functions of its bits 5 and 7 (Table 6-1, C26): those rule.
 inline constexpr std::int64_t auto_tuning_maximum = 255;
 
 inline constexpr auto tuning = std::to_array<Entry>({

@@ -8,7 +8,7 @@ namespace servodrome::products::ismk {
 
 namespace {
 
-// 2F81h (L3211).
+// 2F81h (Table 9-26).
 struct BitRateCode {
   std::uint8_t code;
   std::uint32_t bit_rate;
@@ -16,7 +16,7 @@ struct BitRateCode {
 constexpr auto bit_rate_codes =
     std::to_array<BitRateCode>({{100, 1000000}, {50, 500000}, {25, 250000}, {12, 125000}, {5, 50000}, {1, 10000}});
 
-constexpr std::uint16_t encoder_turns_valid = 10;  // of 2690h (L3350)
+constexpr std::uint16_t encoder_turns_valid = 10;  // of 2690h (Table 10-5, 000.4)
 constexpr std::uint32_t restart_delay_ms = 20;     // the answer to 2FFFh leaves before, on a slow or busy bus too
 
 }  // namespace
@@ -64,13 +64,14 @@ drive::Configuration Servo::configuration() {
   tuning_.configure(objects_, configuration);
   configuration.monitors.over_voltage_v = device.over_voltage_v;
   configuration.monitors.under_voltage_v = device.under_voltage_v;
-  configuration.monitors.chopper_on_v = configuration.monitors.chopper_off_v = 1e9F;  // there is none inside (L315)
+  configuration.monitors.chopper_on_v = configuration.monitors.chopper_off_v =
+      1e9F;  // there is none inside (ch. 1.3.1)
   configuration.monitors.motor_hot_c = device.motor_hot_c;
   configuration.monitors.warning_margin_c = 0.0F;  // no warnings are listed
   if (device.brake_present != 0) {
     configuration.brake_release_ms = configuration.brake_engage_ms = device.brake_delay_ms;
   }
-  // The power stage may carry its printed continuous current for ever (L303-306), as the motor its rated one.
+  // The power stage may carry its printed continuous current for ever (ch. 1.3.1), as the motor its rated one.
   configuration.monitors.stage_rated_current_a = rating().stage_rated_current_a;
   configuration.monitors.stage_peak_current_a = rating().motor.peak_current_a;
   configuration.ignored = AlarmLog::ignored(objects_.alarms);
@@ -122,7 +123,7 @@ drive::Feedback Servo::restart_feedback() const {
 
 std::array<char, 6> Servo::display() const {
   if (drive_.is_active(drive::Cause::motor_mismatch)) return motor_wrong_code;
-  // 000.1 of 2601h says to look at 2602h (L3347).
+  // 000.1 of 2601h says to look at 2602h (Table 10-5).
   return display_code(objects_.alarms.state);
 }
 
@@ -134,7 +135,7 @@ dictionary::AbortCode Servo::check(const dictionary::Entry& entry, std::span<con
                                    [number](const BitRateCode& row) { return row.code == number; });
     if (!known) return dictionary::AbortCode::value_invalid;
   }
-  if (entry.index == 0x2FE2) {  // L2285
+  if (entry.index == 0x2FE2) {  // ch. 8.2
     const bool known = std::find(rs485_bit_rates.begin(), rs485_bit_rates.end(), number) != rs485_bit_rates.end();
     if (!known) return dictionary::AbortCode::value_invalid;
   }

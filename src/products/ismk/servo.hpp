@@ -62,7 +62,7 @@ class Servo {
   const Terminals& terminals() const { return terminals_; }
   const AlarmLog& alarm_log() const { return alarm_log_; }  // outlives power cycles
   const LoopTuning& loop_tuning() const { return tuning_; }
-  // Functions of the PC software (L943-949): see LoopTuning.
+  // Functions of the PC software (ch. 4.1.3): see LoopTuning.
   bool recognise_inertia(double turns) { return tuning_.recognise_inertia(drive_, turns); }
   void set_rigidity(double bandwidth_hz);
   std::array<char, 6> display() const;  // the alarm, "000.0" without one
@@ -94,10 +94,10 @@ class Servo {
   double set_point_period_s_ = 0.0;
 };
 
-// 2F81h (L3211); 0: no such code.
+// 2F81h (Table 9-26); 0: no such code.
 std::uint32_t can_bit_rate_of(std::uint8_t code);
 
-// What the RS485 port can be set to: 8N1 at one of four bit rates (L851).
+// What the RS485 port can be set to: 8N1 at one of four bit rates (ch. 4.1.2.1).
 bool supports(const modbus::CharacterFormat& format);
 
 }  // namespace servodrome::products::ismk

@@ -1,4 +1,5 @@
-// Storing, initialising and restarting the iSMK (L1942-1943, L2212-2213, L2252, L3367). There is no 1010h.
+// Storing, initialising and restarting the iSMK (ch. 7, 'Object list'; ch. 7.10, 2FF0.01 and 2FF0.03; ch. 7.14, 2FFFh;
+// Table 10-5, 800.0). There is no 1010h.
 #include "dictionary/store.hpp"
 #include "products/ismk/servo.hpp"
 
@@ -9,7 +10,7 @@ namespace {
 using dictionary::AbortCode;
 using dictionary::Area;
 
-// "All control parameters, motor parameters excluded" (L2212).
+// "All control parameters, motor parameters excluded" (ch. 7.10, 2FF0.01).
 constexpr Area control_parameters = Area::communication | Area::manufacturer | Area::profile;
 constexpr std::int64_t store_command = 1;
 constexpr std::int64_t restart_command = 0xAA55;
@@ -33,8 +34,8 @@ AbortCode Servo::store_motor_data(std::int64_t command) {
   return command == store_command ? save(Area::motor) : AbortCode::none;
 }
 
-// The factory values come back at once, and for good when they are stored (L3367, L3373). What is not stored, targets
-// and commands, stays.
+// The factory values come back at once, and for good when they are stored (Table 10-5, 800.0; Table 10-6, 000.2). What
+// is not stored, targets and commands, stays.
 void Servo::initialise_parameters(std::uint8_t node_id) {
   for (const dictionary::Entry& entry : dictionary_.table()) {
     if (!entry.saved || !entry.fixed_size() || dictionary::area_of(entry.index) == Area::motor) continue;

@@ -25,7 +25,7 @@ void Terminals::configure(const ServoObjects& objects, drive::Configuration& con
   inputs_.assign(input_functions, io.input_function, io.input_polarity, io.input_simulation, input_count);
   configuration.inputs = inputs_.map();
   configuration.touch_probe = fast_capture;
-  configuration.remote = !inputs_.has(InputAction::enable);  // L1139
+  configuration.remote = !inputs_.has(InputAction::enable);  // Table 5-5
   configuration.monitors.limit_switches = io.limit_function == 0;
   configuration.brake_inverted = (io.output_polarity >> brake_output & 1) == 0;
   configuration.brake_forced = (io.output_simulation >> brake_output & 1) != 0;
@@ -49,7 +49,7 @@ void Terminals::cycle(drive::Drive& drive, ServoObjects& objects) {
        .positions = tables.position,
        .speeds = tables.speed,
        .speed_modes = speed_table_modes,
-       // L1197, L1215
+       // Table 5-7, 6084h; ch. 5.2.1.1
        .speeds_valid = objects.device.analogue_speed_control == 0 && (motion.modes_of_operation != 3 || ramps)},
       drive, objects.drive);
   write_outputs(drive, objects);

@@ -9,44 +9,44 @@
 
 namespace servodrome::products::ismk {
 
-// Function words of the inputs (L2120-2188). Clear pulse, pause and the two trims are described without a code
-// (L2184-2188): no input can have them. The gear selection has no gear ratios to select from, the current switch no
+// Function words of the inputs (ch. 7.9). Clear pulse, pause and the two trims are described without a code
+// (ch. 7.9): no input can have them. The gear selection has no gear ratios to select from, the current switch no
 // second current: their inputs may be assigned and are read, nothing depends on them.
 inline constexpr auto input_functions = [] {
   using drive::InputAction;
   using drive::Signal;
   return std::to_array<drive::InputFunctionRow>({
-      {0x0001, "Enable", Signal::none, false, InputAction::enable},                      // L2158
-      {0x0002, "Reset errors", Signal::none, false, InputAction::reset_errors},          // L2159
-      {0x0004, "Operate mode control", Signal::none, false, InputAction::mode_control},  // L2160
-      {0x0008, "Kvi off", Signal::integral_off},                                         // L2161
-      {0x0010, "Positive limit", Signal::positive_limit, true},                          // L2162, L1468
-      {0x0020, "Negative limit", Signal::negative_limit, true},                          // L2163
-      {0x0040, "Home signal", Signal::home},                                             // L2164
-      {0x0080, "Invert direction", Signal::invert_direction},                            // L2165
+      {0x0001, "Enable", Signal::none, false, InputAction::enable},                      // ch. 7.9
+      {0x0002, "Reset errors", Signal::none, false, InputAction::reset_errors},          // ch. 7.9
+      {0x0004, "Operate mode control", Signal::none, false, InputAction::mode_control},  // ch. 7.9
+      {0x0008, "Kvi off", Signal::integral_off},                                         // ch. 7.9
+      {0x0010, "Positive limit", Signal::positive_limit, true},                          // ch. 7.9 and 5.6.1
+      {0x0020, "Negative limit", Signal::negative_limit, true},                          // ch. 7.9
+      {0x0040, "Home signal", Signal::home},                                             // ch. 7.9
+      {0x0080, "Invert direction", Signal::invert_direction},                            // ch. 7.9
       {0x0100, "Din speed index 0", Signal::none, false, InputAction::speed_index_0},
       {0x0200, "Din speed index 1", Signal::none, false, InputAction::speed_index_1},
       {0x0400, "Din position index 0", Signal::none, false, InputAction::position_index_0},
       {0x0800, "Din position index 1", Signal::none, false, InputAction::position_index_1},
-      {0x1000, "Quick stop", Signal::quick_stop, false, InputAction::quick_stop},  // L2172
-      {0x2000, "Start homing", Signal::none, false, InputAction::start_homing},    // L2173
-      {0x4000, "Activate command", Signal::none, false, InputAction::activate},    // L2174
+      {0x1000, "Quick stop", Signal::quick_stop, false, InputAction::quick_stop},  // ch. 7.9
+      {0x2000, "Start homing", Signal::none, false, InputAction::start_homing},    // ch. 7.9
+      {0x4000, "Activate command", Signal::none, false, InputAction::activate},    // ch. 7.9
       {0x8001, "Din speed index 2", Signal::none, false, InputAction::speed_index_2},
       {0x8002, "Din position index 2", Signal::none, false, InputAction::position_index_2},
-      {0x8004, "Multi-function input 0", Signal::none, false, InputAction::gear_index_0},  // L2175-2177
+      {0x8004, "Multi-function input 0", Signal::none, false, InputAction::gear_index_0},  // ch. 7.9
       {0x8008, "Multi-function input 1", Signal::none, false, InputAction::gear_index_1},
       {0x8010, "Multi-function input 2", Signal::none, false, InputAction::gear_index_2},
-      {0x8020, "Gain switching 0", Signal::none, false, InputAction::gain_index_0},  // L2178-2179
+      {0x8020, "Gain switching 0", Signal::none, false, InputAction::gain_index_0},  // ch. 7.9
       {0x8040, "Gain switching 1", Signal::none, false, InputAction::gain_index_1},
       {0x8080, "Maximum current switch", Signal::none, false, InputAction::current_switch},
-      {0x8100, "Motor error", Signal::motor_temperature},    // L2180: "for example, the motor itself is too hot"
-      {0x8200, "Pre-enable", Signal::enable_refused, true},  // L2183: 1 is ready, 0 is not
-      {0x8400, "Fast capture 1", Signal::probe_1},           // L2152-2153, L2181-2182
+      {0x8100, "Motor error", Signal::motor_temperature},    // ch. 7.9: "for example, the motor itself is too hot"
+      {0x8200, "Pre-enable", Signal::enable_refused, true},  // ch. 7.9: 1 is ready, 0 is not
+      {0x8400, "Fast capture 1", Signal::probe_1},           // ch. 7.9
       {0x8800, "Fast capture 2", Signal::probe_2},
   });
 }();
 
-// Function words of the outputs (L2120-2138, L2189-2207). No iSMK has terminals for safe torque off: 8001h may be
+// Function words of the outputs (ch. 7.9). No iSMK has terminals for safe torque off: 8001h may be
 // assigned and is never active.
 inline constexpr auto output_functions = [] {
   using drive::OutputCondition;
@@ -70,20 +70,20 @@ inline constexpr auto output_functions = [] {
   });
 }();
 
-// OUT3 (RUN lamp), OUT4 (ERR lamp) and OUT5 (brake) have no function objects (L537-538, L1478, L1517).
+// OUT3 (RUN lamp), OUT4 (ERR lamp) and OUT5 (brake) have no function objects (Table 3-1, ch. 5.6.2 and 5.6.2.1).
 inline constexpr std::array fixed_outputs{drive::OutputCondition::ready, drive::OutputCondition::error,
                                           drive::OutputCondition::brake_released};
 inline constexpr std::size_t output_count = 2 + fixed_outputs.size();
-inline constexpr unsigned run_output = 2;  // lamps (L537-538)
+inline constexpr unsigned run_output = 2;  // lamps (Table 3-1)
 inline constexpr unsigned error_output = 3;
 inline constexpr std::size_t brake_output = 4;
-// Polarity and simulation list eight inputs (L2113-2115), five have functions, DI1 and DI2 have terminals.
+// Polarity and simulation list eight inputs (ch. 7.9), five have functions, DI1 and DI2 have terminals.
 inline constexpr std::size_t input_count = 8;
 
-// Modes where the table of speeds rules (L1214).
+// Modes where the table of speeds rules (ch. 5.2.1.1).
 inline constexpr std::array<std::int8_t, 2> speed_table_modes{3, -3};
 
-// Positions caught by the fast capture inputs (L2152-2153): no object numbers are printed, so they are read here.
+// Positions caught by the fast capture inputs (ch. 7.9): no object numbers are printed, so they are read here.
 struct Capture {
   bool rising = false;  // caught since it was cleared
   bool falling = false;
@@ -119,7 +119,7 @@ class Terminals {
   std::uint32_t conditions_ = 0;
 };
 
-// 2FF1h sub 2 or 3 was written: position L becomes M x 10000 + N (L1332-1334).
+// 2FF1h sub 2 or 3 was written: position L becomes M x 10000 + N (Table 5-11).
 void enter_position(Tables& tables);
 
 // Both edges of both units are caught once each, and again when they were armed anew.

@@ -26,8 +26,8 @@ constexpr float soft_share = 0.125F;
 constexpr float excitation = 0.15F;          // of rated torque
 constexpr std::size_t steps_per_cycle = 64;  // of the analysis' computation
 
-// Rigidity: position loop (L1759) and the corner of the integral by the velocity loop's bandwidth, and the feedback
-// filter over it (at least 2, L1682).
+// Rigidity: position loop (ch. 6.2.2) and the corner of the integral by the velocity loop's bandwidth, and the feedback
+// filter over it (at least 2, ch. 6.2.1).
 constexpr double position_share = 0.25;
 constexpr double integral_share = 0.2;
 constexpr double filter_ratio = 6.0;
@@ -71,7 +71,7 @@ AbortCode LoopTuning::check(const dictionary::Entry& entry, std::int64_t value, 
     case 0x60F906:
       return find_speed_mode(static_cast<std::uint8_t>(value)) != nullptr ? AbortCode::none : AbortCode::value_invalid;
     case 0x60F904:
-      // The analysis moves the motor: only while it is enabled (L1720).
+      // The analysis moves the motor: only while it is enabled (Table 6-3).
       return (value & notch_control::run) == 0 || drive.state() == drive::PowerState::operation_enabled
                  ? AbortCode::none
                  : AbortCode::device_state;
@@ -88,19 +88,19 @@ void LoopTuning::written(const dictionary::Entry& entry, ServoObjects& objects, 
   const drive::MotorData& motor = drive.configuration().motor;
   switch (entry.index << 8 | entry.sub) {
     case 0x60F901: bandwidth_hz_ = bandwidth_of_kvp(gains.velocity_kp[0], inertia_kgm2_, motor); break;
-    case 0x2FF00A:  // L1600
+    case 0x2FF00A:  // Table 6-2
       bandwidth_hz_ = gains.velocity_bandwidth_hz;
       set_kvp(objects, motor);
       break;
-    case 0x2FF019:  // L1603
+    case 0x2FF019:  // Table 6-2
       gains.velocity_ki[0] = 0;
       gains.velocity_ki_32 = gains.velocity_ki_mix;
       break;
-    case 0x2FF01B:  // L1750
+    case 0x2FF01B:  // Table 6-5
       gains.acceleration_feed_forward =
           acceleration_feed_forward_of(gains.acceleration_feed_forward_permille, inertia_kgm2_, motor);
       break;
-    case 0x60F909:  // 0: back to set 0 (L1835)
+    case 0x60F909:  // 0: back to set 0 (Table 6-6)
       if (gains.auto_switch == 0) gains.pointer = 0;
       break;
     case 0x60F904:

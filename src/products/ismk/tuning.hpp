@@ -11,7 +11,7 @@
 
 namespace servodrome::products::ismk {
 
-// 2340h sub 10h, Auto_Tuning_Control (L1590).
+// 2340h sub 10h, Auto_Tuning_Control (Table 6-1).
 namespace auto_tuning {
 inline constexpr std::uint8_t enabled = 0x01;
 inline constexpr std::uint8_t adjusts_kvp = 0x02;
@@ -21,18 +21,18 @@ inline constexpr std::uint8_t not_reverse = 0x20;
 // Bit 7, "use friction to calculate the load", is stored: friction is always told apart.
 }  // namespace auto_tuning
 
-// 60F9h sub 4, notch filter control (L1720).
+// 60F9h sub 4, notch filter control (Table 6-3).
 namespace notch_control {
 inline constexpr std::uint8_t filters = 0x03;
-// Bit 4 chooses the actual current, and so does 128, where it is 0 (L1720, L1741): the actual current it is in any
-// case.
+// Bit 4 chooses the actual current, and so does 128, where it is 0 (Table 6-3, ch. 6.2.1): the actual current it is in
+// any case.
 inline constexpr std::uint8_t actual_speed = 0x20;
 inline constexpr std::uint8_t run = 0x80;
 }  // namespace notch_control
 
-// Automatic tuning of the iSMK: online auto-tuning (L1583-1590), inertia recognition and rigidity, which are functions
-// of its PC software (L943-949), automatic setting of notches (L1720-1741), and the choice of the gain set
-// (L1818-1888).
+// Automatic tuning of the iSMK: online auto-tuning (ch. 6.1), inertia recognition and rigidity, which are functions
+// of its PC software (ch. 4.1.3), automatic setting of notches (ch. 6.2.1), and the choice of the gain set
+// (ch. 6.3 and 6.4).
 //
 // Every function that may change gains answers whether it did: then the drive has to be configured anew.
 class LoopTuning {
@@ -67,7 +67,7 @@ class LoopTuning {
   bool recognise_inertia(drive::Drive& drive, double turns);
 
   // Rigidity of the PC software, by the velocity loop's bandwidth instead of its table, which is not printed: kvp by
-  // the formula, Kpp at a quarter of it (L1759), integral and feedback filter to match (L1674-1682), for the inertia
+  // the formula, Kpp at a quarter of it (ch. 6.2.2), integral and feedback filter to match (ch. 6.2.1), for the inertia
   // known.
   void set_rigidity(double bandwidth_hz, ServoObjects& objects, const drive::MotorData& motor);
 

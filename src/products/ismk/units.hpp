@@ -8,7 +8,7 @@
 #include "drive/objects.hpp"
 #include "drive/units.hpp"
 
-// The internal units ("DEC") of the iSMK (L2012, L2030-2037, L3458-3467). With R increments per revolution
+// The internal units ("DEC") of the iSMK (ch. 7.2 and 7.3, appendix II). With R increments per revolution
 //   velocity      rpm x 512 x R / 1875            = inc/s x 16.384
 //   acceleration  rps/s x 65536 x R / 4000000     = inc/s^2 x 0.016384
 //   current       2048 is the drive's peak current (6510h sub 3)
@@ -40,7 +40,8 @@ inline bool units(const drive::Objects& objects, const drive::MotorData& motor, 
   units.jerk = units.acceleration;
   units.counts_per_revolution = motor.counts_per_revolution;
   units.current = static_cast<double>(motor.peak_current_a / motor.rated_current_a) / peak_current_dec;
-  units.position_inverted = units.velocity_inverted = objects.polarity != 0;  // 1: clockwise is positive (L2017)
+  units.position_inverted = units.velocity_inverted =
+      objects.polarity != 0;  // 1: clockwise is positive (ch. 7.3, 607Eh)
   return true;
 }
 

@@ -61,7 +61,7 @@ JmcEc::Alarm JmcEc::alarm_to_show() {
   return {};
 }
 
-// In 603Fh, "the latest alarm signal" (L2180).
+// In 603Fh, "the latest alarm signal" (Table 151).
 void JmcEc::show_alarm() { objects().drive.error_code = alarm_to_show().code; }
 
 jmc_ec::Leds JmcEc::leds(Time now) {
@@ -103,7 +103,7 @@ jmc_ec::Leds JmcEc::leds(Time now) {
 
 namespace {
 
-// L1138-1168: single to quadruple flash.
+// Table 10: single to quadruple flash.
 Lamp error_lamp(jmc_ec::ErrorLed led) {
   constexpr Lamp lamp{"ERR", "red"};
   if (led == jmc_ec::ErrorLed::off) return lamp;

@@ -5,7 +5,7 @@
 #include "drive/faults.hpp"
 #include "products/jmc_ec/communication_alarms.hpp"
 
-// The alarms of the JMC EC drives: AL.051 to AL.971 (L865-1113), the drive codes E101 to E107 (L1552-1560) and the
+// The alarms of the JMC EC drives: AL.051 to AL.971 (ch. 9), the drive codes E101 to E107 (Table 18) and the
 // communication codes E601 to E62B.
 namespace servodrome::products::jmc_ec {
 
@@ -63,17 +63,17 @@ inline constexpr auto drive_faults = [] {
   constexpr auto warning = Reaction::none;
   constexpr auto reset = ResetRule::when_cause_gone;
   constexpr auto restart = ResetRule::power_cycle;
-  const auto overcurrent = [](Cause from) {  // L1554, L969-974
+  const auto overcurrent = [](Cause from) {  // ch. 9.2, AL.063
     return drive::FaultRow{from, 0x5001, 0x02, Reaction::power_off, ResetRule::power_cycle, "Over-current", 0x063};
   };
-  const auto encoder_offline = [](Cause from) {  // L1103-1107
+  const auto encoder_offline = [](Cause from) {  // ch. 9.2, AL.610
     return drive::FaultRow{
         from, 0x7305, 0x01, Reaction::angle_lost, ResetRule::power_cycle, "Incremental encoder offline", 0x610};
   };
-  const auto over_speed = [](Cause from) {  // L1063-1068
+  const auto over_speed = [](Cause from) {  // ch. 9.2, AL.420
     return drive::FaultRow{from, 0xA420, 0x01, Reaction::option_code, ResetRule::when_cause_gone, "Over speed", 0x420};
   };
-  const auto overrun = [](Cause from) {  // L923; overtravel
+  const auto overrun = [](Cause from) {  // ch. 9.1, AL.950; overtravel
     return drive::FaultRow{from, 0xA950, 0x00, Reaction::none, ResetRule::when_cause_gone, "Overrun", 0x950};
   };
   return std::to_array<drive::FaultRow>({
@@ -130,10 +130,10 @@ inline constexpr auto drive_faults = [] {
       {cause::absolute_encoder, 0xA620, 0x01, angle_lost, restart, "Absolute encoder offline", 0x620},
       {cause::encoder_memory, 0xA621, 0x01, option_code, restart, "Encoder EEPROM abnormal", 0x621},
       {cause::encoder_memory_parity, 0xA622, 0x01, option_code, restart, "Encoder EEPROM parity error", 0x622},
-      // Drive codes without a number AL.xxx (L1558, L1560)
+      // Drive codes without a number AL.xxx (Table 18)
       {Cause::phase_loss, 0x5005, 0x40, power_off, restart, "Phase loss", 0xE105},
       {cause::motor_not_enabled, 0x5000, 0x01, option_code, reset, "Motor not enabled", 0xE107},
-      // Without any number: set-points that the manual says to stop at (L3511; C-34). The code is CiA 402-2's.
+      // Without any number: set-points that the manual says to stop at (Table 228; C-34). The code is CiA 402-2's.
       {Cause::position_limit, 0x8612, 0x01, option_code, reset, "Target beyond the software limit", no_alarm_number},
       // Warnings: statusword bit 7 while they are there, nothing else
       {Cause::following_error_near, 0xA900, 0x00, warning, reset, "Position deviation large", 0x900},

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-// The choice between the two gain sets of the JMC EC drives, P02-30 to P02-34 (L580-584, L713-737).
+// The choice between the two gain sets of the JMC EC drives, P02-30 to P02-34 (Table 65, ch. 8.2.3).
 namespace servodrome::products::jmc_ec {
 
 // P02-30

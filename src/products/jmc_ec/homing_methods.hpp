@@ -4,16 +4,18 @@
 
 #include "drive/homing/cia402_methods.hpp"
 
-// The homing methods of the JMC EC drives as their text has them (L4119-4576), row by row. CW is positive (L5376). Fast
-// is 6099h sub 1, slow sub 2. What the text leaves out is taken from the row with the same edge and side:
-// - Methods 3 to 6 turn round at the limit switch as 7 to 14 do (L4155, L4170, L4181, L4195): 3 = 7, 4 = 8, 5 = 11,
+// The homing methods of the JMC EC drives as their text has them (HM 2), row by row. CW is positive (routine for
+// CoDeSys, 'Speed mode'). Fast is 6099h sub 1, slow sub 2. What the text leaves out is taken from the row with the same
+// edge and side:
+// - Methods 3 to 6 turn round at the limit switch as 7 to 14 do (HM 2.3, 2.4, 2.5 and 2.6): 3 = 7, 4 = 8, 5 = 11,
 //   6 = 12, and 19 to 30 are 3 to 14 without the index, also where their own text is missing or says otherwise (19
-//   L4366, 23 L4422, 25 L4458, 27 L4490, 28 L4505).
+//   HM 2.19, 23 HM 2.23, 25 HM 2.25, 27 HM 2.27, 28 HM 2.28).
 // - From the first event of the home or limit switch on the axis is slow; back from a limit switch to the home switch
 //   it may be fast. An edge met at fast speed counts, other than in CiA 402's figures: its position is captured, and
-//   the axis slows down behind it (4 L4165, 20 L4377).
-// - Zero is where the edge or index is, not where the axis comes to rest behind it (L4127).
-// - 0 is no homing, 15, 16, 31 and 32 are reserved: they may be chosen, and nothing happens (L2858, L4328, L4544).
+//   the axis slows down behind it (4 HM 2.4, 20 HM 2.20).
+// - Zero is where the edge or index is, not where the axis comes to rest behind it (HM 2.1).
+// - 0 is no homing, 15, 16, 31 and 32 are reserved: they may be chosen, and nothing happens (HM 2.15 and 2.31, object
+// 6098h).
 namespace servodrome::products::jmc_ec {
 
 namespace homing {
@@ -32,10 +34,10 @@ using drive::cia402::slow;
 using drive::cia402::to_index_negative;
 using drive::cia402::to_index_positive;
 
-inline constexpr drive::Method limit = drive::cia402::method_1;         // L4121-4130
-inline constexpr drive::Method left_outside = drive::cia402::method_7;  // left edge, index outside (L4144-4157)
+inline constexpr drive::Method limit = drive::cia402::method_1;
+inline constexpr drive::Method left_outside = drive::cia402::method_7;  // left edge, index outside (HM 2.3)
 
-// Left edge, index inside (L4159-4172, L4219-4232).
+// Left edge, index inside (HM 2.4 and 2.8).
 inline constexpr drive::Method left_inside = make_method(
     4,
     {leg(positive, fast, Until::home_rising, Then::keep, 4, 1), leg(negative, fast, Until::home_rising, Then::keep),
@@ -43,7 +45,7 @@ inline constexpr drive::Method left_inside = make_method(
      to_index_positive},
     2, and_return);
 
-// Right edge, index inside (L4234-4247).
+// Right edge, index inside (HM 2.9).
 inline constexpr drive::Method right_inside = make_method(
     9,
     {leg(positive, fast, Until::home_rising, Then::keep, 1, 3), leg(positive, slow, Until::home_falling, Then::stop),
@@ -51,7 +53,7 @@ inline constexpr drive::Method right_inside = make_method(
      to_index_negative},
     1, and_return);
 
-inline constexpr drive::Method right_outside = drive::cia402::method_10;  // right edge, index outside (L4249-4262)
+inline constexpr drive::Method right_outside = drive::cia402::method_10;  // right edge, index outside (HM 2.10)
 
 constexpr drive::Method numbered(std::int8_t number, drive::Method method) {
   method.number = number;
@@ -98,7 +100,7 @@ inline constexpr auto homing_methods = [] {
       drive::no_homing(32),
       drive::cia402::method_33,
       mirrored(34, drive::cia402::method_33),
-      drive::without_offset(drive::present_position(35)),  // L4572-4576: the present point, so nothing is travelled
+      drive::without_offset(drive::present_position(35)),  // HM 2.35: the present point, so nothing is travelled
   };
 }();
 static_assert(drive::are_well_formed(homing_methods));

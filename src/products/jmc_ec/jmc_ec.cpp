@@ -11,7 +11,7 @@ using dictionary::Entry;
 
 namespace {
 
-// Terminals in the order of the connector (L270-280): CW-, HW+, CCW+, DI3, DI4.
+// Terminals in the order of the connector (ch. 3.1.2): CW-, HW+, CCW+, DI3, DI4.
 constexpr std::array terminals{drive::Signal::positive_limit, drive::Signal::home, drive::Signal::negative_limit,
                                drive::Signal::probe_1, drive::Signal::probe_2};
 
@@ -76,12 +76,12 @@ drive::Configuration JmcEc::configuration() const {
   monitors.under_voltage_v = under_voltage_share * model.supply_v;
   monitors.under_voltage_near_v = under_voltage_near_share * model.supply_v;
   monitors.chopper_on_v = monitors.chopper_off_v = 1e9F;  // none is printed
-  monitors.power_stage_hot_c = 95.0F;                     // L1074
+  monitors.power_stage_hot_c = 95.0F;                     // ch. 9.2, AL.440
   monitors.motor_hot_c = motor_hot_c;
   monitors.encoder_hot_c = monitors.ambient_hot_c = 0.0F;
   monitors.ambient_cold_c = -1e9F;
   monitors.warning_margin_c = 0.0F;
-  monitors.i2t_peak_time_s = 3.0F;  // L225
+  monitors.i2t_peak_time_s = 3.0F;  // ch. 2.1
   monitors.stage_rated_current_a = model.stage_rated_current_a;
   monitors.stage_peak_current_a = model.motor.peak_current_a;
   monitors.stage_apart = true;
@@ -140,8 +140,8 @@ AbortCode JmcEc::check(const Entry& entry, std::span<const std::byte> value) {
     case 0x608F:
     case 0x6091:
     case 0x6092: {
-      // "Effective only when set in Pre-Op" (L1661). A ratio out of range is taken, and is AL.105: the parts are
-      // written one after the other.
+      // "Effective only when set in Pre-Op" ('Electronic gear'). A ratio out of range is taken, and is AL.105: the
+      // parts are written one after the other.
       const ethercat::AlState state = slave().state();
       const bool before = state == ethercat::AlState::init || state == ethercat::AlState::pre_operational;
       return before && !drive().energised() ? AbortCode::none : AbortCode::device_state;
@@ -159,7 +159,7 @@ void JmcEc::written(const Entry& entry) {
       drive().written(entry);
       set_position_window();
       break;
-    case 0x6075: {  // AL.060: beyond what the power stage can give (L957-961)
+    case 0x6075: {  // AL.060: beyond what the power stage can give (ch. 9.2)
       const float wanted_a = 0.001F * static_cast<float>(own.drive.motor_rated_current_ma) * jmc_ec::rating::root2;
       drive().inject(drive::Cause::motor_mismatch, wanted_a > rating().model.stage_rated_current_a);
       break;

@@ -5,7 +5,7 @@
 
 #include "products/jmc_ec/communication_alarms.hpp"
 
-// The lamps of the drive as states; a board or a picture makes them blink (L358-381, L1138-1168).
+// The lamps of the drive as states; a board or a picture makes them blink (ch. 4.3.2, Table 10).
 namespace servodrome::products::jmc_ec {
 
 enum class Lamp : std::uint8_t { off, on, flashing, single_flash };
@@ -35,19 +35,19 @@ struct AlarmFlashes {
   std::uint8_t flashes;
 };
 inline constexpr auto alarm_flashes = std::to_array<AlarmFlashes>({
-    {0x051, 0x051, 11},   // EEPROM read or write error (L378)
-    {0x060, 0x060, 14},   // current range wrong (L381)
+    {0x051, 0x051, 11},   // EEPROM read or write error
+    {0x060, 0x060, 14},   // current range wrong
     {0x062, 0x062, 11},   //
-    {0x063, 0x063, 1},    // over-current (L368)
-    {0x105, 0x105, 12},   // electronic gear setting wrong (L379)
-    {0x110, 0x110, 13},   // power cycle needed after parameter change (L380)
-    {0x401, 0x401, 3},    // supply under-voltage (L370)
-    {0x402, 0x402, 2},    // supply over-voltage (L369)
-    {0x410, 0x412, 10},   // overload (L377)
-    {0x501, 0x501, 4},    // position out of tolerance (L371)
-    {0x610, 0x622, 9},    // encoder error (L376)
+    {0x063, 0x063, 1},    // over-current
+    {0x105, 0x105, 12},   // electronic gear setting wrong
+    {0x110, 0x110, 13},   // power cycle needed after parameter change
+    {0x401, 0x401, 3},    // supply under-voltage
+    {0x402, 0x402, 2},    // supply over-voltage
+    {0x410, 0x412, 10},   // overload
+    {0x501, 0x501, 4},    // position out of tolerance
+    {0x610, 0x622, 9},    // encoder error
     {0x941, 0x941, 13},   //
-    {0xE601, 0xE62B, 5},  // communication error (L372)
+    {0xE601, 0xE62B, 5},  // communication error
 });
 
 // 0: none is printed.

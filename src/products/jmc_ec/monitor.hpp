@@ -8,14 +8,14 @@
 #include "drive/tuning/inertia_estimator.hpp"
 #include "drive/tuning/resonance_analysis.hpp"
 
-// The monitoring items d00 to d31 of the JMC EC drives (L817-859). They are no CoE objects either: item dnn is object
+// The monitoring items d00 to d31 of the JMC EC drives (ch. 8.3). They are no CoE objects either: item dnn is object
 // 200Dh sub-index nn + 1 for the service port and the bench.
 namespace servodrome::products::jmc_ec {
 
 inline constexpr std::uint16_t monitor_index = 0x200D;
 inline constexpr std::uint8_t last_item = 31;
 
-// Functions of the PC software (L472, L679, L855): writing 1 starts one, reading gives its state.
+// Functions of the PC software (ch. 7; ch. 8.2.2, P01-04; ch. 8.3, d26): writing 1 starts one, reading gives its state.
 inline constexpr std::uint16_t function_index = 0x200E;
 enum class FunctionState : std::uint8_t { idle, running, done, failed };
 
@@ -82,10 +82,10 @@ inline constexpr auto monitor_section = [] {
   return section;
 }();
 
-// What the items are worked out of. Mean, load and regeneration are of the last 10 s (L838-841).
+// What the items are worked out of. Mean, load and regeneration are of the last 10 s (ch. 8.3).
 class Monitor {
  public:
-  // Power-on. The run time goes on from where it was: a device counts it over its life (L854).
+  // Power-on. The run time goes on from where it was: a device counts it over its life (ch. 8.3, d25).
   void power_on(double rotor_inertia_kgm2, double inertia_ratio);
 
   // Once per position-loop cycle, after the drive's own.

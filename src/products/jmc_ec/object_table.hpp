@@ -5,20 +5,22 @@
 #include "ethercat/slave/profile.hpp"
 #include "products/jmc_ec/objects.hpp"
 
-// The object dictionary of the JMC EC drives: Table 219 of the manual (L3160-3405), which is the list of their ESI
-// file, and 60E0h, 60E1h, which a master's start-up list writes (L4990). Where object pages differ, the table rules.
+// The object dictionary of the JMC EC drives: Table 219 of the manual, which is the list of their ESI
+// file, and 60E0h, 60E1h, which a master's start-up list writes (routine for INovance, 'Set the zero return
+// parameter'). Where object pages differ, the table rules.
 namespace servodrome::products::jmc_ec {
 
-inline constexpr std::uint32_t vendor_id = 0x66668888;        // L3174
-inline constexpr std::uint32_t device_type = 0x00060192;      // L3168, D-01
+inline constexpr std::uint32_t vendor_id = 0x66668888;        // Table 219, 1018h
+inline constexpr std::uint32_t device_type = 0x00060192;      // Table 219, 1000h, D-01
 inline constexpr std::uint32_t revision_number = 0x00010000;  // printed XXXX
-inline constexpr std::uint32_t empty_mapping = 0xFFFFFFFF;    // L3188
-inline constexpr std::uint16_t pdo_bytes = 48;                // at most, of one PDO (L1429)
+inline constexpr std::uint32_t empty_mapping = 0xFFFFFFFF;    // Table 219, 1600h
+inline constexpr std::uint16_t pdo_bytes = 48;                // at most, of one PDO ('PDO mapping')
 inline constexpr std::uint16_t process_data_bytes = 128;      // of all assigned together; not printed
 inline constexpr const char* hardware_version = "1.0";        // printed XXXX
-inline constexpr const char* software_version = "1.42";       // the manual's (L10)
+inline constexpr const char* software_version = "1.42";       // the manual's (title page)
 
-// The first line of both printed start-up lists has this comment, the lines that a user added have none (L4989, L5319).
+// The first line of both printed start-up lists has this comment, the lines that a user added have none (routine for
+// INovance, 'Set the zero return parameter'; routine for CoDeSys, 'Set homing parameter').
 inline constexpr std::array start_up{ethercat::StartUpParameter{
     .transition = "PS", .index = 0x6060, .sub = 0, .value = 8, .comment = "Modes of Operation"}};
 
@@ -99,7 +101,8 @@ inline constexpr auto object_table = dictionary::make_table<[] {
     const bool factor = entry.index == 0x608F || entry.index == 0x6091 || entry.index == 0x6092;
     const bool number_of_subs = entry.sub == 0 && entry.code != ObjectCode::var;
     entry.pdo = factor || number_of_subs ? Pdo::none : entry.access == Access::rw ? Pdo::both : Pdo::tpdo;
-    // Effective only when set in Pre-Operational (L1659): the product looks at the bus before the drive does.
+    // Effective only when set in Pre-Operational ('Electronic gear'): the product looks at the bus before the drive
+    // does.
     if (factor && !number_of_subs) entry.owner = Owner::product;
     const std::string_view unit = entry.unit;
     if (unit == "pos") entry.unit = "command unit";
@@ -127,7 +130,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
             {0x609902, 80},         {0x60C500, 100000},    {0x60C600, 100000}, {0x60E000, 5000},
             {0x60E100, 5000},       {0x650200, 0x000003AD}});
   for (const std::uint16_t sync :
-       {std::uint16_t{0x1C32}, std::uint16_t{0x1C33}}) {  // read only, unlike in ETG.1020 (L3311-3315)
+       {std::uint16_t{0x1C32}, std::uint16_t{0x1C33}}) {  // read only, unlike in ETG.1020 (Table 219)
     builder.at(sync, ethercat::sync_parameter::cycle_time).access = Access::ro;
     builder.at(sync, ethercat::sync_parameter::shift_time).access = Access::ro;
   }

@@ -61,7 +61,7 @@ void JmcEc::start_panel() {
 void JmcEc::cycle_panel() {
   panel_control_.cycle(objects().panel, drive());
   monitor_.cycle(drive());
-  // AL.941 as long as a value waits for power-on; enabled like that, AL.110 (L1013-1022).
+  // AL.941 as long as a value waits for power-on; enabled like that, AL.110 (ch. 9.2).
   const bool energised = drive().energised();
   if (energised && !was_energised_ && panel_control_.power_cycle_needed(objects().panel)) {
     drive().raise(jmc_ec::cause::power_cycle_needed);

@@ -34,8 +34,8 @@ void adjust_gains(Panel& panel) {
   panel.integral_time = {level.integral_time_1, level.integral_time_2};
   panel.torque_filter = level.torque_filter;
   if (panel.adjustment_mode != positioning) return;
-  panel.velocity_forward = 300;        // 30.0 % (L676)
-  panel.velocity_forward_filter = 50;  // 0.50 ms (L677)
+  panel.velocity_forward = 300;        // 30.0 % (ch. 8.2.2, P01-02)
+  panel.velocity_forward_filter = 50;  // 0.50 ms (ch. 8.2.2, P01-02)
 }
 
 void PanelControl::factory_values(Panel& panel, const drive::MotorData& motor) {
@@ -60,7 +60,7 @@ drive::MotorData PanelControl::motor(const drive::MotorData& rating) const {
   drive::MotorData motor = rating;
   const Panel& now = active_;
   const Panel& then = factory_;
-  if (now.motor_code != 0) return rating;  // only 0 makes P00-01 to 17 available (L633)
+  if (now.motor_code != 0) return rating;  // only 0 makes P00-01 to 17 available (ch. 8.2.1, P00-00)
   if (now.rated_speed_rpm != then.rated_speed_rpm) motor.rated_speed_rpm = now.rated_speed_rpm;
   if (now.rated_torque != then.rated_torque) motor.rated_torque_nm = 0.01F * now.rated_torque;
   if (now.rated_current != then.rated_current) {
@@ -77,7 +77,7 @@ drive::MotorData PanelControl::motor(const drive::MotorData& rating) const {
 }
 
 // The proportional gain is the frequency at which the loop's gain crosses 1 with the inertia that P00-04 and P01-04
-// tell (L475: P01-04 is set first); the integral acts with its time constant.
+// tell (ch. 7: P01-04 is set first); the integral acts with its time constant.
 drive::Gains PanelControl::gains(const Panel& panel, const drive::MotorData& motor) const {
   const std::size_t set = switching_.set();
   const double velocity_rad_s = 2.0 * pi * 0.1 * panel.velocity_gain[set];
@@ -119,7 +119,7 @@ void PanelControl::configure(const Panel& panel, drive::Configuration& configura
   configuration.friction_torque_negative = tenths_of_percent(panel.torque_reverse_motion);
   configuration.position_lag_ms = 0.1F * panel.position_smoothing;
   configuration.homing_timeout_ms = 1000U * panel.homing_timeout_s;
-  configuration.monitors.over_speed_by_object = false;  // P04-05 alone (L605, L780)
+  configuration.monitors.over_speed_by_object = false;  // P04-05 alone (Table 65, ch. 8.2.5)
   configuration.monitors.over_speed_rpm = panel.over_speed_rpm;
   configuration.monitors.over_voltage_v = over_voltage_v(configuration.monitors.over_voltage_v);
   configuration.velocity_limit_positive = counts_per_s(panel.forward_speed_rpm);
@@ -145,7 +145,7 @@ bool PanelControl::power_cycle_needed(const Panel& panel) const {
   return false;
 }
 
-// P03-05: by the deviation alone, at the end of the command, or at the end of the smoothed one (L756).
+// P03-05: by the deviation alone, at the end of the command, or at the end of the smoothed one (ch. 8.2.4).
 bool PanelControl::reached(const Panel& panel, const drive::Drive& drive) const {
   if (!drive.energised() || drive.axis().demand.loop != drive::Loop::position) return false;
   if (std::abs(drive.loops().following_error_counts) >= panel.in_position_window) return false;

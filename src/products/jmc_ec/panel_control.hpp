@@ -4,24 +4,24 @@
 #include "products/jmc_ec/gain_switching.hpp"
 #include "products/jmc_ec/panel_objects.hpp"
 
-// What the panel parameters do to the drive (L472-510, L659-815).
+// What the panel parameters do to the drive (ch. 7, ch. 8.2.2 to 8.2.8).
 namespace servodrome::products::jmc_ec {
 
 // Not printed: the current loop's bandwidth.
 inline constexpr float current_bandwidth_hz = 2000.0F;
 
-// Units of the levels of gain switching (L734-738).
+// Units of the levels of gain switching (ch. 8.2.3).
 inline constexpr double torque_level_of_rated = 4000.0;  // 1000 is 25 %
 inline constexpr double speed_level_of_rpm = 5.0;        // 1000 is 200 rpm
 inline constexpr double position_level_of_turn = 131072.0;
 
-// The outputs: bit n for DOn (L277-280).
+// The outputs: bit n for DOn (ch. 3.1.2).
 inline constexpr std::uint32_t alarm_output = 1U << 0;
 inline constexpr std::uint32_t in_position_output = 1U << 1;
 
 class PanelControl {
  public:
-  // The factory values of P00 (L437), of a motor.
+  // The factory values of P00 (ch. 6), of a motor.
   static void factory_values(Panel& panel, const drive::MotorData& motor);
 
   // Power-on, the parameters having their values: those that act from power-on do so now.
@@ -36,7 +36,8 @@ class PanelControl {
 
   // Whether a parameter may be written now; the range has been checked.
   static dictionary::AbortCode check(const dictionary::Entry& entry, const drive::Drive& drive);
-  // Parameters that real-time adjustment sets go back to what it makes of them (L493-494, L673-678).
+  // Parameters that real-time adjustment sets go back to what it makes of them (ch. 7, P01-02 and P01-03; ch. 8.2.2,
+  // P01-02 and P01-03).
   static void written(Panel& panel);
 
   // Once per position-loop cycle, after the drive's own: gain switching and the outputs.

@@ -6,7 +6,7 @@
 #include "drive/loops/motor_data.hpp"
 #include "products/jmc_ec/rigidity.hpp"
 
-// The panel parameters P00 to P08 of the JMC EC drives (L443-464, L536-623). They are no CoE objects: Table 219 has
+// The panel parameters P00 to P08 of the JMC EC drives (ch. 6, Table 65). They are no CoE objects: Table 219 has
 // none of them. So the fieldbus does not see them; the service port, the bench and the non-volatile memory do.
 // Parameter Pgg-nn is object 2000h + gg sub-index nn + 1, a number in the steps that the manual prints its value in.
 //
@@ -118,12 +118,12 @@ constexpr ParameterId parameter_of(const dictionary::Entry& entry) {
   return {static_cast<std::uint8_t>(entry.index - first_panel_index), static_cast<std::uint8_t>(entry.sub - 1)};
 }
 
-// "Power-on again": what is written acts from the next power-on (L443-464, L597-599, L617-619).
+// "Power-on again": what is written acts from the next power-on (ch. 6, Table 65).
 constexpr bool acts_from_power_on(ParameterId id) {
   return id.group == 0 || (id.group == 3 && id.number >= 9 && id.number <= 11) || id.group == 6;
 }
 
-// "Stop & set": refused while the motor has power. P00-26 and 27 may be set while it runs (L462-463).
+// "Stop & set": refused while the motor has power. P00-26 and 27 may be set while it runs (ch. 6).
 constexpr bool set_while_stopped(ParameterId id) {
   return (id.group == 0 && id.number != 26 && id.number != 27) || id == ParameterId{1, 1} || id == ParameterId{3, 0} ||
          id == ParameterId{3, 3} || id == ParameterId{4, 0} || id == ParameterId{4, 1};
@@ -153,7 +153,7 @@ inline constexpr auto panel_section = [] {
     return entry;
   };
   return std::to_array<Entry>({
-      group(0, "P00 Motor and drive", 42),  // L536-557, L633-653; the factory sets them (L437)
+      group(0, "P00 Motor and drive", 42),  // Table 65, ch. 8.2.1; the factory sets them (ch. 6)
       parameter(0, 0, "P00-00 Motor code", SERVODROME_FIELD(Panel, motor_code), 0, 0, 65535),
       parameter(0, 1, "P00-01 Motor rated speed", SERVODROME_FIELD(Panel, rated_speed_rpm), 3000, 1, 6000, "rpm"),
       parameter(0, 2, "P00-02 Motor rated torque", SERVODROME_FIELD(Panel, rated_torque), 1, 1, 65535, "0.01 Nm"),
@@ -176,7 +176,7 @@ inline constexpr auto panel_section = [] {
       parameter(0, 27, "P00-27 CANopen bit rate", SERVODROME_FIELD(Panel, canopen_bit_rate), 0, 0, 7),
       parameter(0, 42, "P00-42 Overvoltage threshold", SERVODROME_FIELD(Panel, over_voltage_v), 0, 0, 300, "V"),
 
-      group(1, "P01 Main control", 32),  // L558-564, L659-682
+      group(1, "P01 Main control", 32),  // Table 65, ch. 8.2.2
       parameter(1, 1, "P01-01 Control mode", SERVODROME_FIELD(Panel, control_mode), 0, 0, 6),
       parameter(1, 2, "P01-02 Real-time adjustment mode", SERVODROME_FIELD(Panel, adjustment_mode), 1, 0, 2),
       parameter(1, 3, "P01-03 Rigidity level", SERVODROME_FIELD(Panel, rigidity_level), printed_level, 0, 31),
@@ -185,7 +185,7 @@ inline constexpr auto panel_section = [] {
       parameter(1, 31, "P01-31 Brake speed threshold", SERVODROME_FIELD(Panel, brake_speed_rpm), 100, 0, 3000, "rpm"),
       parameter(1, 32, "P01-32 Brake wait", SERVODROME_FIELD(Panel, brake_wait_ms), 100, 0, 255, "ms"),
 
-      group(2, "P02 Gains", 52),  // L565-588, L694-745
+      group(2, "P02 Gains", 52),  // Table 65, ch. 8.2.3
       parameter(2, 0, "P02-00 Position gain 1", SERVODROME_ELEMENT(Panel, position_gain, 0), 480, 0, 30000, "0.1/s"),
       parameter(2, 1, "P02-01 Position gain 2", SERVODROME_ELEMENT(Panel, position_gain, 1), 570, 0, 30000, "0.1/s"),
       parameter(2, 3, "P02-03 Speed feed-forward", SERVODROME_FIELD(Panel, velocity_forward), 300, 0, 1000, "0.1%"),
@@ -219,7 +219,7 @@ inline constexpr auto panel_section = [] {
       parameter(2, 52, "P02-52 Reverse torque compensation", SERVODROME_FIELD(Panel, torque_reverse_motion), 0, -1000,
                 1000, "0.1%"),
 
-      group(3, "P03 Position", 68),  // L589-601, L753-766, L1095
+      group(3, "P03 Position", 68),  // Table 65; ch. 8.2.4; ch. 9.2, AL.551
       parameter(3, 0, "P03-00 Position command source", SERVODROME_FIELD(Panel, position_source), 0, 0, 1),
       parameter(3, 3, "P03-03 Command pulse inversion", SERVODROME_FIELD(Panel, pulse_inversion), 0, 0, 1),
       parameter(3, 4, "P03-04 Pulse filter", SERVODROME_FIELD(Panel, pulse_filter), 2, 0, 3),
@@ -234,7 +234,7 @@ inline constexpr auto panel_section = [] {
       parameter(3, 68, "P03-68 Homing time-out", SERVODROME_FIELD(Panel, homing_timeout_s), homing_timeout_default_s, 0,
                 65535, "s"),
 
-      group(4, "P04 Speed", 15),  // L602-610, L774-785
+      group(4, "P04 Speed", 15),  // Table 65, ch. 8.2.5
       parameter(4, 0, "P04-00 Speed command source", SERVODROME_FIELD(Panel, speed_source), 1, 0, 3),
       parameter(4, 1, "P04-01 Speed command inversion", SERVODROME_FIELD(Panel, speed_inversion), 0, 0, 1),
       parameter(4, 2, "P04-02 Digital speed", SERVODROME_FIELD(Panel, digital_speed_rpm), 0, -6000, 6000, "rpm"),
@@ -247,16 +247,16 @@ inline constexpr auto panel_section = [] {
       parameter(4, 15, "P04-15 Deceleration time", SERVODROME_FIELD(Panel, deceleration_time), 500, 0, 10000,
                 "ms/1000rpm"),
 
-      group(5, "P05 Torque", 11),  // L611-616, L793-794
+      group(5, "P05 Torque", 11),  // Table 65, ch. 8.2.6
       parameter(5, 10, "P05-10 Forward torque limit", SERVODROME_FIELD(Panel, forward_torque), 2000, 0, 3000, "0.1%"),
       parameter(5, 11, "P05-11 Reverse torque limit", SERVODROME_FIELD(Panel, reverse_torque), 2000, 0, 3000, "0.1%"),
 
-      group(6, "P06 Terminals", 22),  // L617-619, L802-804
+      group(6, "P06 Terminals", 22),  // Table 65, ch. 8.2.7
       parameter(6, 0, "P06-00 Enable input level", SERVODROME_FIELD(Panel, enable_level), 1, 0, 4),
       parameter(6, 20, "P06-20 Alarm output level", SERVODROME_FIELD(Panel, alarm_level), 1, 0, 1),
       parameter(6, 22, "P06-22 In-position output level", SERVODROME_FIELD(Panel, in_position_level), 1, 0, 1),
 
-      group(8, "P08 Advanced", 26),  // L620-623, L812-815
+      group(8, "P08 Advanced", 26),  // Table 65, ch. 8.2.8
       parameter(8, 19, "P08-19 Speed feedback filter", SERVODROME_FIELD(Panel, velocity_filter), 80, 0, 2500,
                 "0.01 ms"),
       parameter(8, 20, "P08-20 Torque command filter", SERVODROME_FIELD(Panel, torque_filter), 84, 0, 2500, "0.01 ms"),

@@ -17,12 +17,12 @@ inline constexpr bool energised_in_switched_on = true;       // C-30
 inline constexpr bool mode_zero_keeps = true;                // 6060h = 0 changes nothing (section 4)
 inline constexpr bool position_change_needs_writing = true;  // D-15: 607Bh limits once it was written
 inline constexpr bool end_velocity_is_start = true;          // D-20
-inline constexpr bool limit_inputs_follow_polarity = true;   // L3521
+inline constexpr bool limit_inputs_follow_polarity = true;   // Table 229
 inline constexpr std::uint32_t window_of_zero = 0xFFFFFFFF;  // C-26: 6065h = 0 is off, unless P03-15 is set
 inline constexpr std::uint32_t excessive_velocity_faults =   // D-16
     mode_bit(Mode::profile_position) | mode_bit(Mode::cyclic_sync_velocity);
 
-// 60FDh (L3111).
+// 60FDh (Table 215).
 inline constexpr auto digital_inputs = [] {
   constexpr auto signal = [](std::uint8_t to, drive::Signal from) {
     return drive::DigitalInputBit{to, drive::DigitalInputBit::Source::signal, static_cast<std::uint8_t>(from)};
@@ -32,7 +32,7 @@ inline constexpr auto digital_inputs = [] {
                     signal(10, drive::Signal::probe_2)};
 }();
 
-// The upper bits by mode (L2262-2283 and the tables of the mode chapters).
+// The upper bits by mode (Table 156 and the tables of the mode chapters).
 inline constexpr auto status_bits = [] {
   using drive::StatusBit;
   using drive::StatusSource;
@@ -41,12 +41,12 @@ inline constexpr auto status_bits = [] {
   constexpr std::uint32_t profile_velocity = mode_bit(Mode::profile_velocity);
   constexpr std::uint32_t homing = mode_bit(Mode::homing);
   return std::array{
-      StatusBit{8, StatusSource::halt, profile_velocity},  // L4011, D-09
+      StatusBit{8, StatusSource::halt, profile_velocity},  // PV 4, D-09
       StatusBit{9, StatusSource::remote},
       StatusBit{10, StatusSource::target_reached},
-      StatusBit{11, StatusSource::software_limit, position},        // L2274
+      StatusBit{11, StatusSource::software_limit, position},        // Table 156
       StatusBit{12, StatusSource::mode_bit_12, ~profile_velocity},  // D-13
-      StatusBit{12, StatusSource::in_motion, profile_velocity},     // L3936
+      StatusBit{12, StatusSource::in_motion, profile_velocity},     // Table 264
       StatusBit{13, StatusSource::following_error, position | velocity},
       StatusBit{13, StatusSource::mode_bit_13, homing},
   };
@@ -57,34 +57,34 @@ constexpr drive::Policy make_policy() {
   policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
                            mode_bit(Mode::profile_torque) | mode_bit(Mode::homing) |
                            mode_bit(Mode::cyclic_sync_position) | mode_bit(Mode::cyclic_sync_velocity) |
-                           mode_bit(Mode::cyclic_sync_torque);  // L3405
+                           mode_bit(Mode::cyclic_sync_torque);  // Table 219, 6502h
   policy.mode_zero_keeps = mode_zero_keeps;
-  policy.option_codes = {.quick_stop = 0b110,    // and from 3 on at once (L2310-2317)
+  policy.option_codes = {.quick_stop = 0b110,    // and from 3 on at once (object 605Ah)
                          .quick_stop_stays = 0,  // C-31
                          .quick_stop_continues = 0,
-                         .shutdown = 0b11,            // L2327-2334
-                         .disable_operation = 0b11,   // L2344-2353
-                         .halt = 0b110,               // L2363-2369
-                         .fault_reaction = 0b1'1111,  // L2379-2392
+                         .shutdown = 0b11,            // object 605Bh
+                         .disable_operation = 0b11,   // object 605Ch
+                         .halt = 0b110,               // object 605Dh
+                         .fault_reaction = 0b1'1111,  // object 605Eh
                          .at_once_from = 3};
   policy.status_bits = status_bits;
   policy.energised_in_switched_on = energised_in_switched_on;
-  policy.brake_engages_before_power_off = true;  // L680
-  policy.cyclic_modes_show_reached = true;       // L3459, L3630
+  policy.brake_engages_before_power_off = true;  // ch. 8.2.2, P01-30
+  policy.cyclic_modes_show_reached = true;       // Tables 222 and 239
   policy.faults = faults;
   policy.first_fault_is_shown = true;
   policy.set_point_queue = 1;                // D-39
-  policy.set_points_start_from_rest = true;  // L3842
+  policy.set_points_start_from_rest = true;  // PP 2
   policy.zero_ramps_are_greatest = true;     // D-34
   policy.end_velocity_is_start = end_velocity_is_start;
   policy.excessive_velocity_faults = excessive_velocity_faults;
-  policy.out_of_limits = drive::OutOfLimits::fault;  // L3511
+  policy.out_of_limits = drive::OutOfLimits::fault;  // Table 228
   policy.slippage_supported = false;
   policy.homing_methods = homing_methods;
   policy.home_offset_sign = -1;            // with HomingEnd::offset: travelled, and 0 there (D-25)
   policy.homing_errors_are_faults = true;  // the one with a number: AL.551
   policy.digital_inputs = digital_inputs;
-  policy.brake_output_bit = 0;  // L3129
+  policy.brake_output_bit = 0;  // object 60FEh
   policy.output_count = 0;      // DO0 and DO1 are the drive's
   policy.limit_inputs_follow_polarity = limit_inputs_follow_polarity;
   policy.units = units;

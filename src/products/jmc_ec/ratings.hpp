@@ -5,18 +5,19 @@
 #include "drive/transforms.hpp"
 #include "products/model.hpp"
 
-// The sizes of the EC series: integrated servos IHSV-EC (L22-32, L213-250) and the two stepper drives that the routines
-// name (L4610, L4880).
+// The sizes of the EC series: integrated servos IHSV-EC ('Preface', ch. 2.1 and 2.2) and the two stepper drives that
+// the routines name (routine for TwinCAT3, routine for INovance).
 //
 // Printed for the IHSV: flange, power, supply, rated speed 3000 rpm, 300 % torque, 1000-line encoder (4000 increments).
-// Derived: rated torque. Chosen, because nothing is printed: five pole pairs (the sample of P00-05, L418); a torque
+// Derived: rated torque. Chosen, because nothing is printed: five pole pairs (the sample of P00-05, ch. 6); a torque
 // constant with which the motor turns 4500 rpm on 80 % of its supply; copper losses, electrical time constants of
 // 1.4 to 1.8 ms, rotor inertias of motors of that flange; thermal resistances for a winding 98 K above ambient in
 // continuous duty.
-// The steppers ("hybrid stepping servo", L24) have two phases and 50 pole pairs. 6 A and 4.436 Nm are the defaults of
-// 6075h and 6076h (L3338-3342), so they are 2HSS458-EC's; 2DM542-EC has the 4.2 A of its name. Chosen: windings with
-// which the link gives the rated torque up to the rated speed, a detent torque of 4 % of the holding torque, four times
-// per tooth. The object table of both has an encoder (6064h, 608Fh, 60F4h: L3328, L3364, L3398), so the 2DM542 has one.
+// The steppers ("hybrid stepping servo", 'Preface') have two phases and 50 pole pairs. 6 A and 4.436 Nm are the
+// defaults of 6075h and 6076h (Table 219), so they are 2HSS458-EC's; 2DM542-EC has the 4.2 A of its name. Chosen:
+// windings with which the link gives the rated torque up to the rated speed, a detent torque of 4 % of the holding
+// torque, four times per tooth. The object table of both has an encoder (6064h, 608Fh, 60F4h: Table 219), so the 2DM542
+// has one.
 namespace servodrome::products::jmc_ec {
 
 struct Rating {

@@ -3,8 +3,8 @@
 #include <array>
 #include <cstdint>
 
-// What real-time adjustment (P01-02) makes of the rigidity level P01-03 (L493-494, L673-678). The manual prints one of
-// the 32 gain sets, the defaults of level 13 (L565-576, L621); this is the other 31.
+// What real-time adjustment (P01-02) makes of the rigidity level P01-03 (ch. 7 and 8.2.2). The manual prints one of
+// the 32 gain sets, the defaults of level 13 (Table 65); this is the other 31.
 //
 // The proportional gain of the velocity loop rises from level to level by a tenth to a third. The others stand to it as
 // they do in level 13: position gains at 48/27 and 57/27 of it, torque filter at 0.84 ms x 27 Hz by it. So does the

@@ -7,10 +7,11 @@
 #include "modbus/register_map.hpp"
 #include "products/jmc_ec/object_table.hpp"
 
-// The service port of the JMC EC drives: RS232 on the micro USB socket, for the PC software (L388-468, L1185-1195). Its
-// protocol is not printed (C-36). That it is Modbus RTU is a reading: the addresses of the parameter list are two bytes
-// wide (L443-464), and P00-23 to P00-26 are its settings. The parameters of P00 have the addresses 0000h to 002Ah; the
-// others follow the same rule, group in the high byte and number in the low one.
+// The service port of the JMC EC drives: RS232 on the micro USB socket, for the PC software (ch. 6, 'RS232
+// Communication interface definition'). Its protocol is not printed (C-36). That it is Modbus RTU is a reading: the
+// addresses of the parameter list are two bytes wide (ch. 6), and P00-23 to P00-26 are its settings. The parameters of
+// P00 have the addresses 0000h to 002Ah; the others follow the same rule, group in the high byte and number in the low
+// one.
 namespace servodrome::products::jmc_ec {
 
 inline constexpr std::uint16_t monitor_page = 0x0D00;   // item dnn: two registers at 0D00h + 2 nn
@@ -41,10 +42,10 @@ inline constexpr modbus::Profile service_profile{.functions = {.read_input_regis
                                                                .read_write_multiple_registers = false,
                                                                .device_identification = false}};
 
-// P00-21 (L554, L650).
+// P00-21 (Table 65, ch. 8.2.1).
 inline constexpr std::array<std::uint32_t, 4> rs232_bit_rates{9600, 19200, 57600, 115200};
 
-// RS232 is 8N1 whatever P00-25 says, which is for the RS485 members of the family (L1195, C-36).
+// RS232 is 8N1 whatever P00-25 says, which is for the RS485 members of the family (Table 115, C-36).
 constexpr modbus::CharacterFormat rs232_format(std::uint16_t code) {
   return {.bit_rate = rs232_bit_rates[code & 3U], .data_bits = 8, .parity = modbus::Parity::none, .stop_bits = 1};
 }

@@ -6,10 +6,10 @@
 
 namespace servodrome::products::jmc_ec {
 
-inline constexpr std::int64_t greatest_gear = 1000;  // and its inverse (L1659)
+inline constexpr std::int64_t greatest_gear = 1000;  // and its inverse ('Electronic gear')
 
-// internal position = command position x (608Fh:1 / 608Fh:2) x (6091h:1 / 6091h:2) / (6092h:1 / 6092h:2) (L1651). False
-// for a ratio outside of 1/1000 to 1000: AL.105.
+// internal position = command position x (608Fh:1 / 608Fh:2) x (6091h:1 / 6091h:2) / (6092h:1 / 6092h:2) ('Electronic
+// gear'). False for a ratio outside of 1/1000 to 1000: AL.105.
 inline bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units) {
   const drive::Ratio resolution{objects.position_encoder_increments, objects.position_encoder_motor_revolutions};
   const drive::Ratio gear{objects.gear_motor_revolutions, objects.gear_shaft_revolutions};

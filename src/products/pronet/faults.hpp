@@ -10,44 +10,38 @@ using drive::Cause;
 using drive::Reaction;
 using drive::ResetRule;
 
-// A 69 has no EMCY code of its own (C12, C13); its low byte is the panel's number (L631).
+// A 69 has no EMCY code of its own (C12, C13); its low byte is the panel's number (ch. 3.5).
 inline constexpr std::uint16_t interpolation_overtime_code = 0x8169;
 
-// The alarms (L637-667, and A 69 L2016). Error registers and what is a warning are the digest's recommendation, the
-// manual prints neither. The reaction to an alarm is 605Eh, which knows one value: power off, the motor coasts. All are
-// reset by bit 7 of the controlword. Where the simulated drive has no part that could break, the row is raised by
+// The alarms (ch. 3.5, and A 69 in ch. 7.5.4). Error registers and what is a warning are the digest's recommendation,
+// the manual prints neither. The reaction to an alarm is 605Eh, which knows one value: power off, the motor coasts. All
+// are reset by bit 7 of the controlword. Where the simulated drive has no part that could break, the row is raised by
 // injection only: 5210h, 5421h, 5583h, 6100h, 6120h, 8100h.
 inline constexpr auto faults = std::to_array<drive::FaultRow>({
-    {Cause::overcurrent_u, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},  // L640
+    {Cause::overcurrent_u, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},
     {Cause::overcurrent_v, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},
     {Cause::overcurrent_w, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},
     {Cause::bus_overcurrent, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},
     {Cause::short_circuit, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},
     {Cause::power_failure, 0x3100, 0x05, Reaction::power_off, ResetRule::when_cause_gone,
-     "Instantaneous power failure"},                                                                             // L641
-    {Cause::over_voltage, 0x3110, 0x05, Reaction::power_off, ResetRule::when_cause_gone, "Over voltage"},        // L642
-    {Cause::under_voltage, 0x3120, 0x05, Reaction::power_off, ResetRule::when_cause_gone, "Under voltage"},      // L643
-    {Cause::internal_hardware, 0x5080, 0x01, Reaction::power_off, ResetRule::when_cause_gone, "RAM exception"},  // L644
-    {Cause::current_sensor, 0x5210, 0x01, Reaction::power_off, ResetRule::when_cause_gone,
-     "AD sampling error"},  // L645
+     "Instantaneous power failure"},
+    {Cause::over_voltage, 0x3110, 0x05, Reaction::power_off, ResetRule::when_cause_gone, "Over voltage"},
+    {Cause::under_voltage, 0x3120, 0x05, Reaction::power_off, ResetRule::when_cause_gone, "Under voltage"},
+    {Cause::internal_hardware, 0x5080, 0x01, Reaction::power_off, ResetRule::when_cause_gone, "RAM exception"},
+    {Cause::current_sensor, 0x5210, 0x01, Reaction::power_off, ResetRule::when_cause_gone, "AD sampling error"},
     {Cause::brake_resistor, 0x5420, 0x01, Reaction::power_off, ResetRule::when_cause_gone,
-     "Regenerative resistor error"},  // L646
+     "Regenerative resistor error"},
     {Cause::brake_resistor_short, 0x5421, 0x01, Reaction::power_off, ResetRule::when_cause_gone,
-     "Regenerative resistor exception"},  // L647
-    {Cause::memory, 0x5581, 0x81, Reaction::power_off, ResetRule::when_cause_gone,
-     "Parameter checksum exception"},  // L648
-    {Cause::factor_group, 0x5582, 0x81, Reaction::power_off, ResetRule::when_cause_gone,
-     "Electronic gear error"},  // L649
+     "Regenerative resistor exception"},
+    {Cause::memory, 0x5581, 0x81, Reaction::power_off, ResetRule::when_cause_gone, "Parameter checksum exception"},
+    {Cause::factor_group, 0x5582, 0x81, Reaction::power_off, ResetRule::when_cause_gone, "Electronic gear error"},
     {Cause::motor_mismatch, 0x5583, 0x81, Reaction::power_off, ResetRule::when_cause_gone,
-     "Motor type or drive type error"},  // L650
-    {Cause::unknown_error, 0x6100, 0x81, Reaction::power_off, ResetRule::when_cause_gone,
-     "Illegal error code"},                                                                               // L651
-    {Cause::pdo_mapping, 0x6120, 0x11, Reaction::none, ResetRule::when_cause_gone, "PDO mapping error"},  // L652
-    {Cause::bus_settings, 0x6300, 0x11, Reaction::power_off, ResetRule::when_cause_gone,
-     "CAN communication error"},  // L653
+     "Motor type or drive type error"},
+    {Cause::unknown_error, 0x6100, 0x81, Reaction::power_off, ResetRule::when_cause_gone, "Illegal error code"},
+    {Cause::pdo_mapping, 0x6120, 0x11, Reaction::none, ResetRule::when_cause_gone, "PDO mapping error"},
+    {Cause::bus_settings, 0x6300, 0x11, Reaction::power_off, ResetRule::when_cause_gone, "CAN communication error"},
     // The three encoder alarms: what a serial encoder's telegrams can tell, the rest by the type of the encoder.
-    {Cause::encoder_connection, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone,
-     "Serial encoder error"},  // L654
+    {Cause::encoder_connection, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Serial encoder error"},
     {Cause::encoder_crc, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Serial encoder error"},
     {Cause::encoder_delimiter, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Serial encoder error"},
     {Cause::encoder_multi_turn, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Serial encoder error"},
@@ -55,30 +49,24 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::encoder_count_overflow, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone,
      "Serial encoder error"},
     {Cause::encoder_incremental, 0x7305, 0x21, Reaction::power_off, ResetRule::when_cause_gone,
-     "Incremental encoder error"},  // L655
+     "Incremental encoder error"},
     {Cause::hall_wiring, 0x7305, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Incremental encoder error"},
     {Cause::hall_state, 0x7305, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Incremental encoder error"},
-    {Cause::encoder_resolver, 0x7380, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Resolver error"},  // L656
+    {Cause::encoder_resolver, 0x7380, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Resolver error"},
     {Cause::bus_exception, 0x8100, 0x11, Reaction::power_off, ResetRule::when_cause_gone,
-     "CAN communication exception"},                                                                      // L657
-    {Cause::bus_overflow, 0x8110, 0x11, Reaction::none, ResetRule::when_cause_gone, "CAN bus overflow"},  // L658
-    {Cause::bus_passive, 0x8120, 0x11, Reaction::none, ResetRule::when_cause_gone,
-     "CAN controller error passive"},  // L659
-    {Cause::communication_lost, 0x8130, 0x11, Reaction::power_off, ResetRule::when_cause_gone,
-     "Heartbeat error"},                                                                             // L660
-    {Cause::bus_off, 0x8140, 0x11, Reaction::power_off, ResetRule::when_cause_gone, "CAN bus off"},  // L661
-    {Cause::frame_length, 0x8200, 0x11, Reaction::none, ResetRule::when_cause_gone,
-     "CAN message length error"},  // L662
-    {Cause::rpdo_length, 0x8210, 0x11, Reaction::none, ResetRule::when_cause_gone,
-     "Received PDO length error"},                                                                     // L663
-    {Cause::i2t, 0x8311, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Overload"},           // L664
-    {Cause::over_speed, 0x8480, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Over speed"},  // L665
-    {Cause::positive_limit, 0x8681, 0x21, Reaction::none, ResetRule::when_cause_gone,
-     "Forward run prohibited (POT)"},  // L666
-    {Cause::negative_limit, 0x8682, 0x21, Reaction::none, ResetRule::when_cause_gone,
-     "Reverse run prohibited (NOT)"},  // L667
+     "CAN communication exception"},
+    {Cause::bus_overflow, 0x8110, 0x11, Reaction::none, ResetRule::when_cause_gone, "CAN bus overflow"},
+    {Cause::bus_passive, 0x8120, 0x11, Reaction::none, ResetRule::when_cause_gone, "CAN controller error passive"},
+    {Cause::communication_lost, 0x8130, 0x11, Reaction::power_off, ResetRule::when_cause_gone, "Heartbeat error"},
+    {Cause::bus_off, 0x8140, 0x11, Reaction::power_off, ResetRule::when_cause_gone, "CAN bus off"},
+    {Cause::frame_length, 0x8200, 0x11, Reaction::none, ResetRule::when_cause_gone, "CAN message length error"},
+    {Cause::rpdo_length, 0x8210, 0x11, Reaction::none, ResetRule::when_cause_gone, "Received PDO length error"},
+    {Cause::i2t, 0x8311, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Overload"},
+    {Cause::over_speed, 0x8480, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Over speed"},
+    {Cause::positive_limit, 0x8681, 0x21, Reaction::none, ResetRule::when_cause_gone, "Forward run prohibited (POT)"},
+    {Cause::negative_limit, 0x8682, 0x21, Reaction::none, ResetRule::when_cause_gone, "Reverse run prohibited (NOT)"},
     {Cause::interpolation_late, interpolation_overtime_code, 0x11, Reaction::power_off, ResetRule::when_cause_gone,
-     "Interpolation cycle overtime", 0x69},  // L2016
+     "Interpolation cycle overtime", 0x69},  // ch. 7.5.4
 });
 
 }  // namespace servodrome::products::pronet

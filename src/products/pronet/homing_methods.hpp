@@ -4,15 +4,16 @@
 
 #include "drive/homing/cia402_methods.hpp"
 
-// The homing methods of the ProNet drive (L1363-1526). They run as the figures of CiA 402 do, and end where the ramp
+// The homing methods of the ProNet drive (ch. 7.2). They run as the figures of CiA 402 do, and end where the ramp
 // after the found point ends: no travel back to it is described.
 //
-// Method 3, 4, 19, 20: table L1442-1450, text L1511-1513 and note L1526 contradict each other about the direction. Here
-// the axis starts towards the switch, positive when it is inactive and negative when it is active; 3 and 19 find their
-// point running negative, 4 and 20 running positive (C19). Method 17 to 20 have one text (L1514-1518).
+// Method 3, 4, 19, 20: table ch. 7.2.3, 6098h, text ch. 7.2.4, methods 3 and 4 and note ch. 7.2.4 contradict each other
+// about the direction. Here the axis starts towards the switch, positive when it is inactive and negative when it is
+// active; 3 and 19 find their point running negative, 4 and 20 running positive (C19). Method 17 to 20 have one text
+// (ch. 7.2.4, methods 17 to 20).
 namespace servodrome::products::pronet {
 
-// "Afterwards the drive slowly returns" (L1516-1518): off the switch, too, before the edge is taken.
+// "Afterwards the drive slowly returns" (ch. 7.2.4, methods 17 to 20): off the switch, too, before the edge is taken.
 inline constexpr drive::Method method_4 = [] {
   drive::Method method = drive::cia402::method_4;
   method.legs[1].speed = drive::HomingSpeed::slow;
@@ -25,15 +26,15 @@ inline constexpr std::array homing_methods = [] {
   using drive::without_index;
   using drive::without_return;
   return std::array{
-      without_return(cia402::method_1),                     // L1499-1502
-      without_return(mirrored(2, cia402::method_1)),        // L1504-1507
-      without_return(cia402::method_3),                     // L1511-1513
-      without_return(method_4),                             // and slowly back (L1516-1518)
-      without_return(without_index(17, cia402::method_1)),  // L1516-1518
+      without_return(cia402::method_1),                     // ch. 7.2.4
+      without_return(mirrored(2, cia402::method_1)),        // ch. 7.2.4, method 2
+      without_return(cia402::method_3),                     // ch. 7.2.4, methods 3 and 4
+      without_return(method_4),                             // and slowly back (ch. 7.2.4, methods 17 to 20)
+      without_return(without_index(17, cia402::method_1)),  // ch. 7.2.4, methods 17 to 20
       without_return(without_index(18, mirrored(2, cia402::method_1))),
       without_return(without_index(19, cia402::method_3)),
       without_return(without_index(20, method_4)),
-      drive::present_position(35),  // L1522, not in the printed range (C18)
+      drive::present_position(35),  // ch. 7.2.4, method 35, not in the printed range (C18)
   };
 }();
 static_assert(drive::are_well_formed(homing_methods));

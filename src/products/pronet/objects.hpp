@@ -30,7 +30,7 @@ struct Manufacturer {
   std::array<std::uint16_t, monitor_count> monitors{};      // 320Ah..
   std::uint16_t rotates = 0;                                // 3300h
   std::uint16_t single_position = 0;                        // 3301h
-  std::int32_t interpolation_data_record_2 = 0;             // 60C1h:02, stored and not used (L1959-1967)
+  std::int32_t interpolation_data_record_2 = 0;             // 60C1h:02, stored and not used (ch. 7.5.3)
 };
 
 struct Objects {
@@ -44,9 +44,9 @@ inline constexpr std::uint32_t product_code = 0x50524E54;     // "PRNT"
 inline constexpr std::uint32_t revision_number = 0x00010004;  // manual V1.04
 inline constexpr std::uint16_t dsp_edition = 0x0104;          // 321Eh, likewise
 
-// 6060h and 6061h have 8 bits and are mapped with 16 (L360, L499-605, C7).
+// 6060h and 6061h have 8 bits and are mapped with 16 (ch. 3.3, C7).
 inline constexpr auto padded_mappings = std::to_array<std::uint32_t>({0x60600010, 0x60610010});
-// Printed for TPDO 1 only (L385-394).
+// Printed for TPDO 1 only (ch. 3.3, 1800h).
 inline constexpr auto cob_id_ranges = std::to_array<canopen::CobIdRange>({{0x1800, 0x181, 0x1FF}});
 
 inline constexpr auto transmit_mask_section = [] {
@@ -77,7 +77,7 @@ inline constexpr auto parameter_section = [] {
     const Parameter& parameter = parameters[i];
     Field field = field_at<std::uint16_t>(offsetof(Manufacturer, parameters) + offsetof(ParameterValues, values) +
                                           i * sizeof(std::uint16_t));
-    if (parameter.number == 505) field.type = Type::integer16;  // the only signed one (L2592)
+    if (parameter.number == 505) field.type = Type::integer16;  // the only signed one (appendix, 307Dh)
     section[i] =
         var(parameter.index, parameter.name, field, Access::rw, Pdo::none,
             {.default_value = parameter.factory_value, .unit = parameter.unit, .saved = true, .owner = Owner::product});
@@ -85,7 +85,7 @@ inline constexpr auto parameter_section = [] {
   return section;
 }();
 
-// 3200h to 3301h: what can be seen of the drive (L2612-2639). Of the meanings only the names and units are printed.
+// 3200h to 3301h: what can be seen of the drive (appendix). Of the meanings only the names and units are printed.
 inline constexpr auto monitor_section = [] {
   using namespace dictionary;  // NOLINT(google-build-using-namespace)
   struct Row {
@@ -129,7 +129,7 @@ inline constexpr auto manufacturer_section = [] {
   });
 }();
 
-// The CiA 402 objects of the list L2643-2720.
+// The CiA 402 objects of the list appendix.
 inline constexpr auto cia402_objects = std::to_array<std::uint16_t>(
     {0x603F, 0x6040, 0x6041, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6060, 0x6061, 0x6062, 0x6063, 0x6064,
      0x6065, 0x6066, 0x6067, 0x6068, 0x6069, 0x606B, 0x606C, 0x606D, 0x606E, 0x606F, 0x6070, 0x607A, 0x607B,
@@ -143,7 +143,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   constexpr std::size_t at_drive = offsetof(Objects, drive);
   constexpr std::size_t at_manufacturer = offsetof(Objects, manufacturer);
   TableBuilder<400> builder;
-  constexpr auto dummies = std::to_array<std::uint16_t>({2, 3, 4, 5, 6, 7});  // L2375-2380
+  constexpr auto dummies = std::to_array<std::uint16_t>({2, 3, 4, 5, 6, 7});  // appendix
   builder.pick(canopen::dummy_section, dummies);
   constexpr auto general = std::to_array<std::uint16_t>(
       {0x1000, 0x1001, 0x1003, 0x1005, 0x1006, 0x1007, 0x1014, 0x1016, 0x1017, 0x1018, 0x1029});
@@ -187,7 +187,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);
 
-  // PDOs from the factory (L475-607; identifiers of PDO 3 and 4: C1).
+  // PDOs from the factory (ch. 3.3; identifiers of PDO 3 and 4: C1).
   builder.map_pdo(0x1600, {0x60400010, 0x60FF0020});
   builder.map_pdo(0x1A00, {0x60410010, 0x60640020});
   for (std::uint16_t pdo = 1; pdo < 4; ++pdo) {
@@ -219,7 +219,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.at(0x6069).unit = "0.1rpm";
   builder.at(0x1001).pdo = Pdo::none;
   builder.at(0x60A3).access = Access::ro;
-  builder.set_default(0x60A4, 1, 5).set_range(0x60A4, 1, 1, 20);  // L1824-1836
+  builder.set_default(0x60A4, 1, 5).set_range(0x60A4, 1, 1, 20);  // ch. 7.4.3
   builder.at(0x60A4, 1).pdo = Pdo::both;
   builder.at(0x60A4, 1).unit = "pulse/(s*100us*100us)";
   builder.at(0x60FE, 2).pdo = Pdo::both;

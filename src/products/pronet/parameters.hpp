@@ -5,14 +5,14 @@
 
 #include "dictionary/table.hpp"
 
-// The drive's own parameters Pnxxx as objects 3000h to 3100h (ProNet manual L2522-2611), all of them UINT16 but Pn505.
+// The drive's own parameters Pnxxx as objects 3000h to 3100h (ProNet manual, appendix), all of them UINT16 but Pn505.
 // The CANopen manual prints index and unit; names, ranges and factory values are in the series manual. Factory values
 // are this project's choice, 0 where the parameter does nothing here.
 namespace servodrome::products::pronet {
 
 enum class Effect : std::uint8_t {
   at_once,
-  after_restart,  // control supply off and on (L2038-2043)
+  after_restart,  // control supply off and on (ch. 8)
 };
 
 struct Parameter {

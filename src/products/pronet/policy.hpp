@@ -7,21 +7,21 @@
 namespace servodrome::products::pronet {
 
 // Readings of the manual that could be the other way round (see README.md of this folder).
-inline constexpr std::int8_t home_offset_sign = -1;  // zero = home + 607Ch (L1367, L1412)
-// "The error cause is found by reading the error code" (L1400). The list L637-667 names the switches; of what cannot
+inline constexpr std::int8_t home_offset_sign = -1;  // zero = home + 607Ch (ch. 7.2 and 7.2.3)
+// "The error cause is found by reading the error code" (ch. 7.2.2). The list ch. 3.5 names the switches; of what cannot
 // begin it has nothing, so that is "parameter error" of CiA 402.
 inline constexpr drive::HomingErrorCodes homing_error_codes{0x8681, 0x8682, 0x6320};
 inline constexpr std::int16_t halt_code_of_zero = 1;     // 605Dh reads 0 and acts as 1 (C21)
-inline constexpr std::uint32_t resolver_counts = 65536;  // L766; L820 has 65535 (C14)
+inline constexpr std::uint32_t resolver_counts = 65536;  // ch. 4 and 4.2 has 65535 (C14)
 
-// The encoders by their counts per turn (L764-770); one that is not in the list is taken for an incremental one.
+// The encoders by their counts per turn (ch. 4); one that is not in the list is taken for an incremental one.
 enum class Encoder : std::uint8_t { incremental, resolver, serial };
 constexpr Encoder encoder_of(std::uint32_t counts_per_revolution) {
   if (counts_per_revolution == 131072) return Encoder::serial;
   return counts_per_revolution == resolver_counts ? Encoder::resolver : Encoder::incremental;
 }
 
-// 60FDh (L2329-2332, C38).
+// 60FDh (ch. 10.1, 60FEh, C38).
 inline constexpr auto digital_inputs = std::to_array<drive::DigitalInputBit>({
     {0, drive::DigitalInputBit::Source::signal, static_cast<std::uint8_t>(drive::Signal::negative_limit)},
     {1, drive::DigitalInputBit::Source::signal, static_cast<std::uint8_t>(drive::Signal::positive_limit)},
@@ -29,7 +29,7 @@ inline constexpr auto digital_inputs = std::to_array<drive::DigitalInputBit>({
 });
 
 // The old factor group: internal = user x numerator / divisor. Internal speeds are 0.1 rpm, accelerations 0.1 rpm/s
-// (L750-901); 6069h is not scaled. The jerk is in pulse / (s x 100 us x 100 us) (L762).
+// (ch. 4); 6069h is not scaled. The jerk is in pulse / (s x 100 us x 100 us) (ch. 4).
 inline bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units) {
   using drive::Ratio;
   constexpr double jerk_unit = 1e8;  // pulse/s^3
@@ -56,34 +56,35 @@ constexpr drive::Policy make_policy() {
   using drive::RampShape;
   drive::Policy policy;
   policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
-                           mode_bit(Mode::homing) | mode_bit(Mode::interpolated_position);  // L1338, L2244 (C16)
-  policy.option_codes = {.quick_stop = 0b110'0111,                                          // L1255-1274
-                         .shutdown = 0b11,                                                  // L1219-1235
-                         .disable_operation = 0b11,                                         // L1237-1253
-                         .halt = 0b110,                                                     // L1276-1292
-                         .fault_reaction = 0b1};                                            // L1294-1309
+                           mode_bit(Mode::homing) |
+                           mode_bit(Mode::interpolated_position);  // ch. 7.1.1, 6060h; ch. 9.4 (C16)
+  policy.option_codes = {.quick_stop = 0b110'0111,                 // ch. 6.2.5, 605Ah
+                         .shutdown = 0b11,                         // ch. 6.2.3, 605Bh
+                         .disable_operation = 0b11,                // ch. 6.2.4, 605Ch
+                         .halt = 0b110,                            // ch. 6.2.6, 605Dh
+                         .fault_reaction = 0b1};                   // ch. 6.2.7, 605Dh
   policy.halt_code_of_zero = halt_code_of_zero;
-  policy.remote_bit = false;  // L1190-1194: bits 8 and 9 are not used
+  policy.remote_bit = false;  // ch. 6.2.2: bits 8 and 9 are not used
   policy.faults = faults;
-  policy.faults_show_as_warning = true;        // L1182-1186
-  policy.limit_switches_show_as_limit = true;  // L1204
+  policy.faults_show_as_warning = true;        // ch. 6.2.2
+  policy.limit_switches_show_as_limit = true;  // ch. 6.2.2
   policy.communication_errors_are_warnings = true;
   policy.communication_loss_is_always_fault = true;
-  policy.set_point_queue = 1;               // L1850
-  policy.acknowledge_blocks_change = true;  // L2148
-  policy.ramp_shapes = 0b101;               // L1838: 0 and 2 (C25)
+  policy.set_point_queue = 1;               // ch. 7.4.4
+  policy.acknowledge_blocks_change = true;  // ch. 9.3
+  policy.ramp_shapes = 0b101;               // ch. 7.4.4: 0 and 2 (C25)
   policy.shape_of_type[2] = RampShape::jerk_limited;
-  policy.jerk_limited_single_symmetric = true;           // L1882
+  policy.jerk_limited_single_symmetric = true;           // ch. 7.4.4
   policy.slippage_supported = false;                     // there is no object for it
-  policy.interpolation = drive::Interpolation::at_sync;  // L2010-2016
-  policy.interpolation_periods = {.least_value = 0, .least_index = -128, .greatest_index = 63};  // L1988-2006
+  policy.interpolation = drive::Interpolation::at_sync;  // ch. 7.5.4
+  policy.interpolation_periods = {.least_value = 0, .least_index = -128, .greatest_index = 63};  // ch. 7.5.3, 60C2h
   policy.homing_methods = homing_methods;
   policy.home_offset_sign = home_offset_sign;
   policy.homing_error_codes = homing_error_codes;
-  policy.homing_reached_means_home = true;  // L1386-1390
+  policy.homing_reached_means_home = true;  // ch. 7.2.2
   policy.digital_inputs = digital_inputs;
   policy.output_count = 0;          // no output terminals are described
-  policy.first_bus_input_bit = 24;  // of 60FEh:01: CN1_14 (L2298-2305)
+  policy.first_bus_input_bit = 24;  // of 60FEh:01: CN1_14 (ch. 10.1)
   policy.units = units;
   return policy;
 }

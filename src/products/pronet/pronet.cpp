@@ -6,8 +6,8 @@ namespace servodrome::products {
 
 namespace {
 
-constexpr unsigned can_open = 3;  // Pn006.0 (L2041)
-// Pn703.0 (L2042)
+constexpr unsigned can_open = 3;  // Pn006.0 (ch. 8)
+// Pn703.0 (ch. 8)
 constexpr auto bit_rates = std::to_array<std::uint32_t>({50'000, 100'000, 125'000, 250'000, 500'000, 1'000'000});
 constexpr std::size_t terminals = 8;  // CN1_14 to CN1_17, CN1_39 to CN1_42
 
@@ -59,7 +59,7 @@ void Pronet::prepare(dictionary::Area areas) {
   }
 }
 
-// The electronic gear comes from Pn201 and Pn202 at each power-on (L779-814).
+// The electronic gear comes from Pn201 and Pn202 at each power-on (ch. 4.2).
 void Pronet::loaded(dictionary::Area areas) {
   const pronet::Manufacturer& own = objects().manufacturer;
   if (contains(areas, dictionary::Area::profile)) {
@@ -89,7 +89,7 @@ drive::Configuration Pronet::configuration() const {
   configuration.monitors.limit_switch_levels = true;
   const pronet::Encoder encoder = pronet::encoder_of(motor.counts_per_revolution);
   configuration.encoder_loss = encoder_loss(encoder);
-  configuration.index_available = encoder == pronet::Encoder::incremental;  // L1365
+  configuration.index_available = encoder == pronet::Encoder::incremental;  // ch. 7.2
   configuration.encoder_begins_at_zero = encoder == pronet::Encoder::incremental;
   // 5 units of 606Ch for one count of this encoder, so that 606Fh = 10 tells standing from moving.
   if (encoder == pronet::Encoder::incremental) configuration.shown_velocity_ms = 12.0F;
@@ -98,7 +98,7 @@ drive::Configuration Pronet::configuration() const {
                                digit(pn.get<516>(), pn.get<517>(), i) != 0};
     if (digit(pn.get<512>(), pn.get<513>(), i) != 0) configuration.bus_inputs |= 1U << i;
   }
-  // Pn514 counts 0.2 ms (L2601); a cycle takes 0.5.
+  // Pn514 counts 0.2 ms (appendix, 3086h); a cycle takes 0.5.
   configuration.input_filter_cycles = (pn.get<514>() * 2U + 4U) / 5U;
   configuration.sync_period_s = own.sync_time_period_us * 1e-6;
   return configuration;

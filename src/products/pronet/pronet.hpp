@@ -10,7 +10,7 @@ class Pronet final : public CanDevice<Pronet, pronet::Objects> {
  public:
   static constexpr std::span<const dictionary::Entry> table{pronet::object_table};
   static constexpr drive::Policy policy = pronet::make_policy();
-  static constexpr dictionary::LengthAborts length_aborts{};  // L288-290
+  static constexpr dictionary::LengthAborts length_aborts{};  // ch. 3.2
   static constexpr canopen::Profile profile{
       .rpdo_types = {.acyclic_synchronous = false,
                      .synchronous_remote = false,
@@ -18,27 +18,27 @@ class Pronet final : public CanDevice<Pronet, pronet::Objects> {
                      .manufacturer_event_driven = false},
       .tpdo_types = {.acyclic_synchronous = false,
                      .synchronous_remote = false,
-                     .asynchronous_remote = false},  // L328-335 (C4)
-      .remote_frames = false,                        // L204
-      .valid_pdo_may_be_remapped = true,             // L343-376
-      .valid_pdo_parameters_may_change = true,       // L343-376
+                     .asynchronous_remote = false},  // ch. 3.3, 'Transmit type of PDO' (C4)
+      .remote_frames = false,                        // ch. 3
+      .valid_pdo_may_be_remapped = true,             // ch. 3.3, 'PDO mapping case'
+      .valid_pdo_parameters_may_change = true,       // ch. 3.3, 'PDO mapping case'
       .padded_mappings = pronet::padded_mappings,    // C7
-      .cob_id_ranges = pronet::cob_id_ranges,        // L385-394
-      .rpdo_excess_length_is_reported = false,       // 8220h is not in the list L637-667
-      .type_255_sends_on_change = false,             // L328-335: by the event time
-      .sdo_block = false,                            // L236
-      .sdo_timeout = std::chrono::seconds(0),        // 0504 0000h is not in the list L271-295
-      .sync_producer = false,                        // L617-627
+      .cob_id_ranges = pronet::cob_id_ranges,        // ch. 3.3, 1800h
+      .rpdo_excess_length_is_reported = false,       // 8220h is not in the list ch. 3.5
+      .type_255_sends_on_change = false,             // ch. 3.3, 'Transmit type of PDO': by the event time
+      .sdo_block = false,                            // ch. 3.2
+      .sdo_timeout = std::chrono::seconds(0),        // 0504 0000h is not in the list ch. 3.2
+      .sync_producer = false,                        // ch. 3.4, 1005h
       .sync_cob_id_fixed = true,
       .time_consumer = false,
       .error_reset_tells_the_last_only = true,
       .bus_off_is_reported_on_recovery = false,                // 8140h is an alarm of the drive
-      .frame_length_code = 0x8200,                             // L662
+      .frame_length_code = 0x8200,                             // ch. 3.5
       .consumers_have_possible_nodes = true,                   // 1016h
-      .node_guarding = canopen::NodeGuarding::absent,          // L204
-      .reset_communication_restores = dictionary::Area::none,  // L743-744, L2104
+      .node_guarding = canopen::NodeGuarding::absent,          // ch. 3
+      .reset_communication_restores = dictionary::Area::none,  // ch. 3.7 and 9.2
       .lss = false};
-  static constexpr std::uint8_t factory_node_id = 1;            // L2050
+  static constexpr std::uint8_t factory_node_id = 1;            // ch. 9
   static constexpr std::uint32_t factory_bit_rate = 1'000'000;  // not printed
 
   explicit Pronet(const Settings& settings) : CanDevice(settings) {}
