@@ -8,14 +8,15 @@
 
 namespace servodrome::products {
 
-// The communication objects that a node with these objects works with; they size its memory. A product with PDOs
-// beyond its struct specialises it.
+// The communication objects of a node, which determine the size of its memory. A product whose PDOs are not in its
+// struct specialises this.
 template <typename ProductObjects>
 struct NodeSizes {
   using Communication = decltype(ProductObjects::communication);
 };
 
-// A CANopen servo drive put together from a product's tables. Beyond what ServoDevice asks for, `Product` gives
+// A CANopen servo drive put together from a product's tables. In addition to what ServoDevice requires, `Product`
+// provides
 //   profile, factory_node_id, factory_bit_rate
 //   std::uint8_t chosen_node_id() const, std::uint32_t chosen_bit_rate() const     what the objects ask for
 template <typename Product, typename ProductObjects, std::size_t SdoBufferBytes = 64>
@@ -39,7 +40,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   void power_on(const drive::Feedback& feedback, Time now) override {
     Base::clear_objects();
     load_objects(dictionary::Area::all, settings().node_id != 0 ? settings().node_id : Product::factory_node_id);
-    // The node id may itself be a saved value, and defaults depend on it.
+    // The node-ID may be a saved value, and defaults of other objects depend on it.
     node_id_ = product().chosen_node_id();
     bit_rate_ = product().chosen_bit_rate();
     load_objects(dictionary::Area::all, node_id_);
@@ -57,7 +58,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
 
   void cycle(Time now) override {
     node_.process_image_updated(now);
-    // 8700h: a SYNC that is expected every 1006h does not come while the axis depends on it.
+    // 8700h: SYNC, expected every 1006h, is missing while a cyclic synchronous mode depends on it.
     const auto period = std::chrono::microseconds(objects().communication.communication_cycle_period_us);
     const bool depends = period.count() != 0 && last_sync_ != Time{} && drive::is_cyclic_synchronous(drive().mode()) &&
                          drive().state() == drive::PowerState::operation_enabled;
@@ -115,7 +116,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
     if constexpr (Product::policy.communication_loss_is_always_fault) {
       drive().communication_lost(cause == canopen::LossCause::bus_off ? drive::Cause::bus_off
                                                                       : drive::Cause::communication_lost);
-      standard.emergency_code = 0;  // the drive's own error tells it
+      standard.emergency_code = 0;  // the drive's own error reports the loss
       return standard;
     }
     reported_by_node_ = standard.emergency_code;
@@ -129,7 +130,7 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
     if (reported_by_node_ == 0) {
       node_.raise(fault.code, fault.error_register);
     } else {
-      drive_objects().error_code = reported_by_node_;  // 603Fh tells what the EMCY tells
+      drive_objects().error_code = reported_by_node_;  // 603Fh shows the code of the EMCY
       node_.hold(fault.error_register);
     }
   }
@@ -137,8 +138,8 @@ class CanDevice : public ServoDevice<Product, ProductObjects>, protected canopen
   void errors_gone(std::uint8_t remaining) override { node_.clear(remaining); }
 
  private:
-  // 6007h also tells what to do when the node is stopped or its communication is reset; a product without that object
-  // goes on.
+  // 6007h also determines the reaction when the node is stopped or its communication is reset. A product without that
+  // object goes on.
   void abort_connection() {
     if (Product::policy.nmt_aborts_connection && dictionary().find(0x6007, 0) != nullptr) drive().communication_lost();
   }

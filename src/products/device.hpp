@@ -28,30 +28,30 @@ class Esc;
 class Slave;
 }  // namespace servodrome::ethercat
 
-// A drive as it leaves the factory: dictionary, servo drive and bus stacks of one product, wired together. What a line
-// or a microcontroller's board support sees of it.
+// A drive as it leaves the factory: dictionary, servo drive and bus stacks of one product, wired together. This is the
+// interface for a simulated line or for the board support of a microcontroller.
 namespace servodrome::products {
 
 using Time = std::chrono::nanoseconds;  // since the start of the line; never the wall clock
 
-// How a drive's RS485 port is commissioned; what is not given is the product's factory value.
+// How a drive's RS485 port is commissioned. A member that is not set stands for the product's factory value.
 struct SerialSettings {
   std::uint8_t station = 0;  // 0: the product's
   std::optional<modbus::CharacterFormat> format;
   std::optional<SerialProtocol> protocol;
-  // At least so long is the line silent at the end of a Modbus frame, and no pause within one matters: for stations
-  // whose pauses come from an operating system. 0: the protocol's silence.
+  // The least silence that ends a Modbus frame; shorter pauses within a frame are ignored. For masters whose pauses
+  // depend on an operating system. 0: the silence of the protocol.
   Time silence{};
 };
 
-// What an EtherCAT slave has of its own on the line.
+// Settings of one EtherCAT slave.
 struct EthercatSettings {
   std::uint16_t station_alias = 0;                  // configured station alias in its SII; 0: none
   std::int32_t oscillator_ppb = 0;                  // error of its oscillator, parts per billion
   std::optional<std::uint16_t> sync_error_limit{};  // 10F1h:02 at power-on; else the factory's
 };
 
-// What the commissioning of a real drive would set by switches, PC tool or nameplate.
+// Settings that a real drive has from its switches, its PC tool or its nameplate.
 struct Settings {
   std::uint8_t node_id = 0;    // 0: the product's factory value
   std::uint32_t bit_rate = 0;  // bit/s; 0: the product's factory value
@@ -64,8 +64,8 @@ struct Settings {
   std::span<const std::byte> description{};  // the EDS text, for products that carry it (1021h)
 };
 
-// A fault that a device remembers with how it was then. For devices whose manual describes such a memory but prints no
-// objects of it.
+// A fault in the history of a device, with the state of the drive at that time. For devices whose manual describes such
+// a history but prints no objects for it.
 struct PastFault {
   const drive::FaultRow* fault = nullptr;
   float dc_link_v = 0.0F;
@@ -78,31 +78,30 @@ struct PastFault {
 
 // The life of a device: `power_on`; then, for every base tick, the board calls `drive().tick(feedback, actuation)` and,
 // when that completed a position-loop cycle (Drive::tick returns true), `cycle(now)`. `poll` is due at `next_deadline`.
-// A device stands on one fieldbus. CAN: frames arrive through `receive`, in time order with the ticks, and those to
-// send are fetched with `take`. EtherCAT: frames pass the controller (ethercat::Segment), and `poll` is due after each
-// that the slave wants to hear of. The RS485 port, for devices that have one, is handed its characters in the same
-// order of time.
+// A device is on one fieldbus. CAN: `receive` gets the frames that arrive, in time order with the ticks; `take` returns
+// the frames to send. EtherCAT: frames pass the controller (ethercat::Segment), and `poll` is due after each frame that
+// the slave asks for. An RS485 port receives its characters in the same time order.
 class Device {
  public:
   virtual void power_on(const drive::Feedback& feedback,
-                        Time now) = 0;  // from the non-volatile values; also a power cycle
+                        Time now) = 0;  // loads the non-volatile values; also for a power cycle
   virtual void power_off() = 0;
 
   virtual void cycle(Time now) = 0;
   virtual void poll(Time now) = 0;
   virtual Time next_deadline() = 0;
 
-  // CAN. nullptr: the device is not on it, and has neither node-ID nor bit rate (0).
+  // CAN. nullptr: the device is not on CAN; node-ID and bit rate are 0 then.
   virtual canopen::Node* can_node() { return nullptr; }
   virtual std::uint8_t node_id() const { return 0; }
   virtual std::uint32_t bit_rate() const { return 0; }  // in force now, bit/s
   virtual void receive(const canopen::Frame&, Time /*now*/) {}
   virtual bool take(canopen::Frame&) { return false; }
-  // For a controller that can take a frame back until the wire has begun with it (canopen::Node::next_frame).
+  // For a CAN controller that can withdraw a frame until its transmission begins (canopen::Node::next_frame).
   virtual const canopen::WaitingFrame* next_frame() { return nullptr; }
   virtual void frame_sent(const canopen::Frame&) {}
 
-  // EtherCAT. nullptr: the device is not on it.
+  // EtherCAT. nullptr: the device is not on EtherCAT.
   virtual ethercat::Slave* ethercat_slave() { return nullptr; }
   virtual ethercat::Esc* ethercat_controller() { return nullptr; }
 
@@ -110,14 +109,14 @@ class Device {
   virtual SerialPort* serial_port() { return nullptr; }
 
   virtual drive::Drive& drive() = 0;
-  // All objects, as the service port and the bench see them, and those that the fieldbus sees.
+  // All objects, for the service port and the bench, and the objects that the fieldbus can access.
   virtual dictionary::Dictionary& dictionary() = 0;
   virtual dictionary::Dictionary& bus_dictionary() = 0;
 
-  // As the manual has them, or the standard of the bus; none where neither says anything.
+  // The lamps of the manual or of the bus standard; none if neither describes any.
   virtual Lamps lamps(Time /*now*/) { return {}; }
 
-  // The fault before the `n` last ones, 0 is the last; nullptr: so many are not remembered.
+  // The `n`th newest fault of the history, 0 is the newest; nullptr: the history has fewer.
   virtual const PastFault* past_fault(std::size_t /*n*/) const { return nullptr; }
 
  protected:

@@ -17,7 +17,8 @@ struct EthercatSizes {
   std::size_t sii_bytes = 2048;  // a multiple of 128
 };
 
-// An EtherCAT servo drive put together from a product's tables. Beyond what ServoDevice asks for, `Product` gives
+// An EtherCAT servo drive put together from a product's tables. In addition to what ServoDevice requires, `Product`
+// provides
 //   ethercat_profile                                                what the slave offers
 //   static ethercat::SiiDescription sii_description(const Settings&)    what its information memory says beyond that
 template <typename Product, typename ProductObjects, EthercatSizes Sizes = EthercatSizes{}>
@@ -39,7 +40,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
                  const ethercat::SiiDescription& sii)
       : Base(its_settings, composition), slave_(esc_, bus_dictionary(), profile, *this, storage_.memory()) {
     listen(dictionary::Owner::communication, bus_dictionary().listener(dictionary::Owner::communication));
-    // Written once: it is non-volatile, and a master may change it.
+    // Written once, because it is non-volatile and a master may change it.
     ethercat::write_sii_image(sii, profile, composition.bus_table, sii_);
   }
 
@@ -90,7 +91,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
 
   // --- ethercat::SlaveEvents
   void state_changed(ethercat::AlState from, ethercat::AlState, ethercat::AlStatusCode, Time) override {
-    // No outputs come any more: 6007h says what to do (ETG.6010 clause 5.2).
+    // Outputs have ended: 6007h determines the reaction (ETG.6010 clause 5.2).
     if (from == ethercat::AlState::operational) drive().communication_lost();
   }
   void process_data(Time) override { drive().synchronise(); }
@@ -105,7 +106,7 @@ class EthercatDevice : public ServoDevice<Product, ProductObjects>, protected et
     slave_.emergency(0, remaining, {});
   }
 
-  // An emergency over the mailbox, and 1001h.
+  // Sends an emergency over the mailbox and sets 1001h.
   void report(std::uint16_t code, std::uint8_t error_register, const std::array<std::uint8_t, 5>& data = {}) {
     std::uint8_t& shown = objects().communication.error_register;
     shown = static_cast<std::uint8_t>(shown | error_register);

@@ -2,7 +2,8 @@
 
 #include <cstdint>
 
-// What the products' 1000h and 1018h have in common. No manual prints 1018h; the numbers are this project's.
+// Values of 1000h and 1018h that several products share. Their manuals do not print 1018h; the numbers are this
+// project's.
 namespace servodrome::products {
 
 inline constexpr std::uint32_t servo_drive = 0x00020192;  // 1000h: CiA 402, servo drive

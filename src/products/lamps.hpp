@@ -10,14 +10,14 @@
 
 namespace servodrome::products {
 
-// What a lamp of a drive does, as one sees it who stands in front of it.
+// The state of a lamp, as a person in front of the drive sees it.
 enum class Light : std::uint8_t { off, on, blinking, flickering, flashes };
 
 struct Lamp {
   std::string_view name;
   std::string_view colour;
   Light light = Light::off;
-  std::uint8_t flashes = 0;  // of Light::flashes: so many, then a pause
+  std::uint8_t flashes = 0;  // of Light::flashes: number of flashes before a pause
 };
 
 // All lamps of a drive, in the order of its front.

@@ -5,13 +5,13 @@
 
 #include "drive/loops/motor_data.hpp"
 
-// The sizes a product is sold in. A product with one size has none of these.
+// The sizes of a product. A product with a single size has no models.
 namespace servodrome::products {
 
-// A drive with its own motor: nameplate, and what a simulation has to know beyond it. SI units, phase values line to
-// neutral (of a stepper, of one winding), currents of `motor` as peak values of the phase current.
+// A drive with its own motor: nameplate, and the further data that a simulation needs. SI units; phase values line to
+// neutral (for a stepper, of one winding); currents of `motor` as peak values of the phase current.
 struct Model {
-  std::string_view name;           // as a line file calls it
+  std::string_view name;           // its name in a line file
   std::string_view title;          // one line for people
   drive::MotorData motor{};        // inertia_kgm2: of the rotor alone
   float cogging_torque_nm = 0.0F;  // amplitude
@@ -20,10 +20,10 @@ struct Model {
   float supply_v = 48.0F;
   float dc_link_f = 1e-3F;
   float source_resistance_ohm = 0.05F;
-  float standby_w = 0.0F;  // the electronics, where the DC link feeds them
+  float standby_w = 0.0F;  // consumption of the electronics, if the DC link feeds them
   float winding_to_case_k_per_w = 1.0F;
   float case_to_ambient_k_per_w = 1.8F;
-  float stage_rated_current_a = 0.0F;   // the drive's own, as amplitude; 0: no less than the motor's
+  float stage_rated_current_a = 0.0F;   // of the drive, as amplitude; 0: at least that of the motor
   float stage_resistance_ohm = 0.005F;  // of the switches, per phase
 };
 

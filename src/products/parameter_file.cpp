@@ -11,7 +11,7 @@ using ethercat::FoeError;
 
 namespace {
 
-// substr, without the exception that portable code cannot have.
+// Like substr, but without its exception, which portable code must not throw.
 constexpr std::string_view part(std::string_view text, std::size_t from, std::size_t length) {
   text.remove_prefix(std::min(from, text.size()));
   return {text.data(), std::min(length, text.size())};
@@ -122,7 +122,7 @@ bool ParameterFile::parse_value(std::string_view text, Assignment& assignment) {
   std::uint64_t bits = 0;
   if (hexadecimal ? !read_number(part(text, 2, text.size()), 16, bits) : !read_number(text, 10, number)) return false;
   if (hexadecimal) number = static_cast<std::int64_t>(bits);
-  // Of a type's own limits the dictionary sees nothing any more, once the number has its size.
+  // The limits of the type are checked here: the dictionary cannot see them once the number is cut to its size.
   if (entry.type != dictionary::Type::unsigned64 &&
       (number < dictionary::minimum_of(entry.type) || number > dictionary::maximum_of(entry.type))) {
     return false;
@@ -148,7 +148,7 @@ ParameterFile::Line ParameterFile::parse(std::string_view line, Assignment& assi
   return parse_value(part(line, head, line.size()), assignment) ? Line::assignment : Line::wrong;
 }
 
-// Why the drive does not take it; nullptr if it does.
+// The reason why the drive refuses the assignment; nullptr if it accepts it.
 const char* ParameterFile::objection(const Assignment& assignment) const {
   if (assignment.entry == nullptr) return "no such object";
   const std::span<const std::byte> value = std::span(value_).first(assignment.size);
@@ -191,7 +191,7 @@ FoeError ParameterFile::take() {
   error = for_each_line([&](unsigned number, std::string_view line) {
     Assignment assignment;
     if (parse(line, assignment) != Line::assignment || says_what_it_is(*assignment.entry)) return FoeError::none;
-    // What was fit a moment ago is refused only if an earlier line is in its way.
+    // All lines were checked before, so a refusal here means that an earlier line of the file conflicts with this one.
     const AbortCode abort = dictionary_.write(*assignment.entry, std::span(value_).first(assignment.size));
     return abort == AbortCode::none ? FoeError::none : refuse(FoeError::illegal, dictionary::text(abort), number);
   });

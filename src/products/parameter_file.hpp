@@ -17,23 +17,23 @@ namespace servodrome::products {
 //     0x1018:01=0x53455256
 //     0x2011:02=150
 //     0x6098:00=-3
-// Read, it holds the vendor and product of 1018h and the values in use of all objects that are stored. Written, it is
-// checked as a whole: that it is of this vendor and product, that its objects are stored ones, that their values are
-// taken. Only then the values come into force and all stored objects are stored; what it does not name stays as it is.
-// The motor must be without power.
+// A master that reads the file gets vendor and product of 1018h and the present values of all objects that are stored.
+// A file that a master writes is checked as a whole first: it must be of this vendor and product, name stored objects
+// only, and have values that the drive accepts. Only then are the values applied and all stored objects saved. Objects
+// that the file does not name keep their values. The motor must be without power.
 class ParameterFile final : public ethercat::FoeFiles {
  public:
   static constexpr std::string_view name = "parameters.txt";
   static constexpr std::size_t capacity = 16384;  // bytes of text
   static constexpr std::size_t longest_value = 1024;
 
-  // `medium` is where parameters are stored; without one a file can be read but not written.
+  // `medium` is the memory for stored parameters; without one a file can be read but not written.
   ParameterFile(dictionary::Dictionary& dictionary, const drive::Drive& drive, dictionary::Medium* medium)
       : dictionary_(dictionary), drive_(drive), medium_(medium) {}
 
-  // Errors, each with its reason in words: not_found (another name), access_denied (the motor has power, no memory),
-  // disk_full (longer than `capacity`), illegal (a line is not as above, or its value is refused), program_error (the
-  // memory failed).
+  // Errors, each with a reason as text: not_found (another name), access_denied (the motor has power, no memory),
+  // disk_full (longer than `capacity`), illegal (a line has the wrong form, or its value is refused), program_error
+  // (the memory failed).
   ethercat::FoeError open(std::string_view file, std::uint32_t password, bool writes) override;
   ethercat::FoeError read(std::uint32_t position, std::span<std::uint8_t> into, std::size_t& count) override;
   ethercat::FoeError write(std::uint32_t position, std::span<const std::uint8_t> data, bool last) override;
@@ -45,7 +45,7 @@ class ParameterFile final : public ethercat::FoeFiles {
     const dictionary::Entry* entry = nullptr;
     std::size_t size = 0;
   };
-  // Whether a line is one, and what it says; its value goes to `value_`.
+  // The kind of a line. Parsing an assignment puts its value into `value_`.
   enum class Line : std::uint8_t { comment, assignment, wrong };
 
   void compose();

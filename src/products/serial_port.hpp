@@ -5,31 +5,31 @@
 
 namespace servodrome::products {
 
-// What a drive speaks on its RS485 port.
+// The protocol of a drive's RS485 port.
 enum class SerialProtocol : std::uint8_t { modbus_rtu, serial10 };
 
 // How an RS485 port is set up.
 struct SerialSetup {
   SerialProtocol protocol = SerialProtocol::modbus_rtu;
-  std::uint8_t station = 0;  // 0: none, only broadcasts are heard
+  std::uint8_t station = 0;  // 0: none, the drive receives broadcasts only
   modbus::CharacterFormat format{};
   modbus::RtuTiming timing{};
 };
 
-// The RS485 port of a drive: a station of a line that all stations hear, with one protocol at a time. Used as
-// modbus::RtuServer is: receive() every character of the line but its own, poll() no later than next_deadline(), and
-// take() what there is to send after each of these calls.
+// The RS485 port of a drive: a station on a shared line, with one protocol at a time. Its use is that of
+// modbus::RtuServer: call receive() for every character on the line except its own, poll() no later than
+// next_deadline(), and send the result of take() after each of these calls.
 class SerialPort final {
  public:
   using Time = modbus::Time;
 
-  // All outlive the port.
+  // All arguments must outlive the port.
   SerialPort(dictionary::Dictionary& dictionary, std::span<const modbus::Register> map, const modbus::Profile& profile)
       : server_(dictionary, map, profile), rtu_(server_, modbus::broadcast_station, {}), serial10_(dictionary, 0) {}
   SerialPort(const SerialPort&) = delete;
   SerialPort& operator=(const SerialPort&) = delete;
 
-  // What was being received or sent is forgotten.
+  // Discards frames that are being received or sent.
   void open(const SerialSetup& setup) {
     setup_ = setup;
     selected_ = setup.protocol;
@@ -38,10 +38,11 @@ class SerialPort final {
     serial10_.reset();
     serial10_.set_id(setup.station);
   }
-  // The protocol from the next character on: the answer to the request that changes it goes out in the old one.
+  // The protocol changes with the next character: the answer to the request that changes it still uses the old
+  // protocol.
   void select(SerialProtocol protocol) { selected_ = protocol; }
 
-  // Not `intact`: a parity or framing error, or a character that two stations sent at once.
+  // `intact` is false for a parity or framing error, or a collision of two stations.
   void receive(std::uint8_t character, bool intact, Time at) {
     follow_selection();
     if (speaks_modbus()) {
@@ -60,7 +61,7 @@ class SerialPort final {
   const modbus::CharacterFormat& format() const { return setup_.format; }
   std::uint8_t station() const { return setup_.station; }
   SerialProtocol protocol() const { return selected_; }
-  // The registers, for requests that come by another way (Modbus TCP); nullptr while another protocol is spoken.
+  // The registers, for requests over another path (Modbus TCP); nullptr while the port uses another protocol.
   modbus::Server* modbus() { return selected_ == SerialProtocol::modbus_rtu ? &server_ : nullptr; }
 
  private:

@@ -8,15 +8,16 @@
 
 namespace servodrome::products {
 
-// What a device is put together from: constants of its product, or what the running program makes of a description.
+// The parts of a device: constants of its product, or data that the program builds from a description at run time.
 struct Composition {
   std::span<const dictionary::Entry> table;
-  std::span<const dictionary::Entry> bus_table;  // what the fieldbus sees of it
+  std::span<const dictionary::Entry> bus_table;  // the part that the fieldbus can access
   const drive::Policy& policy;
-  std::size_t object_bytes = 0;  // of the objects; 0: those of the product's struct
+  std::size_t object_bytes = 0;  // memory of the objects; 0: the product's struct
 };
 
-// Where the objects of a device live: within the device. A product with objects beyond a struct specialises it.
+// The memory of a device's objects, which is part of the device. A product whose objects are not in a struct
+// specialises this.
 template <typename ProductObjects>
 class ObjectMemory {
  public:
@@ -31,9 +32,9 @@ class ObjectMemory {
   ProductObjects objects_{};
 };
 
-// What the servo drives of all fieldbuses have in common: objects, dictionary, drive and non-volatile memory, put
-// together from a product's tables. `Product` derives from CanDevice<Product, ...> or EthercatDevice<Product, ...>,
-// which derive from this, and gives
+// The common part of servo drives on all fieldbuses: objects, dictionary, drive and non-volatile memory, put together
+// from a product's tables. `Product` derives from CanDevice<Product, ...> or EthercatDevice<Product, ...>, which derive
+// from this, and provides
 //   table, policy, length_aborts   the product as data
 //   void prepare(Area)             values of these areas that are not defaults: identity, nameplate
 //   void loaded(Area)              optional: values that follow from the saved ones
@@ -106,21 +107,21 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
     return dictionary::Store(*settings_.store).save(dictionary_, areas);
   }
 
-  // The same for values that the device stores by itself: a memory that does not take them is a fault.
+  // The same for values that the device saves by itself: a failure of the memory is a fault.
   void keep(dictionary::Area areas, drive::Cause failed = drive::Cause::memory) {
     if (settings_.store != nullptr && save(areas) != dictionary::AbortCode::none) drive_.raise(failed);
   }
 
-  // Forgets what was saved; acts after the next restart.
+  // Deletes saved values; this acts after the next restart.
   dictionary::AbortCode forget(dictionary::Area areas) {
     if (settings_.store == nullptr) return dictionary::AbortCode::hardware_error;
     return dictionary::Store(*settings_.store).restore_defaults(dictionary_, areas);
   }
 
-  // The objects of these areas have their saved values: for what follows from them.
+  // Called when the objects of these areas have their saved values, to set values that follow from them.
   void loaded(dictionary::Area) {}
 
-  // `node_id`: what defaults that depend on it are made with.
+  // `node_id` is for defaults that depend on it.
   void load_objects(dictionary::Area areas, std::uint8_t node_id = 0) {
     using Loaded = dictionary::Store::Loaded;
     load_factory_values(areas, node_id);
@@ -133,7 +134,8 @@ class ServoDevice : public Device, protected drive::DriveEvents, protected dicti
     product().loaded(areas);
   }
 
-  // Factory values in the place of lost ones are a fault. For when the drive runs: until then it takes none.
+  // Raises a fault if factory values replaced lost ones. To be called once the drive runs, because it accepts no faults
+  // before.
   void tell_lost_values() {
     if (values_lost_) drive_.raise(drive::Cause::memory);
   }

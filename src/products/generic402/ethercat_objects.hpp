@@ -4,7 +4,8 @@
 #include "ethercat/slave/communication_section.hpp"
 #include "products/generic402/objects.hpp"
 
-// The reference drive's objects on EtherCAT: those of 1000h to 1FFFh are the other bus's, the rest is the same.
+// The objects of the reference drive on EtherCAT: 1000h to 1FFFh are those of EtherCAT, the others are the same as on
+// CAN.
 namespace servodrome::products::generic402 {
 
 struct EthercatObjects {
@@ -28,7 +29,7 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   builder.append(drive::supported_homing_methods(drive::cia402_methods));
   builder.add(number_constant(0x67FF, 0, ObjectCode::var, "Single device type", Type::unsigned32, servo_drive));
   builder.append(manufacturer_section, offsetof(EthercatObjects, manufacturer));
-  // Not there: what belongs to CANopen, and what the CAN variant leaves out as well.
+  // Removed: objects of CANopen, and objects that the CAN variant omits too.
   for (const std::uint16_t index :
        std::to_array<std::uint16_t>({0x1021, 0x1022, 0x2F00, 0x2F01, 0x2F20, 0x6090, 0x6093, 0x6094})) {
     builder.remove(index);
@@ -38,7 +39,7 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
       .set_default(0x1018, 2, ethercat_product_code)
       .set_default(0x1018, 3, revision_number);
   builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
-  // One pair of PDOs that serves all cyclic modes and homing, and one for each of the ways masters use drives.
+  // One pair of PDOs for all cyclic modes and homing, then a pair for each usual way of control.
   builder.map_pdo(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60710010, 0x60600008, 0x00000008});
   builder.map_pdo(0x1601, {0x60400010, 0x607A0020});
   builder.map_pdo(0x1602, {0x60400010, 0x60FF0020});

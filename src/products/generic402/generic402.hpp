@@ -7,7 +7,7 @@
 
 namespace servodrome::products {
 
-// The reference drive: CiA 301, 305 and 402-2 to the letter, with every mode, homing method and service.
+// The reference drive: strictly CiA 301, 305 and 402-2, with every mode, homing method and service.
 class Generic402 final : public CanDevice<Generic402, generic402::Objects, 1024> {
  public:
   static constexpr std::span<const dictionary::Entry> table{generic402::object_table};

@@ -29,7 +29,7 @@ drive::Configuration Generic402Ec::configuration() const {
   return configuration;
 }
 
-// With SYNC0 the set-points come with its period, whatever 60C2h says; where 60C2h can hold it, it does.
+// With SYNC0 the period of set-points is that of SYNC0, whatever 60C2h says. 60C2h is set to it if it can represent it.
 void Generic402Ec::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time now) {
   EthercatDevice::state_changed(from, to, cause, now);
   if (to == ethercat::AlState::init && set_point_period_s_ != 0.0) {

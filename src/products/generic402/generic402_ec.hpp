@@ -13,7 +13,7 @@ class Generic402Ec final : public EthercatDevice<Generic402Ec, generic402::Ether
   static constexpr std::span<const dictionary::Entry> table{generic402::ethercat_object_table};
   static constexpr const drive::Policy& policy = generic402::policy;
   static constexpr dictionary::LengthAborts length_aborts{};
-  // What a master may want to set before it sends targets: the mode, and how often they come.
+  // Start-up commands for a master to send before its targets: the mode and the period of targets.
   static constexpr auto start_up = std::to_array<ethercat::StartUpParameter>({
       {"PS", 0x6060, 0, 8, "Mode: cyclic synchronous position"},
       {"PS", 0x60C2, 1, 1, "Interpolation time period: 1"},

@@ -8,7 +8,7 @@
 
 namespace servodrome::products::generic402 {
 
-// Manufacturer objects of the reference drive: what CiA 402 leaves to the maker.
+// Manufacturer objects of the reference drive, for settings that CiA 402 leaves to the maker.
 struct Manufacturer {
   // 2010h: gains; 0 leaves a gain to the drive, which derives it from the motor and the bandwidths of 2011h.
   std::uint32_t position_kp = 0;                   // 0.01 1/s
@@ -43,7 +43,7 @@ struct Manufacturer {
   std::uint32_t homing_timeout_ms = 0;
   std::uint16_t i2t_utilisation = 0;   // 2060h, %
   std::uint8_t node_id = 2;            // 2F00h, from the next restart or by LSS
-  std::uint32_t bit_rate = 1000000;    // 2F01h, bit/s, likewise
+  std::uint32_t bit_rate = 1000000;    // 2F01h, bit/s, from the next restart or by LSS
   dictionary::Blob<1024> user_data{};  // 2F10h
   // 2F20h: RS485 port, from the next restart on
   std::uint8_t station = 0;  // 0: as the node-ID
@@ -204,8 +204,8 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 3, revision_number);
   builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
 
-  // The default PDOs of CiA 402-2 for a drive of all modes: 1 words, 2 and mode, 3 position, 4 velocity.
-  // The TPDOs with actual values: the changes of axes in motion leave the bus to others.
+  // The default PDOs of CiA 402-2 for a drive of all modes: 1 words, 2 and mode, 3 position, 4 velocity. The inhibit
+  // time of TPDOs with actual values keeps axes in motion from filling the bus.
   constexpr std::int64_t tpdo_inhibit_time = 100;  // 10 ms, in 100 us
   builder.set_default(0x1802, 3, tpdo_inhibit_time).set_default(0x1803, 3, tpdo_inhibit_time);
   builder.map_pdo(0x1600, {0x60400010});

@@ -9,8 +9,8 @@ using drive::Cause;
 using drive::Reaction;
 using drive::ResetRule;
 
-// Error codes of CiA 402-2; what they do not know is in the manufacturer's range FFxxh.
-// Register bits: 0 generic, 1 current, 2 voltage, 3 temperature, 4 communication, 5 device profile.
+// Error codes of CiA 402-2. Faults without such a code have one in the manufacturer's range FFxxh. Register bits: 0
+// generic, 1 current, 2 voltage, 3 temperature, 4 communication, 5 device profile.
 inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::bus_overcurrent, 0x2220, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "DC link overcurrent"},
     {Cause::overcurrent_u, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone,

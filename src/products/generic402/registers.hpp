@@ -3,11 +3,11 @@
 #include "modbus/profile.hpp"
 #include "products/generic402/objects.hpp"
 
-// Modbus registers of the reference drive. The rule: every number of the dictionary has its registers in one of three
-// blocks, communication objects (1000h..1FFFh) from register 1000h on, manufacturer's objects (2000h..5FFFh) from 2000h
-// on, profile objects (6000h on) from 6000h on; within a block in the order of the dictionary and without gaps, one
-// register for 8 and 16 bits, two for 32, four for 64. What a master exchanges cyclically lies once more side by side
-// from register 0 (to be written) and 100h (to be read), so that one request of function 17h does it all.
+// Modbus registers of the reference drive. Every numeric object of the dictionary has registers in one of three blocks:
+// communication objects (1000h..1FFFh) from register 1000h on, manufacturer's objects (2000h..5FFFh) from 2000h on,
+// profile objects (6000h on) from 6000h on; within a block in the order of the dictionary and without gaps, one
+// register for 8 and 16 bits, two for 32, four for 64. The objects for cyclic exchange are also at contiguous registers
+// from 0 (to write) and from 100h (to read), so that one request of function 17h exchanges all of them.
 namespace servodrome::products::generic402 {
 
 inline constexpr auto cyclic_registers = std::to_array<modbus::Register>({

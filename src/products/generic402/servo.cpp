@@ -36,8 +36,8 @@ bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::
   if (!shaft.valid()) return false;
   const Ratio position = shaft * feed.inverse();
   if (!position.valid()) return false;
-  // Both factors lead to the user's unit: velocity = (position units per second) x (6096h), acceleration = (velocity
-  // units per second) x (6097h). Here the way back is wanted.
+  // Both factors convert to the user's units: velocity = (position units per second) x (6096h), acceleration =
+  // (velocity units per second) x (6097h). The conversion here is the inverse.
   const auto inverse = [](std::uint32_t numerator, std::uint32_t divisor) {
     return static_cast<double>(divisor) / static_cast<double>(numerator);
   };
@@ -120,7 +120,7 @@ drive::Configuration configuration(const Manufacturer& own, const drive::MotorDa
 SerialSetup serial_setup(const Manufacturer& own, const Settings& settings) {
   SerialSetup setup;
   setup.station = own.station != 0 ? own.station : own.node_id;
-  if (setup.station > modbus::highest_station) setup.station = 0;  // no node-ID either: LSS has yet to give one
+  if (setup.station > modbus::highest_station) setup.station = 0;  // the node-ID is missing until LSS assigns one
   setup.format = {.bit_rate = own.serial_bit_rate,
                   .parity = static_cast<modbus::Parity>(own.serial_parity),
                   .stop_bits = own.serial_stop_bits};

@@ -10,17 +10,17 @@ using drive::Cause;
 using drive::Reaction;
 using drive::ResetRule;
 
-// The fault table of the manual's chapter on troubleshooting (ch. 5). The EMCY code is the fault code; error
-// registers are the recommendation of the digest, because the manual is silent. The reaction is 605Eh throughout;
-// faults after which the current or the rotor angle is no longer known cut the power stage whatever 605Eh says,
-// because no ramp could be driven. Causes that no simulation has (calibration, angle identification), those of an end
-// velocity that this drive does not have (6181h, 6281h, 6282h, G19), and mishaps of its own planning (6180h, 6184h) are
-// raised by injection only.
+// The fault table of the manual's chapter on troubleshooting (ch. 5). The EMCY code is the fault code. The manual
+// prints no error registers: they are this project's choice. The reaction is 605Eh for every fault, except where the
+// current or the rotor angle is no longer known: these faults cut the power stage whatever 605Eh says, because the
+// drive could not follow a ramp. Injection alone raises faults that the simulation has no cause for (calibration, angle
+// identification), faults of an end velocity, which this drive does not have (6181h, 6281h, 6282h, G19), and internal
+// errors of path planning (6180h, 6184h).
 inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::bus_overcurrent, 0x2230, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Bus overcurrent"},
     {Cause::overcurrent_u, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "U-phase overcurrent"},
     {Cause::overcurrent_v, 0x2311, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "V-phase overcurrent"},
-    // The manual has no code for phase W (ch. 5, 2310h and 2311h): it tells what it is, a short circuit.
+    // The manual has codes for phases U and V only (ch. 5, 2310h and 2311h). Phase W is reported as a short circuit.
     {Cause::overcurrent_w, 0x2320, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Hardware short circuit"},
     {Cause::short_circuit, 0x2320, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Hardware short circuit"},
     {Cause::phase_loss, 0x3130, 0x05, Reaction::power_off, ResetRule::when_cause_gone, "Lack of phase"},
@@ -112,9 +112,10 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::phase_sequence, 0xB102, 0x81, Reaction::power_off, ResetRule::when_cause_gone,
      "Motor hardly rotates during phase sequence detection"},
     {Cause::hall_state, 0xB104, 0x81, Reaction::power_off, ResetRule::when_cause_gone, "Hall status feedback abnormal"},
-    // Not in the manual's table: a master that is lost by guarding or heartbeat (G4).
+    // Not in the manual's table: a master lost by guarding or heartbeat (G4).
     {Cause::communication_lost, 0x8130, 0x11, Reaction::option_code, ResetRule::when_cause_gone, "Master lost"},
-    // Nor is it what becomes of a memory that cannot be used, as 1010h is not (G32): the code of CiA 402-2.
+    // Not in the manual's table either, as it has no 1010h (G32): a memory that cannot be used. The code is CiA
+    // 402-2's.
     {Cause::memory, 0x5530, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Non-volatile data memory"},
 });
 

@@ -4,13 +4,13 @@
 
 #include "drive/homing/methods.hpp"
 
-// The homing methods of the ISMC drive, as the text of its manual has them (ch. 4.7.6), row by row: which speed on
-// which leg, where it slows down without stopping, where it returns. Fast is 6099h sub 1, slow sub 2; where the manual
-// mixes the two up (method 14 ch. 4.7.6, method 23 ch. 4.7.6) or lets the axis speed up again after it slowed down
-// (methods 27 ch. 4.7.6, 30 ch. 4.7.6) the speeds of the neighbouring rows hold.
+// The homing methods of the ISMC drive, as the text of its manual has them (ch. 4.7.6), row by row: the speed of each
+// leg, where the axis slows down without stopping, where it returns. Fast is 6099h sub 1, slow is sub 2. Methods 14 and
+// 23 of the manual exchange the two, and methods 27 and 30 speed up again after the axis slowed down: these methods
+// have the speeds of the neighbouring rows instead (G36).
 //
-// Not supported: 0, 15, 16, 31, 32 (Table 4-80; ch. 4.7.6, methods 17 and 33) and everything else that is absent here,
-// 37 included.
+// Not supported: 0 (Table 4-80), 15, 16, 31, 32 (reserved, ch. 4.7.6) and every other number that is absent here, 37
+// included.
 namespace servodrome::products::ismc {
 namespace homing {
 
@@ -48,8 +48,7 @@ inline constexpr std::array homing_methods = [] {
       make_method(2, {leg(positive, fast, Until::limit_reached, Then::stop),
                       leg(negative, slow, Until::limit_released, Then::keep), to_index_negative}),
 
-      // Home switch, then index, without limit detection. Only 4 and 5 return to the index (ch. 4.7.6, methods 4 and
-      // 5).
+      // Home switch, then index, without limit detection. Only 4 and 5 return to the index (ch. 4.7.6, G24).
       make_method(3,
                   {leg(positive, fast, Until::home_rising, Then::stop),
                    leg(negative, slow, Until::home_falling, Then::keep), to_index_negative},

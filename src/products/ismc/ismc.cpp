@@ -44,7 +44,7 @@ drive::Configuration Ismc::configuration() const {
   if (!configuration.monitors.i2t) configuration.ignored.set(drive::Cause::i2t);
   configuration.monitors.i2t_peak_time_s = static_cast<float>(own.peak_current_time_ms) * 0.001F;
   configuration.monitors.ambient_cold_c = static_cast<float>(own.minimum_ambient_c);
-  configuration.monitors.motor_hot_c = 0.0F;  // the winding is watched by a contact on an input (7124h)
+  configuration.monitors.motor_hot_c = 0.0F;  // off: an input watches the winding's contact (7124h)
   configuration.monitors.index_deviation = own.index_deviation_threshold;
   if (own.velocity_tracking_threshold != velocity_tracking_off) {
     configuration.monitors.velocity_error = own.velocity_tracking_threshold;
@@ -53,7 +53,7 @@ drive::Configuration Ismc::configuration() const {
     configuration.ignored.set(drive::Cause::velocity_error);
   }
   for (std::size_t i = 0; i < own.input_function.size(); ++i) {
-    configuration.inputs[i] = {signal_of(own.input_function[i]), false};  // active high (ch. 4.7.6, method 1)
+    configuration.inputs[i] = {signal_of(own.input_function[i]), false};  // active high (ch. 4.7.6)
   }
   configuration.touch_probe = ismc::touch_probe(own.index_deviation_firmware != 0);
   configuration.remote_outputs = own.output_function;
@@ -79,8 +79,7 @@ dictionary::AbortCode Ismc::check(const dictionary::Entry& entry, std::span<cons
 }
 
 void Ismc::written(const dictionary::Entry& entry) {
-  // Bus settings act after a restart and outlive it without 1010h (ch. 2.2; ch. 6, 'Master slave CANopen
-  // configuration').
+  // Bus settings are saved at once, without 1010h, and act after a restart (ch. 2.2).
   if (entry.index == 0x2004 || entry.index == 0x2401) {
     keep(dictionary::Area::manufacturer);
     return;

@@ -9,8 +9,8 @@
 
 namespace servodrome::products::ismc {
 
-// Parameters of the manufacturer's area. Indices from 2F10h on are this project's choice for what the manual only
-// describes as a setting of the PC tool (params.csv of the digest).
+// Parameters of the manufacturer's area. Indices from 2F10h on are this project's choice for settings of the PC tool
+// that the manual describes without an index.
 struct Manufacturer {
   std::uint32_t index_deviation_threshold = 0;             // 2001h, counts; 0: off
   std::uint16_t phase_sequence = 0;                        // 2002h
@@ -169,25 +169,26 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);
 
-  // Factory PDOs: the manual's application example; PDO 3 and 4 off (ch. 2.6.2, 'PDO CAN identifier'; ch. 6, G7).
+  // Factory PDOs are those of the manual's application example (ch. 6, Table 5-2); PDO 3 and 4 are off (G7).
   builder.map_pdo(0x1600, {0x60400010, 0x60600008, 0x607A0020});
   builder.map_pdo(0x1601, {0x60FF0020, 0x60810020});
   builder.map_pdo(0x1A00, {0x60410010, 0x60610008, 0x60640020});
   builder.map_pdo(0x1A01, {0x606C0020, 0x60780010});
-  // "A prohibition time has been set for TxPDO" (ch. 2.6.2, 'Prohibited time'), and none is printed: an axis in motion
-  // changes its process data every cycle, and three of them would fill a bus of 1 Mbit/s (G6).
+  // "A prohibition time has been set for TxPDO" (ch. 2.6.2, 'Prohibited time'), but no value is printed. Without one,
+  // three axes in motion would fill a bus of 1 Mbit/s, because their process data change every cycle (G6).
   for (std::uint16_t index = 0x1800; index <= 0x1803; ++index) builder.set_default(index, 3, tpdo_inhibit_time);
   for (const std::uint16_t index : std::to_array<std::uint16_t>({0x1402, 0x1403, 0x1802, 0x1803})) {
     builder.at(index, 1).default_value |= 0x80000000;
   }
 
-  // Where the manual prints other defaults, types or sub-indices than the reference section.
+  // Defaults, types and sub-indices that the manual prints differently from the reference section.
   builder.set_default(0x605C, 0, 0).set_default(0x605E, 0, 0);
   builder.set_default(0x607B, 1, -2147483648).set_default(0x607B, 2, 2147483647);
   builder.set_default(0x607D, 1, -2147483648).set_default(0x607D, 2, 2147483647);
   builder.set_default(0x6081, 0, 0).set_default(0x6087, 0, 0);
   builder.set_range(0x6086, 0, -32768, 32767)
-      .set_range(0x6088, 0, -32768, 32767);  // faults at the start instead (G39b)
+      .set_range(0x6088, 0, -32768,
+                 32767);  // any value may be written; an unsupported one is a fault when the motion starts (G39b)
   builder.add(highest_sub(0x60A4, ObjectCode::array, "Profile jerk", 1));
   std::size_t kept = 0;
   for (std::size_t i = 0; i < builder.count; ++i) {

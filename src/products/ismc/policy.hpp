@@ -27,8 +27,8 @@ inline bool units(const drive::Objects&, const drive::MotorData& motor, drive::U
   return true;
 }
 
-// One probe on the rising edge of Z; the DI source and the falling edge are accepted and do nothing (ch. 4.8.1). From
-// firmware V1.04 on 60BAh holds the deviation between index pulses (G30).
+// One probe on the rising edge of Z. The DI source and the falling edge are accepted and have no effect (ch. 4.8.1,
+// G29). From firmware V1.04 on 60BAh holds the deviation between index pulses (G30).
 constexpr drive::TouchProbeCapability touch_probe(bool latches_index_deviation) {
   using IndexValue = drive::TouchProbeCapability::IndexValue;
   return {.probes = 1,
@@ -43,13 +43,13 @@ constexpr drive::Policy make_policy() {
   policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
                            mode_bit(Mode::profile_torque) | mode_bit(Mode::homing) |
                            mode_bit(Mode::cyclic_sync_position);  // 000000ADh (ch. 4.1 and 4.2, G14)
-  policy.option_codes = {.quick_stop = 0b1110'1111,               // 0..3, 5..7 (ch. 3.4)
+  policy.option_codes = {.quick_stop = 0b1110'1111,               // ch. 3.4: 0..3, 5..7
                          .shutdown = 0b11,                        // ch. 3.4
                          .disable_operation = 0b11,               // ch. 3.4
-                         .halt = 0b1110,                          // 1..3 (ch. 3.4)
-                         .fault_reaction = 0b1111};               // 0..3 (ch. 3.4)
+                         .halt = 0b1110,                          // 1..3
+                         .fault_reaction = 0b1111};               // 0..3
   policy.transition_16 = false;                                   // Table 3-2
-  policy.dc_link = drive::DcLink::from_switched_on;               // table 3-1
+  policy.dc_link = drive::DcLink::from_switched_on;               // Table 3-1
   policy.faults = faults;
   policy.set_point_queue = 16;                          // ch. 4.3.6, 'Multi point immediate effect mode'
   policy.halt_discards_set_points = true;               // ch. 4.3.6, 'Point to point stop'

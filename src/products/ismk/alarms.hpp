@@ -23,24 +23,25 @@ struct AlarmWords {
 // The bits of a row of the fault table, without the summary bit 0 of 2601h.
 AlarmWords words_of(const drive::FaultRow& row);
 
-// What the display shows of 2601h or 2602h: four digits with a point before the last, "080.0" (Tables 10-5 and 10-6).
+// The display's text for 2601h or 2602h: four digits with a point before the last, "080.0" (Tables 10-5 and 10-6).
 std::array<char, 6> display_code(std::uint16_t word);
 inline constexpr std::array<char, 6> motor_wrong_code{'F', 'F', 'F', '.', 'F', '\0'};  // Table 10-5, FFF.F
 
-// What the error history keeps of an alarm (ch. 10.1): how the drive was, and all the alarm words then.
+// An entry of the error history (ch. 10.1): the state of the drive and all alarm words at the time of the alarm.
 struct AlarmRecord : PastFault {
   AlarmWords words{};
 };
 
-// The alarm words, the masks and the error history. No object of the history is printed: it is read here.
+// The alarm words, the masks and the error history. The manual prints no objects for the history, so this class is the
+// only access to it.
 class AlarmLog {
  public:
   static constexpr std::size_t capacity = 8;
 
-  // Which causes 2605h sub 1 and 4 switch off. A detail of 2605h sub 7 goes with the bit that it details.
+  // The causes that 2605h sub 1 and 4 mask. A detail of 2605h sub 7 is masked with the bit that it details.
   static drive::CauseSet ignored(const Alarms& alarms);
 
-  // An alarm comes: sets its bits in `alarms`, and keeps it if 2605h says so.
+  // Sets the bits of a new alarm in `alarms`, and adds it to the history if 2605h says so.
   void raise(const drive::FaultRow& row, Alarms& alarms, const drive::Drive& drive);
   static void reset(Alarms& alarms) { alarms.state = alarms.state_2 = alarms.extension = 0; }
 

@@ -31,7 +31,7 @@ class IsmkDevice : public Fieldbus {
     Fieldbus::cycle(now);
   }
 
-  // Table 3-1; those of the bus flicker with its traffic, which is not shown.
+  // Table 3-1; the lamps of the bus flicker with its traffic, which this does not show.
   Lamps lamps(Time now) override {
     Lamps lamps;
     lamps.add({"PWR", "green", Light::on});
@@ -66,7 +66,7 @@ class IsmkDevice : public Fieldbus {
   ismk::Servo& servo() { return servo_; }
   void open_serial_port() { serial_port_.open(servo_.serial_setup()); }
 
-  // --- what the fieldbus device asks a product for
+  // --- Required by the fieldbus device
   void prepare(dictionary::Area areas) {
     objects().communication.serial_number = settings().serial_number;
     servo_.prepare(areas);

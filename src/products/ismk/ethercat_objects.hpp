@@ -4,8 +4,8 @@
 #include "ethercat/slave/communication_section.hpp"
 #include "products/ismk/object_table.hpp"
 
-// The dictionary of variant EA: that of AA with the objects of the other bus from 1000h to 1FFFh. Its manual names the
-// variant and prints nothing of these (README.md).
+// The dictionary of variant EA: that of AA, with objects of EtherCAT instead of CANopen from 1000h to 1FFFh. The manual
+// names the variant but prints none of these objects (README.md).
 namespace servodrome::products::ismk {
 
 struct EthercatObjects {
@@ -22,9 +22,9 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   builder.append(ethercat::communication_section<Communication>, offsetof(EthercatObjects, communication));
   builder.add(text_constant(0x1008, "Manufacturer device name", "iSMK-EA"));
   append_servo_objects(builder, offsetof(EthercatObjects, servo));
-  builder.remove(0x100E);  // of CANopen's node guarding
+  builder.remove(0x100E);  // belongs to CANopen's node guarding
   builder.at(0x6060).maximum = 8;
-  // Of mode 8; the same period as 3011h sub 1, whose factory value is 4 ms.
+  // 60C2h, for mode 8: the same period as 3011h sub 1, whose factory value is 4 ms.
   constexpr auto period = std::to_array<std::uint16_t>({0x60C2});
   builder.pick(drive::cia402_section, period, offsetof(EthercatObjects, servo) + offsetof(ServoObjects, drive));
   builder.set_default(0x60C2, 1, 4);
@@ -34,7 +34,7 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   builder.set_default(0x1018, 1, vendor_id)
       .set_default(0x1018, 2, ethercat_product_code)
       .set_default(0x1018, 3, revision_number);
-  // A pair for all modes, and one for each of position, speed and current.
+  // A pair of PDOs for all modes, and one pair each for position, speed and current.
   builder.map_pdo(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60F60810, 0x60600008, 0x00000008});
   builder.map_pdo(0x1601, {0x60400010, 0x607A0020, 0x60810020});
   builder.map_pdo(0x1602, {0x60400010, 0x60FF0020});

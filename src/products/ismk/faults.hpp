@@ -10,26 +10,27 @@ using drive::Cause;
 using drive::Reaction;
 using drive::ResetRule;
 
-// Where an alarm shows: bits 0..15 are those of 2601h, 16..31 those of 2602h, 32..47 those of 2605h sub 7. What stands
-// in 2605h sub 7 details a bit of the other two, which is set with it, or'ed in << 8; no detail has bit 0 of 2601h,
-// because that one says that 2602h is not 0 (Table 10-1).
+// The bit of an alarm: 0..15 are in 2601h, 16..31 in 2602h, 32..47 in 2605h sub 7. A bit of 2605h sub 7 details a bit
+// of the other two words, which is set with it and is or'ed in << 8. No detail has bit 0 of 2601h, because that bit
+// only says that 2602h is not 0 (Table 10-1).
 constexpr std::uint16_t state_bit(unsigned bit) { return static_cast<std::uint16_t>(bit); }
 constexpr std::uint16_t state_2_bit(unsigned bit) { return static_cast<std::uint16_t>(16 + bit); }
 constexpr std::uint16_t extension_bit(unsigned bit, std::uint16_t detailed) {
   return static_cast<std::uint16_t>(unsigned{detailed} << 8U | (32U + bit));
 }
 
-// The alarms of the manual's chapter 10 with their emergency codes (ch. 9.3.3.6). Error registers are the
-// recommendation of the digest, because the manual is silent. The reaction is 605Eh throughout; faults after which the
-// current is no longer known cut the power stage whatever 605Eh says, and those after which the rotor's angle is not
-// known leave of it only braking by short circuit, "even if the encoder is wrong" (ch. 5.6.3). What its own table calls
-// "restart" or "service" is reset by a restart only.
+// The alarms of the manual's chapter 10 with their emergency codes (ch. 9.3.3.6). The manual prints no error registers:
+// they are this project's choice. The reaction is 605Eh for every alarm, with two exceptions. An alarm after which the
+// current is unknown cuts the power stage whatever 605Eh says. After an alarm that leaves the rotor angle unknown, the
+// only option of 605Eh that still works is braking by short circuit, "even if the encoder is wrong" (ch. 5.6.3). Alarms
+// whose remedy in the manual is "restart" or "service" are reset by a restart only.
 //
-// Which cause has which row is a reading where the manual names no cause: the plant's over-current comparators are one
-// alarm; telegrams that break off are 400.0 (encoder times out), none at all 000.2; the supply of the gates hangs on
-// the logic supply; a fault of the drive's own electronics is the MCU's. Without a cause in this drive, and raised by
-// injection only: the chopper (the iSMK has none, ch. 1.3.1), pulses and the second encoder (no terminals), the current
-// sensor, watchdog, interrupt, SPI, the motor's identification and 81FFh, whose bus is not said.
+// Where the manual names no cause, the assignment of causes to rows is this project's: all over-current comparators of
+// the plant are one alarm; encoder telegrams that break off are 400.0 (time-out), telegrams that are missing from the
+// start are 000.2; the gate supply depends on the logic supply; a fault of the drive's electronics is "MCU". Injection
+// alone raises alarms that have no cause in this drive: the chopper (the iSMK has none, ch. 1.3.1), pulses and the
+// second encoder (no terminals), the current sensor, watchdog, interrupt, SPI, the motor's identification, and 81FFh,
+// because the manual does not say which bus it is about.
 inline constexpr auto faults = [] {
   constexpr auto option_code = Reaction::option_code;
   constexpr auto angle_lost = Reaction::angle_lost;

@@ -4,9 +4,9 @@
 
 #include "drive/homing/cia402_methods.hpp"
 
-// The homing methods of the iSMK: those of Table 5-15 (1 to 4, 9 to 12, 19 to 22), 33 of every homing
-// example, and the others of CiA 402-2, whose rows the text has lost at page breaks. The geometry is the standard's
-// throughout, because the drawings are lost as well. Hard-stop methods are not printed, so there are none: 0609 0030h.
+// The homing methods of the iSMK: those of Table 5-15 (1 to 4, 9 to 12, 19 to 22), 33, which every homing example uses,
+// and the others of CiA 402-2, whose rows are missing in the text at hand. All of them follow the figures of CiA 402-2,
+// because the drawings are missing too. Hard-stop methods are not printed and are refused with 0609 0030h.
 namespace servodrome::products::ismk {
 
 inline constexpr auto homing_methods = [] {

@@ -15,8 +15,8 @@ void Ismk::reset(canopen::NmtCommand command, dictionary::Area restore, std::uin
   if (whole) open_serial_port();
 }
 
-// With 6007h = 1 the loss of the master is an alarm of the drive, which sends its own emergency; otherwise nothing at
-// all (ch. 9.3.3.4; Table 9-26; Table 10-2, bit 12).
+// With 6007h = 1 the loss of the master is an alarm of the drive, which sends its own emergency. With 6007h = 0 it has
+// no effect (ch. 9.3.3.4; Table 9-26; Table 10-2, bit 12).
 canopen::LossReaction Ismk::communication_lost(canopen::LossCause, canopen::LossReaction) {
   if (objects().servo.drive.abort_connection_option_code == 1) drive().raise(drive::Cause::communication_lost);
   return {.emergency_code = 0, .behaviour = canopen::ErrorBehaviour::no_change};

@@ -18,8 +18,8 @@ ethercat::SiiDescription IsmkEa::sii_description(const Settings& settings) {
           .dc_modes = clock_modes};
 }
 
-// As on CAN: with 6007h = 1 a lost master is an alarm, otherwise nothing at all (Table 9-26; Table 10-2, bit 12). A
-// master that leaves Operational itself is lost to an axis that it has left enabled.
+// As on CAN: with 6007h = 1 a lost master is an alarm, with 6007h = 0 its loss has no effect (Table 9-26; Table 10-2,
+// bit 12). A master that leaves Operational while the axis is enabled counts as lost too.
 void IsmkEa::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time) {
   using ethercat::AlState;
   if (from == AlState::pre_operational && to == AlState::safe_operational) {

@@ -13,14 +13,14 @@ using IsmkOnEthercat = IsmkDevice<EthercatDevice<IsmkEa, ismk::EthercatObjects>>
 class IsmkEa final : public IsmkOnEthercat {
  public:
   static constexpr std::span<const dictionary::Entry> table{ismk::ethercat_object_table};
-  // Cyclic synchronous position, which masters of this bus ask for, beside the manual's modes.
+  // The manual's modes and cyclic synchronous position, which masters on EtherCAT expect.
   static constexpr drive::Policy policy = [] {
     drive::Policy made = ismk::make_policy();
     made.supported_modes |= drive::mode_bit(drive::Mode::cyclic_sync_position);
     return made;
   }();
   static constexpr dictionary::LengthAborts length_aborts{};
-  // What a master wants to set before it sends positions: interpolation (mode 7), and how often they come.
+  // Start-up commands for a master to send before its positions: interpolation (mode 7) and the period of set-points.
   static constexpr auto start_up = std::to_array<ethercat::StartUpParameter>({
       {"PS", 0x6060, 0, 7, "Mode: interpolated position"},
       {"PS", 0x3011, 1, 0, "Set-points every 2^0 ms"},

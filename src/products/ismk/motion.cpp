@@ -19,10 +19,11 @@ constexpr std::uint32_t key(const Entry& entry) { return entry.key(); }
 // 60FBh sub 4 (Table 6-5).
 constexpr std::int64_t trapezoid = 1;
 constexpr std::int64_t s_curve = 3;
-// 6086h of the S-curve: no jerk is printed, so it is the shape that needs none (README.md).
+// 6086h of the S-curve: the manual prints no jerk, so it is the shape without that parameter (README.md).
 constexpr std::int16_t s_curve_shape = static_cast<std::int16_t>(drive::RampShape::sin2);
 
-// 6099h sub 6 (ch. 5.5): a quarter of a turn while it looks for the right window itself, half a turn with 2.
+// 6099h sub 6 (ch. 5.5), the window in which homing ignores the index: with 1 a quarter of a turn while the drive
+// determines the right window, with 2 half a turn.
 constexpr std::uint8_t blind_automatic = 1;
 constexpr std::uint8_t blind_half_turn = 2;
 constexpr double automatic_blind_turns = 0.25;
@@ -30,8 +31,8 @@ constexpr double fixed_blind_turns = 0.5;
 
 double revolution(const drive::Drive& drive) { return drive.axis().units.counts_per_revolution; }
 
-// The window that keeps the index of this mechanics: none if the index is well away from the edge of the switch, half a
-// turn if an edge that moves a little could exchange it for its neighbour.
+// The window that always leads to the same index: none if the index is far from the edge of the switch; half a turn if
+// it is so near that a small displacement of the edge would lead to the neighbouring index.
 std::uint8_t blind_window_for(double turns_from_edge) {
   const double place = turns_from_edge - std::floor(turns_from_edge);
   return place < automatic_blind_turns || place > 1.0 - automatic_blind_turns ? blind_half_turn : 0;
@@ -57,7 +58,7 @@ void take_over_period(ServoObjects& objects) {
 
 double velocity_dec(double counts_per_s) { return counts_per_s * velocity_dec_per_inc_s; }
 
-// 60F9h sub 1Ch: what the velocity is short of, in the speed modes of 60FFh.
+// 60F9h sub 1Ch: target less actual velocity, in the modes with target 60FFh.
 double speed_error(const drive::Drive& drive, const drive::Objects& objects) {
   const drive::Axis& axis = drive.axis();
   const bool speed_mode = drive.mode() == Mode::profile_velocity || drive.mode() == Mode::immediate_velocity;
@@ -143,7 +144,7 @@ void MotionControl::refresh(const Entry& entry, ServoObjects& objects, const dri
   switch (key(entry)) {
     case 0x2FF009: own.target_speed_rpm = rounded<std::int16_t>(rpm_from_velocity_dec(common.target_velocity)); break;
     case 0x2FF00E: own.following_error_limit = rounded<std::uint16_t>(common.following_error_window / 100.0); break;
-    case 0x606300:  // the actual position of the user, whatever 607Eh is (ch. 7.2)
+    case 0x606300:  // the actual position in user direction, whatever 607Eh is (ch. 7.2)
       common.position_actual_internal_value = drive::wrap_to_32_bits(axis.to_user_position(axis.position()));
       break;
     case 0x60FC00:

@@ -7,8 +7,8 @@
 #include "products/identity.hpp"
 #include "products/ismk/sections.hpp"
 
-// The object dictionary of the iSMK, AA variant: chapter 7, chapter 9 (ch. 9.1 to 9.5) and the objects that
-// other chapters name. What the manual does not number (PDO parameters, identity) is as README.md says.
+// The object dictionary of the iSMK, AA variant: chapters 7 and 9 and the objects that other chapters name. README.md
+// describes those that the manual does not number (PDO parameters, identity).
 namespace servodrome::products::ismk {
 
 inline constexpr std::uint32_t product_code = 0x49534D4B;  // "ISMK"
@@ -20,8 +20,8 @@ inline constexpr auto cia402_objects = std::to_array<std::uint16_t>(
      0x6065, 0x6067, 0x6068, 0x606C, 0x6071, 0x6073, 0x6078, 0x607A, 0x607C, 0x607D, 0x607E, 0x607F, 0x6080,
      0x6081, 0x6083, 0x6084, 0x6085, 0x6098, 0x6099, 0x609A, 0x60F4, 0x60FC, 0x60FD, 0x60FF, 0x6502});
 
-// The objects that all variants have: what 2000h to FFFFh hold, the station number 100Bh and the COB-ID 100Eh. `at` is
-// where the ServoObjects lie.
+// Appends the objects that all variants have: 2000h to FFFFh, the station number 100Bh and the COB-ID 100Eh. `at` is
+// the offset of the ServoObjects.
 template <std::size_t Capacity>
 constexpr void append_servo_objects(dictionary::TableBuilder<Capacity>& builder, std::size_t at) {
   using namespace dictionary;  // NOLINT(google-build-using-namespace)
@@ -66,7 +66,7 @@ constexpr void append_servo_objects(dictionary::TableBuilder<Capacity>& builder,
   builder.set_default(0x6099, 1, 5368709).set_default(0x6099, 2, 1789570).set_default(0x609A, 0, 53687);
   builder.set_range(0x607E, 0, 0, 1);
   for (Entry& entry : builder.entries) {
-    if (entry.index == 0x6099) entry.code = ObjectCode::record;  // of one object, with the manufacturer's
+    if (entry.index == 0x6099) entry.code = ObjectCode::record;  // one object with the manufacturer's sub-indices
   }
   // 607Dh sub 1 is the positive limit here (ch. 7.5), the minimum in CiA 402.
   std::swap(builder.at(0x607D, 1).offset, builder.at(0x607D, 2).offset);
@@ -85,7 +85,7 @@ constexpr void append_servo_objects(dictionary::TableBuilder<Capacity>& builder,
   for (const std::uint16_t index : std::to_array<std::uint16_t>({0x607F, 0x6080, 0x6081}))
     builder.at(index, 0).saved = false;
 
-  // The device has its say in these as well: they are tied to other objects, see Ismk::written.
+  // The device handles these as well, because they are coupled to other objects (MotionControl::written).
   for (const std::uint16_t index : std::to_array<std::uint16_t>({0x6063, 0x6071, 0x607F, 0x6080, 0x60FC})) {
     builder.at(index, 0).owner = Owner::product;
   }
@@ -121,8 +121,8 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       .set_default(0x1018, 2, product_code)
       .set_default(0x1018, 3, revision_number);
   builder.set_default(0x100C, 0, 1000).set_default(0x100D, 0, 3);  // Table 9-26
-  // No communication object is printed as savable, but the station number: the master configures the node at every
-  // start (ch. 9.3.3.4 and 9.4).
+  // The station number is the only communication object that the manual prints as savable: the master configures the
+  // node at every start (ch. 9.3.3.4 and 9.4).
   for (std::size_t i = 0; i < builder.count; ++i) {
     Entry& entry = builder.entries[i];
     if (area_of(entry.index) == Area::communication && entry.index != 0x100B) entry.saved = false;

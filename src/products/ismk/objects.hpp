@@ -6,9 +6,8 @@
 #include "canopen/301/communication_objects.hpp"
 #include "drive/objects.hpp"
 
-// Where the objects of an iSMK drive live (chapter 7 of the manual), one plain struct for each of its
-// groups. Index, type, range and unit are in object_table.hpp. Values the manual gives "in DEC" are in internal units:
-// see units.hpp.
+// The memory of an iSMK drive's objects (ch. 7), one plain struct for each group. Index, type, range and unit are in
+// object_table.hpp. Values the manual gives "in DEC" are in internal units: see units.hpp.
 namespace servodrome::products::ismk {
 
 // 2010h: terminals.
@@ -27,7 +26,7 @@ struct Io {
   std::int32_t negative_limit_position = 0;
 };
 
-// 2020h: what digital inputs select, and 2FF1h, the way to write its positions by two 16-bit halves.
+// 2020h: values that digital inputs select. 2FF1h writes one of its positions by two 16-bit halves.
 struct Tables {
   std::array<std::int32_t, 8> position{};  // inc
   std::array<std::int32_t, 8> speed{};     // DEC
@@ -65,7 +64,7 @@ struct Tuning {
   std::uint8_t notch_control = 0;
 };
 
-// What an iSMK adds to the motion objects of CiA 402.
+// Motion objects that an iSMK has in addition to those of CiA 402.
 struct Motion {
   std::uint8_t step_stop_mode = 0;            // 2340h sub 1
   std::int16_t step_stop_current = 0;         // DEC
@@ -140,7 +139,7 @@ struct Device {
   std::uint16_t over_voltage_v = 70;                // 6510h sub 9
 };
 
-// What the variants have in common.
+// The objects that both variants have.
 struct ServoObjects {
   drive::Objects drive{};
   Io io{};

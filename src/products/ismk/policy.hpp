@@ -14,14 +14,14 @@ using drive::mode_bit;
 
 // Readings of the manual that could be the other way round (see README.md of this folder).
 inline constexpr std::int16_t winding_brake_code =
-    18;                                   // C4: held after it, as 5.6.3 says, not switched off as Table 5-2
+    18;  // C4: quick stop is held after it, as ch. 5.6.3 says, not left as in Table 5-2
 inline constexpr bool remote_bit = true;  // C7: set while no input enables the drive
 
 inline constexpr auto digital_inputs = [] {
   constexpr auto signal = [](std::uint8_t to, drive::Signal from) {
     return drive::DigitalInputBit{to, drive::DigitalInputBit::Source::signal, static_cast<std::uint8_t>(from)};
   };
-  // Bit 4, not bit 3, is the interlock (ch. 7.2, 60FDh, C25).
+  // The interlock is bit 4 (ch. 7.2), not bit 3 as in CiA 402.
   return std::array{signal(0, drive::Signal::negative_limit), signal(1, drive::Signal::positive_limit),
                     signal(2, drive::Signal::home), signal(4, drive::Signal::enable_refused)};
 }();
@@ -55,7 +55,7 @@ inline constexpr auto status_bits = [] {
   };
 }();
 
-// CiA 402 and the way out of a held quick stop: 06h, then 0Fh (ch. 5.6.3).
+// The transitions of CiA 402, and the exit from a held quick stop: 06h, then 0Fh (ch. 5.6.3).
 inline constexpr auto transitions = [] {
   using drive::Command;
   using drive::PowerState;
@@ -85,7 +85,7 @@ constexpr drive::Policy make_policy() {
                          .disable_operation = codes({0, 1, 2, winding_brake_code}),  // Table 5-18, 605Ch
                          .halt = codes({1, 2}),                                      // Table 5-18
                          .fault_reaction = codes({0, 1, 2, winding_brake_code})};    // Table 5-18
-  policy.nmt_aborts_connection = false;  // what 6007h watches is the node protection (Table 9-26)
+  policy.nmt_aborts_connection = false;  // 6007h is about node protection only (Table 9-26)
   policy.transitions = transitions;
   policy.state_bits = state_bits;
   policy.status_bits = status_bits;

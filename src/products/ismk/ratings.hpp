@@ -59,8 +59,7 @@ constexpr Model model(std::string_view name, std::string_view title, const Namep
 
 }  // namespace rating
 
-inline constexpr std::string_view default_rating =
-    "60-040";  // to which the printed defaults belong (ch. 7.3, 6073h; appendix II)
+inline constexpr std::string_view default_rating = "60-040";  // the printed defaults are those of this one (ch. 7.3)
 
 inline constexpr std::array ratings{
     rating::model("40-010", "iSMK40-010, 100 W",
@@ -71,7 +70,7 @@ inline constexpr std::array ratings{
     rating::model("80-075", "iSMK80-075, 750 W",
                   {100.0F, 23.0F, 2.39F, 7.17F, 0.85e-4F, 0.033F, 0.10e-3F, 3.2F, 10.0e-3F}),
 };
-// Not by find_model: with sanitizers gcc 12 does not take the address it answers for a constant.
+// find_model is not used here: with sanitizers gcc 12 does not accept the address it returns as a constant.
 static_assert(std::any_of(ratings.begin(), ratings.end(),
                           [](const Model& model) { return model.name == default_rating; }));
 

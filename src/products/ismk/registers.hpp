@@ -4,12 +4,12 @@
 #include "modbus/register_map.hpp"
 #include "products/ismk/object_table.hpp"
 
-// Modbus on the iSMK's RS485 port (ch. 8.1 to 8.3): the registers of the objects (ch. 7, 'Object list' and chapter 7),
-// and what the functions answer.
+// Modbus on the iSMK's RS485 port (ch. 8.1 to 8.3): the registers of the objects (ch. 7) and the answers of the
+// functions.
 namespace servodrome::products::ismk {
 
-// Each object index has a page, sub-index n lies 10h * n behind its beginning. Objects without a printed address, such
-// as 3041h (ch. 7.14, 3041.06), have no register.
+// Each object index has a page; sub-index n is at 10h * n from its beginning. Objects without a printed address, such
+// as 3041h (ch. 7.14), have no register.
 inline constexpr auto register_pages = std::to_array<modbus::Page>({
     {0x2010, 0x0800}, {0x2020, 0x0C00}, {0x2508, 0x1900}, {0x2601, 0x1F00}, {0x2602, 0x2000}, {0x2FE2, 0x2600},
     {0x2FF0, 0x2900}, {0x2FFF, 0x2F00}, {0x6040, 0x3100}, {0x6041, 0x3200}, {0x605A, 0x3400}, {0x605B, 0x3410},
@@ -25,7 +25,7 @@ inline constexpr auto registers = modbus::make_register_map<[] {
   modbus::RegisterMapBuilder<object_table.size() + 1> builder;
   builder.add_pages(object_table, register_pages, sub_index_stride);
   builder.remove(0x6410, 0x1F);            // printed with "-" (ch. 7.14)
-  builder.add({0x2A01, 0x2FF0, 0x11, 1});  // as printed (ch. 3.7); the rule has 2A10h: both are answered
+  builder.add({0x2A01, 0x2FF0, 0x11, 1});  // as printed (ch. 3.7); the rule gives 2A10h: both work
   return builder;
 }>();
 static_assert(modbus::is_valid_map(registers, object_table));

@@ -43,7 +43,7 @@ SerialSetup Servo::serial_setup() const {
   setup.protocol = protocol_of(own.rs485_protocol);
   setup.station = static_cast<std::uint8_t>(own.station);
   setup.format = {.bit_rate = rs485_bit_rate_of(own.rs485_bit_rate), .parity = modbus::Parity::none};
-  // The manual gives no pauses: 3.5 characters, as Modbus has it, and none that spoils a frame.
+  // The manual gives no pauses. 3.5 characters end a frame, as in Modbus; shorter pauses within a frame are ignored.
   setup.timing = modbus::character_timing(setup.format);
   setup.timing.inter_character = Time{0};
   setup.timing = modbus::at_least(settings_.serial.silence, setup.timing);

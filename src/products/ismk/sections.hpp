@@ -4,7 +4,7 @@
 #include "products/ismk/objects.hpp"
 
 // The manufacturer's objects of the iSMK as table sections, a section for each group of objects.hpp. Rows that the
-// manual prints without a type or default have the ones of README.md.
+// manual prints without a type or default have those that README.md chooses.
 namespace servodrome::products::ismk {
 
 namespace section {
@@ -126,7 +126,7 @@ inline constexpr auto gains = std::to_array<Entry>({
     sub(0x2FF0, 0x19, "Kvi_Mix", SERVODROME_FIELD(Gains, velocity_ki_mix), rw, none,
         {.default_value = 2, .minimum = 0, .maximum = 16384}),
     [] {
-      // The same value as 60FBh sub 2, as the manual's range for it shows it.
+      // The same value as 60FBh sub 2, with the type that the manual's range for this object needs.
       Entry share = sub(0x2FF0, 0x1A, "K_Velocity_FF permille", SERVODROME_FIELD(Gains, velocity_feed_forward), rw,
                         none, {.default_value = 1000, .minimum = 0, .maximum = 4000, .unit = "permille"});
       share.type = Type::unsigned16;
@@ -152,7 +152,7 @@ inline constexpr auto gains = std::to_array<Entry>({
     sub(0x60F9, 0x28, "PI pointer", SERVODROME_FIELD(Gains, pointer), rw, none, {.minimum = 0, .maximum = 3}),
     highest_sub(0x60FB, record, "Position loop", 5),
     [] {
-      // Set 0 is INTEGER16, the other sets UNSIGNED16 (Table 6-5; Table 6-6, 2340.06); the range is the same.
+      // Set 0 is INTEGER16 (Table 6-5), the other sets are UNSIGNED16 (Table 6-6); the range is the same.
       Entry kpp = sub(0x60FB, 0x01, "Kpp[0]", SERVODROME_ELEMENT(Gains, position_kp, 0), rw, none,
                       {.default_value = 1000, .minimum = 0, .maximum = 32700, .unit = "0.01 Hz", .saved = true});
       kpp.type = Type::integer16;
@@ -164,7 +164,8 @@ inline constexpr auto gains = std::to_array<Entry>({
         {.default_value = 32767, .unit = "DEC", .saved = true}),
 });
 
-// Printed with the range 0 to 31, which leaves out the functions of its bits 5 and 7 (Table 6-1, C26): those rule.
+// The printed range, 0 to 31, excludes bits 5 and 7, whose functions are printed as well (Table 6-1, C26). The range
+// here includes them.
 inline constexpr std::int64_t auto_tuning_maximum = 255;
 
 inline constexpr auto tuning = std::to_array<Entry>({

@@ -17,7 +17,7 @@ constexpr auto bit_rate_codes =
     std::to_array<BitRateCode>({{100, 1000000}, {50, 500000}, {25, 250000}, {12, 125000}, {5, 50000}, {1, 10000}});
 
 constexpr std::uint16_t encoder_turns_valid = 10;  // of 2690h (Table 10-5, 000.4)
-constexpr std::uint32_t restart_delay_ms = 20;     // the answer to 2FFFh leaves before, on a slow or busy bus too
+constexpr std::uint32_t restart_delay_ms = 20;     // enough for the answer to 2FFFh, on a slow or busy bus too
 
 }  // namespace
 
@@ -39,7 +39,7 @@ const Model& Servo::rating() const {
 }
 
 void Servo::prepare(dictionary::Area areas) {
-  // One number for all buses; on EtherCAT the RS485 port's alone.
+  // One number for all buses; on EtherCAT it is that of the RS485 port only.
   const std::uint8_t station = settings_.serial.station != 0 ? settings_.serial.station : settings_.node_id;
   if (contains(areas, dictionary::Area::communication) && station != 0) objects_.buses.station = station;
   if (contains(areas, dictionary::Area::manufacturer)) {
@@ -71,7 +71,8 @@ drive::Configuration Servo::configuration() {
   if (device.brake_present != 0) {
     configuration.brake_release_ms = configuration.brake_engage_ms = device.brake_delay_ms;
   }
-  // The power stage may carry its printed continuous current for ever (ch. 1.3.1), as the motor its rated one.
+  // The power stage withstands its printed continuous current (ch. 1.3.1), and the motor its rated current, without
+  // limit of time.
   configuration.monitors.stage_rated_current_a = rating().stage_rated_current_a;
   configuration.monitors.stage_peak_current_a = rating().motor.peak_current_a;
   configuration.ignored = AlarmLog::ignored(objects_.alarms);
@@ -123,7 +124,7 @@ drive::Feedback Servo::restart_feedback() const {
 
 std::array<char, 6> Servo::display() const {
   if (drive_.is_active(drive::Cause::motor_mismatch)) return motor_wrong_code;
-  // 000.1 of 2601h says to look at 2602h (Table 10-5).
+  // 000.1 of 2601h refers to 2602h (Table 10-5).
   return display_code(objects_.alarms.state);
 }
 
@@ -149,7 +150,7 @@ dictionary::AbortCode Servo::check(const dictionary::Entry& entry, std::span<con
     }
   }
   switch (entry.index << 8 | entry.sub) {
-    case 0x100E00:  // the node answers on the pre-defined COB-ID only
+    case 0x100E00:  // the node uses the pre-defined COB-ID only
       return number == 0x700 + node_id ? dictionary::AbortCode::none : dictionary::AbortCode::value_invalid;
     case 0x2FF001: return store_parameters(number);
     case 0x2FF003: return store_motor_data(number);

@@ -8,7 +8,7 @@
 #include "products/ismk/terminals.hpp"
 #include "products/ismk/tuning.hpp"
 
-// The iSMK without its fieldbus: what its objects mean, and what they do.
+// The iSMK without its fieldbus: the meaning and the effects of its objects.
 namespace servodrome::products::ismk {
 
 class Servo {
@@ -25,25 +25,27 @@ class Servo {
   void loaded() { MotionControl::loaded(objects_); }
   drive::Configuration configuration();
 
-  // Around the device's own power-on, and a reset by the bus. `whole`: of the application too.
+  // To be called before and after the device's power-on, and a reset by the bus. `whole`: the reset includes the
+  // application.
   void before_power_on();
   void before_reset(bool whole);
   void after_reset();
 
-  // Once per position-loop cycle. Answers whether 2FFFh asks for a restart instead, see `restart_feedback`.
+  // Once per position-loop cycle. Returns true if 2FFFh requests a restart instead (`restart_feedback`).
   bool cycle(Time now);
-  // As if the supply had been off for a moment: the shaft stands where it is, and the encoder knows the turn only.
+  // The feedback after a restart, as after a short loss of supply: the shaft stands where it is, and the encoder knows
+  // its position within one turn only.
   drive::Feedback restart_feedback() const;
-  // Of set-points that come with SYNC0; 0: 3011h sub 1.
+  // The period of set-points with SYNC0; 0: 3011h sub 1.
   void set_set_point_period(double seconds);
-  // A cycle of set-points: a SYNC, or process data.
+  // A new set-point: a SYNC arrived, or process data.
   void sync(Time now) { motion_control_.sync(drive_, objects_, now); }
 
   // ---- Objects of Owner::product ----
 
-  // `node_id`: of the guarding COB-ID, and of factory values that depend on it; 0 on other buses than CAN.
+  // `node_id` is for the guarding COB-ID and for factory values that depend on it; 0 on other buses than CAN.
   dictionary::AbortCode check(const dictionary::Entry& entry, std::span<const std::byte> value, std::uint8_t node_id);
-  // `port` is what 6510h sub 0Ch selects the protocol of.
+  // `port`: 6510h sub 0Ch selects its protocol.
   void written(const dictionary::Entry& entry, std::uint8_t node_id, SerialPort& port);
   void refresh(const dictionary::Entry& entry);
 
@@ -57,10 +59,10 @@ class Servo {
 
   SerialSetup serial_setup() const;
 
-  // ---- What the manual describes and prints no objects for ----
+  // ---- Functions that the manual describes without objects ----
 
   const Terminals& terminals() const { return terminals_; }
-  const AlarmLog& alarm_log() const { return alarm_log_; }  // outlives power cycles
+  const AlarmLog& alarm_log() const { return alarm_log_; }  // persists over power cycles
   const LoopTuning& loop_tuning() const { return tuning_; }
   // Functions of the PC software (ch. 4.1.3): see LoopTuning.
   bool recognise_inertia(double turns) { return tuning_.recognise_inertia(drive_, turns); }
@@ -90,14 +92,14 @@ class Servo {
   AlarmLog alarm_log_{};
   LoopTuning tuning_{};
   bool restart_requested_ = false;
-  std::uint32_t restart_cycles_ = 0;  // since then
+  std::uint32_t restart_cycles_ = 0;  // cycles since then
   double set_point_period_s_ = 0.0;
 };
 
 // 2F81h (Table 9-26); 0: no such code.
 std::uint32_t can_bit_rate_of(std::uint8_t code);
 
-// What the RS485 port can be set to: 8N1 at one of four bit rates (ch. 4.1.2.1).
+// Whether the RS485 port supports a format: 8N1 at one of four bit rates (ch. 4.1.2.1).
 bool supports(const modbus::CharacterFormat& format);
 
 }  // namespace servodrome::products::ismk

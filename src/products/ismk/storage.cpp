@@ -1,5 +1,5 @@
-// Storing, initialising and restarting the iSMK (ch. 7, 'Object list'; ch. 7.10, 2FF0.01 and 2FF0.03; ch. 7.14, 2FFFh;
-// Table 10-5, 800.0). There is no 1010h.
+// Storing, initialising and restarting the iSMK by 2FF0h and 2FFFh (ch. 7.10 and 7.14; Table 10-5, 800.0). There is no
+// 1010h.
 #include "dictionary/store.hpp"
 #include "products/ismk/servo.hpp"
 
@@ -34,8 +34,8 @@ AbortCode Servo::store_motor_data(std::int64_t command) {
   return command == store_command ? save(Area::motor) : AbortCode::none;
 }
 
-// The factory values come back at once, and for good when they are stored (Table 10-5, 800.0; Table 10-6, 000.2). What
-// is not stored, targets and commands, stays.
+// Factory values are in force at once; they persist if they are stored afterwards (Table 10-5, 800.0; Table 10-6,
+// 000.2). Objects that are never stored (targets, commands) keep their values.
 void Servo::initialise_parameters(std::uint8_t node_id) {
   for (const dictionary::Entry& entry : dictionary_.table()) {
     if (!entry.saved || !entry.fixed_size() || dictionary::area_of(entry.index) == Area::motor) continue;

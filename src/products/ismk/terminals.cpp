@@ -9,7 +9,8 @@ namespace {
 
 using drive::InputAction;
 
-// 60B8h: a unit is on, both its edges enabled, each caught once. The second unit's are in the high byte.
+// 60B8h: bits of a unit that is on, with both edges enabled; each edge is caught once. The bits of the second unit are
+// in the high byte.
 constexpr std::uint16_t probe_on = 0x01;
 constexpr std::uint16_t probe_rising = 0x10;
 constexpr std::uint16_t probe_falling = 0x20;
@@ -75,7 +76,7 @@ void Terminals::write_outputs(drive::Drive& drive, ServoObjects& objects) {
     }
     if (condition != drive::OutputCondition::none && (conditions_ & bit(condition)) != 0) on |= 1u << i;
   }
-  // As for the inputs: direct where the polarity bit is 1, and simulation switches on.
+  // As for the inputs: polarity 1 is direct, 0 inverts; a simulation bit switches the output on.
   constexpr std::uint32_t all = (1u << output_count) - 1u;
   const std::uint32_t levels = (~(on ^ io.output_polarity) | io.output_simulation) & all;
   io.output_real = static_cast<std::uint16_t>(levels);

@@ -9,9 +9,9 @@
 
 namespace servodrome::products::ismk {
 
-// Function words of the inputs (ch. 7.9). Clear pulse, pause and the two trims are described without a code
-// (ch. 7.9): no input can have them. The gear selection has no gear ratios to select from, the current switch no
-// second current: their inputs may be assigned and are read, nothing depends on them.
+// Function words of the inputs (ch. 7.9). Clear pulse, pause and the two trims are described without a code, so no
+// input can have them. Gear selection and current switch may be assigned and are read, but have no effect: there is one
+// gear ratio and one current limit.
 inline constexpr auto input_functions = [] {
   using drive::InputAction;
   using drive::Signal;
@@ -20,7 +20,7 @@ inline constexpr auto input_functions = [] {
       {0x0002, "Reset errors", Signal::none, false, InputAction::reset_errors},          // ch. 7.9
       {0x0004, "Operate mode control", Signal::none, false, InputAction::mode_control},  // ch. 7.9
       {0x0008, "Kvi off", Signal::integral_off},                                         // ch. 7.9
-      {0x0010, "Positive limit", Signal::positive_limit, true},                          // ch. 7.9 and 5.6.1
+      {0x0010, "Positive limit", Signal::positive_limit, true},                          // normally closed (ch. 5.6.1)
       {0x0020, "Negative limit", Signal::negative_limit, true},                          // ch. 7.9
       {0x0040, "Home signal", Signal::home},                                             // ch. 7.9
       {0x0080, "Invert direction", Signal::invert_direction},                            // ch. 7.9
@@ -39,15 +39,15 @@ inline constexpr auto input_functions = [] {
       {0x8020, "Gain switching 0", Signal::none, false, InputAction::gain_index_0},  // ch. 7.9
       {0x8040, "Gain switching 1", Signal::none, false, InputAction::gain_index_1},
       {0x8080, "Maximum current switch", Signal::none, false, InputAction::current_switch},
-      {0x8100, "Motor error", Signal::motor_temperature},    // ch. 7.9: "for example, the motor itself is too hot"
-      {0x8200, "Pre-enable", Signal::enable_refused, true},  // ch. 7.9: 1 is ready, 0 is not
+      {0x8100, "Motor error", Signal::motor_temperature},    // "for example, the motor itself is too hot"
+      {0x8200, "Pre-enable", Signal::enable_refused, true},  // 1 is ready, 0 is not
       {0x8400, "Fast capture 1", Signal::probe_1},           // ch. 7.9
       {0x8800, "Fast capture 2", Signal::probe_2},
   });
 }();
 
-// Function words of the outputs (ch. 7.9). No iSMK has terminals for safe torque off: 8001h may be
-// assigned and is never active.
+// Function words of the outputs (ch. 7.9). No iSMK has terminals for safe torque off: 8001h may be assigned but is
+// never active.
 inline constexpr auto output_functions = [] {
   using drive::OutputCondition;
   return std::to_array<drive::OutputFunctionRow>({
@@ -74,16 +74,17 @@ inline constexpr auto output_functions = [] {
 inline constexpr std::array fixed_outputs{drive::OutputCondition::ready, drive::OutputCondition::error,
                                           drive::OutputCondition::brake_released};
 inline constexpr std::size_t output_count = 2 + fixed_outputs.size();
-inline constexpr unsigned run_output = 2;  // lamps (Table 3-1)
+inline constexpr unsigned run_output = 2;  // lamps
 inline constexpr unsigned error_output = 3;
 inline constexpr std::size_t brake_output = 4;
 // Polarity and simulation list eight inputs (ch. 7.9), five have functions, DI1 and DI2 have terminals.
 inline constexpr std::size_t input_count = 8;
 
-// Modes where the table of speeds rules (ch. 5.2.1.1).
+// Modes in which the table of speeds sets the target (ch. 5.2.1.1).
 inline constexpr std::array<std::int8_t, 2> speed_table_modes{3, -3};
 
-// Positions caught by the fast capture inputs (ch. 7.9): no object numbers are printed, so they are read here.
+// Positions that the fast capture inputs caught (ch. 7.9). The manual prints no objects for them, so this struct is the
+// only access to them.
 struct Capture {
   bool rising = false;  // caught since it was cleared
   bool falling = false;
@@ -91,12 +92,12 @@ struct Capture {
   std::int64_t falling_position = 0;
 };
 
-// Objects 2010h, 2020h and 2FF1h at work.
+// The functions of objects 2010h, 2020h and 2FF1h.
 class Terminals {
  public:
   void reset() { *this = {}; }
 
-  // Takes the function words, polarity and simulation over, and fills in what the drive has to know of them.
+  // Adopts function words, polarity and simulation, and sets the members of `configuration` that depend on them.
   void configure(const ServoObjects& objects, drive::Configuration& configuration);
 
   // Once per position-loop cycle, after the drive's own.
@@ -107,7 +108,7 @@ class Terminals {
 
   // `unit` 0 or 1: fast capture 1 or 2.
   static Capture capture(const drive::Drive& drive, std::size_t unit);
-  // Sets a state of it back to 0, so that the next edge is caught.
+  // Resets a captured edge, so that the next one is caught.
   static void rearm(drive::Drive& drive, std::size_t unit, bool rising_edge);
 
  private:
@@ -122,7 +123,7 @@ class Terminals {
 // 2FF1h sub 2 or 3 was written: position L becomes M x 10000 + N (Table 5-11).
 void enter_position(Tables& tables);
 
-// Both edges of both units are caught once each, and again when they were armed anew.
+// Both edges of both units are caught once each, and again after re-arming.
 inline constexpr drive::TouchProbeCapability fast_capture{.probes = 2, .input_rising = true, .input_falling = true};
 
 }  // namespace servodrome::products::ismk

@@ -11,23 +11,24 @@ namespace {
 
 using dictionary::AbortCode;
 
-// Online: an estimate this good is taken over, if it differs by more than that from what is known; windows older than
-// so many fade, so that a load which changes is followed.
+// Online: an estimate with at most this uncertainty is adopted if it differs from the known inertia by at least
+// `least_change`. Windows older than `memory_windows` fade, so that the estimate follows a load that changes.
 constexpr double good_uncertainty = 0.01;
 constexpr double least_change = 0.02;
 constexpr double memory_windows = 100.0;
 
-// Inertia recognition: the swings' speed, and the torque they may take, of rated.
+// Inertia recognition: speed of the swings, and their greatest torque as a fraction of the rated one.
 constexpr double recognition_rpm = 800.0;
 constexpr float recognition_torque = 1.0F;
 
-// While resonances are looked for the loops' gains are this share of their values, their integral its square.
+// During the search for resonances the gains of the loops are this fraction of their values, the integral gain its
+// square.
 constexpr float soft_share = 0.125F;
 constexpr float excitation = 0.15F;          // of rated torque
-constexpr std::size_t steps_per_cycle = 64;  // of the analysis' computation
+constexpr std::size_t steps_per_cycle = 64;  // of the analysis
 
-// Rigidity: position loop (ch. 6.2.2) and the corner of the integral by the velocity loop's bandwidth, and the feedback
-// filter over it (at least 2, ch. 6.2.1).
+// Rigidity: bandwidth of the position loop (ch. 6.2.2) and corner of the integral as fractions of the velocity loop's
+// bandwidth, and the feedback filter as a multiple of it (at least 2, ch. 6.2.1).
 constexpr double position_share = 0.25;
 constexpr double integral_share = 0.2;
 constexpr double filter_ratio = 6.0;
@@ -59,7 +60,7 @@ void LoopTuning::configure(const ServoObjects& objects, drive::Configuration& co
     configuration.gains.velocity_kp *= soft_share;
     configuration.gains.velocity_ki *= soft_share * soft_share;
     configuration.gains.position_kp *= soft_share;
-    // What the controller makes of an observed speed would be the torque itself again.
+    // The observer computes its speed from the torque, so the search uses the filtered speed instead.
     if (configuration.gains.velocity_feedback == drive::VelocityFeedback::observer) {
       configuration.gains.velocity_feedback = drive::VelocityFeedback::first_order;
     }
@@ -116,7 +117,7 @@ void LoopTuning::written(const dictionary::Entry& entry, ServoObjects& objects, 
         analysing_ = true;
         drive.set_analysis(&analysis_);
       } else if ((objects.tuning.notch_control & notch_control::run) == 0) {
-        analysis_.stop();  // called off: cycle() puts the gains back
+        analysis_.stop();  // cancelled: cycle() restores the gains
       }
       break;
     default: break;
@@ -199,7 +200,7 @@ bool LoopTuning::tune_online(drive::Drive& drive, ServoObjects& objects) {
   return true;
 }
 
-// The bandwidths stay and the gains follow the inertia, as far as `adjust` has the bits for it.
+// The gains follow the inertia so that the bandwidths stay, for the gains whose bits `adjust` has.
 void LoopTuning::adopt(const drive::InertiaEstimate& estimate, ServoObjects& objects, const drive::MotorData& motor,
                        std::uint8_t adjust) {
   const double before = inertia_kgm2_;

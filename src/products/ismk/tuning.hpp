@@ -18,14 +18,14 @@ inline constexpr std::uint8_t adjusts_kvp = 0x02;
 inline constexpr std::uint8_t adjusts_acceleration_feed_forward = 0x04;
 inline constexpr std::uint8_t not_forward = 0x10;
 inline constexpr std::uint8_t not_reverse = 0x20;
-// Bit 7, "use friction to calculate the load", is stored: friction is always told apart.
+// Bit 7, "use friction to calculate the load", is stored without effect: the estimate always separates friction.
 }  // namespace auto_tuning
 
 // 60F9h sub 4, notch filter control (Table 6-3).
 namespace notch_control {
 inline constexpr std::uint8_t filters = 0x03;
-// Bit 4 chooses the actual current, and so does 128, where it is 0 (Table 6-3, ch. 6.2.1): the actual current it is in
-// any case.
+// Bit 4 selects the actual current (Table 6-3), but so does the value 128, in which it is 0 (ch. 6.2.1). The analysis
+// always uses the actual current.
 inline constexpr std::uint8_t actual_speed = 0x20;
 inline constexpr std::uint8_t run = 0x80;
 }  // namespace notch_control
@@ -34,12 +34,13 @@ inline constexpr std::uint8_t run = 0x80;
 // of its PC software (ch. 4.1.3), automatic setting of notches (ch. 6.2.1), and the choice of the gain set
 // (ch. 6.3 and 6.4).
 //
-// Every function that may change gains answers whether it did: then the drive has to be configured anew.
+// Every function that may change gains returns whether it did. The drive then needs a new configuration.
 class LoopTuning {
  public:
-  // Power on: nothing is known of the load but the rotor.
+  // Power-on: only the inertia of the rotor is known.
   void reset(double rotor_inertia_kgm2);
-  // The objects have their values: Velocity_BW is what kvp makes it, and what was running when they were stored is not.
+  // To be called when the objects have their saved values: sets Velocity_BW from kvp, and clears commands that were
+  // running when the objects were saved.
   void objects_loaded(ServoObjects& objects, const drive::MotorData& motor);
 
   // Rotor and load, as far as known.
@@ -49,13 +50,13 @@ class LoopTuning {
   bool identified() const { return identified_; }
   const drive::InertiaEstimate& estimate() const { return estimate_; }
 
-  // Completes a configuration: inertia, gains, rates of the loops. While resonances are looked for the loops are soft,
-  // so that an axis that rings by itself becomes quiet.
+  // Completes a configuration: inertia, gains, rates of the loops. During the search for resonances the gains are low,
+  // so that an axis that oscillates by itself becomes quiet.
   void configure(const ServoObjects& objects, drive::Configuration& configuration) const;
 
   // Whether an object of this class' groups may take a value in the present state.
   static dictionary::AbortCode check(const dictionary::Entry& entry, std::int64_t value, const drive::Drive& drive);
-  // Objects that mean the same as others follow each other.
+  // Keeps objects with the same meaning equal.
   void written(const dictionary::Entry& entry, ServoObjects& objects, drive::Drive& drive);
   void refresh(const dictionary::Entry& entry, ServoObjects& objects, const drive::MotorData& motor) const;
 
@@ -63,7 +64,7 @@ class LoopTuning {
   bool cycle(drive::Drive& drive, ServoObjects& objects, const Terminals& terminals);
 
   // Inertia recognition of the PC software: moves of the drive's own, over up to `turns` revolutions to either side.
-  // False unless the axis stands and is enabled. The outcome is the drive's identification().
+  // Returns false unless the axis is enabled and at rest. The result is the drive's identification().
   bool recognise_inertia(drive::Drive& drive, double turns);
 
   // Rigidity of the PC software, by the velocity loop's bandwidth instead of its table, which is not printed: kvp by
@@ -86,9 +87,9 @@ class LoopTuning {
   double inertia_kgm2_ = 1e-5;
   double bandwidth_hz_ = 24.0;  // Velocity_BW, before rounding: what kvp is kept to when the inertia changes
   drive::InertiaEstimate estimate_{};
-  std::uint32_t windows_ = 0;  // of the estimator, when it was asked last
+  std::uint32_t windows_ = 0;  // of the estimator at the last call
   drive::InertiaEstimator estimator_{};
-  std::uint8_t learning_ = 0;  // Auto_Tuning_Control as the estimator was begun with
+  std::uint8_t learning_ = 0;  // Auto_Tuning_Control at the start of the estimator
   bool identified_ = false;
   bool recognising_ = false;
   bool analysing_ = false;

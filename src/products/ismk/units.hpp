@@ -12,7 +12,7 @@
 //   velocity      rpm x 512 x R / 1875            = inc/s x 16.384
 //   acceleration  rps/s x 65536 x R / 4000000     = inc/s^2 x 0.016384
 //   current       2048 is the drive's peak current (6510h sub 3)
-// and positions are increments. Conversions round to the nearest, which is what every printed example does.
+// and positions are increments. Conversions round to the nearest, as all printed examples do.
 namespace servodrome::products::ismk {
 
 inline constexpr double velocity_dec_per_inc_s = 16.384;
@@ -24,7 +24,7 @@ constexpr double velocity_dec_from_rpm(double rpm) { return rpm * 512.0 * encode
 constexpr double rpm_from_velocity_dec(double dec) { return dec * 1875.0 / (512.0 * encoder_resolution); }
 constexpr double acceleration_dec_from_rps_s(double rps_s) { return rps_s * 65536.0 * encoder_resolution / 4000000.0; }
 
-// To the nearest value of the type.
+// Rounds to the nearest value of the type.
 template <typename Integer>
 Integer rounded(double value) {
   constexpr auto low = static_cast<double>(std::numeric_limits<Integer>::min());

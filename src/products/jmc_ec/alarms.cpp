@@ -1,6 +1,6 @@
 #include "products/jmc_ec/jmc_ec.hpp"
 
-// What is shown of alarms: 603Fh, 1001h, emergencies, numbers and lamps.
+// How alarms are reported: 603Fh, 1001h, emergencies, numbers and lamps.
 namespace servodrome::products {
 
 using ethercat::AlState;
@@ -16,18 +16,20 @@ const jmc_ec::CommunicationAlarm& alarm_of(AlStatusCode code) {
 
 }  // namespace
 
-// An error of the state machine stands until the master acknowledges it.
+// An error of the state machine persists until the master acknowledges it.
 void JmcEc::follow_bus_error() {
   const AlStatusCode code = slave().error() ? slave().status_code() : AlStatusCode::none;
   if (code != bus_error_) bus_error(code);
 }
 
-// With the motor enabled it has become a fault already, where 6007h says so; else it is told in the same way.
+// Reports an error of the bus. With the motor enabled it is a fault already, if 6007h says so; otherwise it is reported
+// in the same way as a fault.
 void JmcEc::bus_error(AlStatusCode code) {
   bus_error_ = code;
   show_alarm();
   if (code == AlStatusCode::none) {
-    if (!drive().any_fault()) EthercatDevice::errors_gone(drive().error_register());  // else reset with it
+    if (!drive().any_fault())
+      EthercatDevice::errors_gone(drive().error_register());  // otherwise the reset of the fault clears it
     return;
   }
   const std::size_t row = jmc_ec::communication_alarm_index(code);
@@ -51,7 +53,7 @@ void JmcEc::errors_gone(std::uint8_t remaining) {
   EthercatDevice::errors_gone(remaining);
 }
 
-// A fault, else an error of the bus, else the first warning of the list.
+// Returns the fault, else the error of the bus, else the first active warning of the list.
 JmcEc::Alarm JmcEc::alarm_to_show() {
   if (const drive::FaultRow* fault = drive().shown_fault()) return {fault->code, fault->alarm};
   if (bus_error_ != AlStatusCode::none) return {alarm_of(bus_error_).code, alarm_of(bus_error_).alarm};

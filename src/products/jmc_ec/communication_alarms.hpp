@@ -7,9 +7,9 @@
 
 namespace servodrome::products::jmc_ec {
 
-// The error LED of the bus pair (Table 10), whose code is not ETG.1300's (C-07).
+// The error LED of the bus pair (Table 10). Its blink codes differ from ETG.1300 (C-07).
 enum class ErrorLed : std::uint8_t {
-  off,              // the numbers of the others are their flashes
+  off,              // the values of the next four are their numbers of flashes
   single_flash,     // boot error
   double_flash,     // communication setting
   triple_flash,     // synchronisation or data
@@ -17,8 +17,8 @@ enum class ErrorLed : std::uint8_t {
   on,               // internal bus watchdog
 };
 
-// What an error of the EtherCAT state machine is called by the drive (Table 128). 1001h is 11h throughout; it is
-// printed once, beside the first row (C-06).
+// The drive's alarm for each error of the EtherCAT state machine (Table 128). 1001h is 11h for all; the manual prints
+// it only in the first row (C-06).
 struct CommunicationAlarm {
   std::uint16_t al_status_code;
   std::uint16_t alarm;  // as it is printed, in hexadecimal
@@ -75,7 +75,7 @@ inline constexpr auto communication_alarms = std::to_array<CommunicationAlarm>({
     {0x0001, 0xE62B, 0xFFFF, ErrorLed::on, "Unspecified error"},
 });
 
-// The row of a code; of one that the manual does not list, the last, "unspecified".
+// The row of a code. A code that the manual does not list has the last row, "unspecified".
 constexpr std::size_t communication_alarm_index(ethercat::AlStatusCode code) {
   for (std::size_t i = 0; i < communication_alarms.size(); ++i) {
     if (communication_alarms[i].al_status_code == static_cast<std::uint16_t>(code)) return i;

@@ -13,7 +13,7 @@ using drive::Cause;
 using drive::Reaction;
 using drive::ResetRule;
 
-// Causes that only this drive names. The first ones are the communication alarms, in the order of their table.
+// Causes that only this drive has. The first ones are the communication alarms, in the order of their table.
 constexpr Cause communication_cause(std::size_t row) {
   return static_cast<Cause>(static_cast<std::size_t>(Cause::first_product_cause) + row);
 }
@@ -48,14 +48,14 @@ inline constexpr Cause memory_wear = own(25);
 inline constexpr Cause serial_interference = own(26);
 }  // namespace cause
 
-// FaultRow::alarm: the digits as they are printed, in hexadecimal; AL.051 is 0051h, E105 is E105h.
+// FaultRow::alarm has the printed digits as a hexadecimal number: AL.051 is 0051h, E105 is E105h.
 inline constexpr std::uint16_t no_alarm_number = 0;
 
-// 603Fh and 1001h are printed for E101 to E107 and the communication alarms. No table says which AL.xxx those are
-// (C-33): AL.063 is E101, AL.066 E102, AL.051 and AL.062 E103, AL.402 E104, AL.501 E106; E105 and E107 have no other
-// number. For the others the code of CiA 402-2 is taken where it has one that says the same, else A000h and the alarm's
-// number. Reset: only E106 and E107 are clearable among the printed ones; of the others those whose remedy is a power
-// cycle, another part or wiring need one.
+// The manual prints 603Fh and 1001h for E101 to E107 and for the communication alarms. It does not say which AL.xxx are
+// E101 to E107; this project reads (C-33): AL.063 is E101, AL.066 E102, AL.051 and AL.062 E103, AL.402 E104, AL.501
+// E106; E105 and E107 have no AL number. Every other alarm has the code of CiA 402-2 for it, if there is one, else
+// A000h + the alarm's number. Reset: of E101 to E107 the manual says that only E106 and E107 can be cleared. Of the
+// other alarms, those whose printed remedy is a power cycle, another part or wiring need a power cycle.
 inline constexpr auto drive_faults = [] {
   constexpr auto option_code = Reaction::option_code;
   constexpr auto angle_lost = Reaction::angle_lost;
@@ -73,7 +73,7 @@ inline constexpr auto drive_faults = [] {
   const auto over_speed = [](Cause from) {  // ch. 9.2, AL.420
     return drive::FaultRow{from, 0xA420, 0x01, Reaction::option_code, ResetRule::when_cause_gone, "Over speed", 0x420};
   };
-  const auto overrun = [](Cause from) {  // ch. 9.1, AL.950; overtravel
+  const auto overrun = [](Cause from) {  // overtravel (ch. 9.1, AL.950)
     return drive::FaultRow{from, 0xA950, 0x00, Reaction::none, ResetRule::when_cause_gone, "Overrun", 0x950};
   };
   return std::to_array<drive::FaultRow>({
@@ -133,7 +133,8 @@ inline constexpr auto drive_faults = [] {
       // Drive codes without a number AL.xxx (Table 18)
       {Cause::phase_loss, 0x5005, 0x40, power_off, restart, "Phase loss", 0xE105},
       {cause::motor_not_enabled, 0x5000, 0x01, option_code, reset, "Motor not enabled", 0xE107},
-      // Without any number: set-points that the manual says to stop at (Table 228; C-34). The code is CiA 402-2's.
+      // Without a number: a target at which the manual says that the drive stops (Table 228; C-34). The code is CiA
+      // 402-2's.
       {Cause::position_limit, 0x8612, 0x01, option_code, reset, "Target beyond the software limit", no_alarm_number},
       // Warnings: statusword bit 7 while they are there, nothing else
       {Cause::following_error_near, 0xA900, 0x00, warning, reset, "Position deviation large", 0x900},
@@ -152,7 +153,7 @@ inline constexpr auto drive_faults = [] {
   });
 }();
 
-// All rows; those of the bus are last.
+// All rows. The rows of the bus are last.
 inline constexpr auto faults = [] {
   std::array<drive::FaultRow, drive_faults.size() + communication_alarms.size()> rows{};
   std::copy(drive_faults.begin(), drive_faults.end(), rows.begin());

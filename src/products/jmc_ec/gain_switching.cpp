@@ -12,7 +12,7 @@ double GainSwitching::change_of(double speed_command) {
   return change;
 }
 
-// Beyond the level by the hysteresis, or still not below it by the hysteresis.
+// True above level + hysteresis; once true, until the value is below level - hysteresis.
 bool GainSwitching::wants_second(const Settings& settings, const Inputs& inputs) const {
   const double hysteresis = std::min(settings.hysteresis, settings.level);
   const auto large = [&](double value) {
@@ -42,7 +42,7 @@ bool GainSwitching::update(const Settings& settings, const Inputs& inputs) {
     set_ = 1;
     waited_ = 0;
   } else if (set_ == 1) {
-    // Sets that are chosen, not found, wait for nothing.
+    // The delay applies only to modes that measure a condition, not to modes that name the set or use an input.
     const bool found = settings.mode >= SwitchingMode::torque_command;
     if (!found || waited_++ >= settings.delay_cycles) set_ = 0;
   }

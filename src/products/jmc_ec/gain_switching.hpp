@@ -11,15 +11,15 @@ namespace servodrome::products::jmc_ec {
 enum class SwitchingMode : std::uint16_t {
   first,
   second,
-  input,  // DI function 9: no input of the EC series can be given it (README)
+  input,  // DI function 9; no parameter can assign it to an input of the EC series (README)
   torque_command,
   speed_command_change,
   speed_command,
   position_deviation,
-  position_command,  // there is one
+  position_command,  // non-zero position command
   positioning_incomplete,
   actual_speed,
-  command_and_speed,  // second while there is a position command, and until the axis is slow
+  command_and_speed,  // second set while there is a position command, and then until the axis is slow
 };
 
 class GainSwitching {
@@ -27,15 +27,15 @@ class GainSwitching {
   struct Settings {
     SwitchingMode mode = SwitchingMode::first;
     double level = 0.0;
-    double hysteresis = 0.0;         // to both sides of the level, and no more than it
+    double hysteresis = 0.0;         // on both sides of the level, at most as large as the level
     std::uint32_t delay_cycles = 0;  // from second to first
-    std::uint32_t blend_cycles = 0;  // of the position gain, from one set's to the other's
+    std::uint32_t blend_cycles = 0;  // for the position gain to change from one set to the other
   };
-  // All but the conditions in the units of P02-31, without sign.
+  // Values in the units of P02-31, without sign; the flags have no unit.
   struct Inputs {
     bool input = false;
     double torque_command = 0.0;
-    double speed_command = 0.0;  // with its sign
+    double speed_command = 0.0;  // signed
     double position_deviation = 0.0;
     double actual_speed = 0.0;
     bool position_command = false;
@@ -45,7 +45,7 @@ class GainSwitching {
   // Once per position-loop cycle. True when the gains to be used have changed.
   bool update(const Settings& settings, const Inputs& inputs);
 
-  // The set in use, and how far the position gain is on its way from the first (0) to the second (1).
+  // The set in use, and the blend of the position gain between the first set (0) and the second (1).
   std::size_t set() const { return set_; }
   double blend() const { return blend_; }
 
@@ -58,7 +58,7 @@ class GainSwitching {
 
   std::size_t set_ = 0;
   double blend_ = 0.0;
-  std::uint32_t waited_ = 0;  // cycles that the first set has been wanted
+  std::uint32_t waited_ = 0;  // cycles for which the first set has been due
   std::array<double, change_cycles> speed_commands_{};
   std::size_t next_ = 0;
   double change_ = 0.0;

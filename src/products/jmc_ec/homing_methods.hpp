@@ -4,18 +4,17 @@
 
 #include "drive/homing/cia402_methods.hpp"
 
-// The homing methods of the JMC EC drives as their text has them (HM 2), row by row. CW is positive (routine for
-// CoDeSys, 'Speed mode'). Fast is 6099h sub 1, slow sub 2. What the text leaves out is taken from the row with the same
-// edge and side:
-// - Methods 3 to 6 turn round at the limit switch as 7 to 14 do (HM 2.3, 2.4, 2.5 and 2.6): 3 = 7, 4 = 8, 5 = 11,
-//   6 = 12, and 19 to 30 are 3 to 14 without the index, also where their own text is missing or says otherwise (19
-//   HM 2.19, 23 HM 2.23, 25 HM 2.25, 27 HM 2.27, 28 HM 2.28).
-// - From the first event of the home or limit switch on the axis is slow; back from a limit switch to the home switch
-//   it may be fast. An edge met at fast speed counts, other than in CiA 402's figures: its position is captured, and
-//   the axis slows down behind it (4 HM 2.4, 20 HM 2.20).
-// - Zero is where the edge or index is, not where the axis comes to rest behind it (HM 2.1).
-// - 0 is no homing, 15, 16, 31 and 32 are reserved: they may be chosen, and nothing happens (HM 2.15 and 2.31, object
-// 6098h).
+// The homing methods of the JMC EC drives as the manual describes them (HM 2), row by row. CW is positive (routine for
+// CoDeSys, 'Speed mode'). Fast is 6099h sub 1, slow is sub 2. Where the text is missing or wrong, the method follows
+// the row with the same edge and side (D-22):
+// - Methods 3 to 6 turn round at the limit switch as 7 to 14 do (HM 2.3 to 2.6): 3 = 7, 4 = 8, 5 = 11, 6 = 12.
+// - Methods 19 to 30 are 3 to 14 without the index, also where their own text is missing or differs (HM 2.19, 2.23,
+//   2.25, 2.27 and 2.28).
+// - The axis is slow from the first event of the home or limit switch on; from a limit switch back to the home switch
+//   it may be fast. An edge that is met at fast speed counts, unlike in CiA 402's figures: its position is captured,
+//   and the axis slows down behind it (HM 2.4 and 2.20).
+// - Zero is the position of the edge or index, not where the axis stops behind it (HM 2.1).
+// - 0 is no homing; 15, 16, 31 and 32 are reserved. They may be chosen, and have no effect (object 6098h).
 namespace servodrome::products::jmc_ec {
 
 namespace homing {

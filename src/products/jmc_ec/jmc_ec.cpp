@@ -15,7 +15,7 @@ namespace {
 constexpr std::array terminals{drive::Signal::positive_limit, drive::Signal::home, drive::Signal::negative_limit,
                                drive::Signal::probe_1, drive::Signal::probe_2};
 
-// Not printed: thresholds as shares of the nominal supply.
+// Not printed: voltage thresholds as fractions of the nominal supply.
 constexpr float over_voltage_share = 1.35F;
 constexpr float under_voltage_share = 0.65F;
 constexpr float under_voltage_near_share = 0.75F;
@@ -25,7 +25,7 @@ constexpr float following_error_near = 0.8F;  // of 6065h
 constexpr std::uint32_t jammed_ms = 500;
 constexpr std::uint32_t index_lost_revolutions = 3;
 constexpr double speed_reached_rpm = 20.0;
-// A jerk-limited ramp (6086h = 3) is at the default of 60C5h after 100 ms; there is no object for it.
+// A jerk-limited ramp (6086h = 3) reaches the default of 60C5h after 100 ms; there is no object for the jerk.
 constexpr std::uint32_t jerk_per_max_acceleration = 10;
 
 constexpr std::int64_t sync_granularity_ns = 125'000;
@@ -129,7 +129,7 @@ void JmcEc::cycle(Time now) {
   EthercatDevice::cycle(now);
 }
 
-// The window of bit 10, in the units of a position.
+// Sets the window of bit 10 (P03-06), in position units.
 void JmcEc::set_position_window() {
   const double units = objects().panel.in_position_window * drive().axis().units.position.inverse().value();
   objects().drive.position_window = static_cast<std::uint32_t>(std::max(1L, std::lround(units)));
@@ -140,8 +140,8 @@ AbortCode JmcEc::check(const Entry& entry, std::span<const std::byte> value) {
     case 0x608F:
     case 0x6091:
     case 0x6092: {
-      // "Effective only when set in Pre-Op" ('Electronic gear'). A ratio out of range is taken, and is AL.105: the
-      // parts are written one after the other.
+      // "Effective only when set in Pre-Op" ('Electronic gear'). A ratio out of range is accepted, because its parts
+      // are written one by one, and is AL.105 until it is valid.
       const ethercat::AlState state = slave().state();
       const bool before = state == ethercat::AlState::init || state == ethercat::AlState::pre_operational;
       return before && !drive().energised() ? AbortCode::none : AbortCode::device_state;
@@ -193,8 +193,9 @@ ethercat::AlStatusCode JmcEc::may_change(ethercat::AlState from, ethercat::AlSta
 void JmcEc::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat::AlStatusCode cause, Time) {
   using ethercat::AlState;
   if (from == AlState::operational) {
-    // No outputs come any more: 6007h says what to do, and the alarm says why. A master that takes the drive out of
-    // Operational while it works leaves it without valid outputs; one that stops by an alarm needs none.
+    // Outputs have ended: 6007h determines the reaction, and the alarm shows the reason. If the master itself takes an
+    // enabled drive out of Operational, the reason is "no valid outputs". A drive that already stops because of an
+    // alarm gets no second one.
     const bool stops = drive().state() == drive::PowerState::fault_reaction_active;
     const auto why = cause != ethercat::AlStatusCode::none ? cause : ethercat::AlStatusCode::no_valid_outputs;
     if (cause != ethercat::AlStatusCode::none || !stops) {
@@ -203,7 +204,7 @@ void JmcEc::state_changed(ethercat::AlState from, ethercat::AlState to, ethercat
   }
   if (cause != ethercat::AlStatusCode::none) bus_error(cause);
   if (from == AlState::pre_operational && to == AlState::safe_operational) {
-    // With SYNC0 the targets come with it; else 60C2h says how often they do.
+    // With SYNC0 its cycle is the period of the targets, else 60C2h is.
     const double period_s = 1e-9 * objects().communication.output_sync.sync0_cycle_time_ns;
     if (period_s != set_point_period_s_) {
       set_point_period_s_ = period_s;

@@ -36,7 +36,7 @@ class JmcEc final
 
   explicit JmcEc(const Settings& settings) : EthercatDevice(settings) {}
 
-  // That of Settings::model; the default one for a name that is not known.
+  // The rating of Settings::model; an unknown name gives the default.
   const jmc_ec::Rating& rating() const { return jmc_ec::find_rating(settings().model); }
 
   SerialPort* serial_port() override { return &serial_port_; }
@@ -44,8 +44,8 @@ class JmcEc final
   void power_on(const drive::Feedback& feedback, Time now) override;
   void cycle(Time now) override;
 
-  // What the manual describes and prints no objects for.
-  // The alarm that is shown: the first fault, else that of the bus, else a warning; "" without one.
+  // Functions that the manual describes without objects. The alarm to show: the first fault, else the error of the bus,
+  // else a warning; "" if there is none.
   jmc_ec::AlarmText alarm() { return jmc_ec::alarm_text(alarm_to_show().number); }
   jmc_ec::Leds leds(Time now);
   Lamps lamps(Time now) override;
@@ -99,9 +99,9 @@ class JmcEc final
   bool position_change_written_ = false;  // 607Bh
   double set_point_period_s_ = 0.0;       // of SYNC0; 0: 60C2h
   ethercat::AlStatusCode bus_error_ = ethercat::AlStatusCode::none;
-  bool fault_told_ = false;  // by an emergency
+  bool fault_told_ = false;  // reported by an emergency
   std::uint32_t frames_ = 0;
-  Time last_frame_{-1};  // when there was traffic last; -1: never
+  Time last_frame_{-1};  // time of the last traffic; -1: none yet
 };
 
 }  // namespace servodrome::products

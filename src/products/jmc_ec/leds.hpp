@@ -5,7 +5,7 @@
 
 #include "products/jmc_ec/communication_alarms.hpp"
 
-// The lamps of the drive as states; a board or a picture makes them blink (ch. 4.3.2, Table 10).
+// The states of the drive's lamps (ch. 4.3.2, Table 10). The board or the web page does the blinking.
 namespace servodrome::products::jmc_ec {
 
 enum class Lamp : std::uint8_t { off, on, flashing, single_flash };
@@ -50,7 +50,7 @@ inline constexpr auto alarm_flashes = std::to_array<AlarmFlashes>({
     {0xE601, 0xE62B, 5},  // communication error
 });
 
-// 0: none is printed.
+// Number of flashes for an alarm; 0: the manual prints none.
 constexpr std::uint8_t flashes_of(std::uint16_t alarm) {
   for (const AlarmFlashes& row : alarm_flashes) {
     if (alarm >= row.first && alarm <= row.last) return row.flashes;

@@ -10,17 +10,17 @@ namespace {
 
 constexpr std::uint32_t slot_ms = 100;
 
-// Inertia: windows of the estimator that count, and what it must be sure of to be shown.
+// Inertia: windows that the estimator remembers, and the greatest uncertainty of an estimate that d22 shows.
 constexpr double memory_windows = 100.0;
 constexpr double good_uncertainty = 0.03;
-// AF-J-L swings over a turn to either side.
+// AF-J-L swings one turn to each side.
 constexpr double recognition_turns = 1.0;
 constexpr double recognition_rpm = 300.0;
 constexpr float recognition_torque = 0.5F;
-// Steps of the search for resonances between two cycles.
+// Steps of the resonance search in one cycle.
 constexpr std::size_t steps_per_cycle = 32;
 
-// UVW of six sectors of the electrical turn, U in bit 0 (ch. 8.3, d19: "phase sequence position").
+// d19, "phase sequence position" (ch. 8.3): Hall bits U, V, W of the six sectors of an electrical turn, U in bit 0.
 constexpr std::array<std::uint8_t, 6> uvw_of_sector{1, 3, 2, 6, 4, 5};
 
 std::int32_t shown(double value) {
@@ -164,7 +164,7 @@ std::int32_t Monitor::item(std::uint8_t number, const drive::Drive& drive, std::
     case 12: return shown(100.0 * static_cast<double>(peak_));
     case 13: return shown(100.0 * std::sqrt(total_.square / held));
     case 14: return shown(100.0 * total_.regeneration / held);
-    case 16: return static_cast<std::int32_t>(~drive.wires() & 0x1F);  // high: the opto-coupler is off (ch. 8.3, d16)
+    case 16: return static_cast<std::int32_t>(~drive.wires() & 0x1F);  // 1: the opto-coupler is off
     case 17: return static_cast<std::int32_t>(outputs);
     case 18: {
       const auto turn = static_cast<std::int64_t>(axis.configuration.motor.counts_per_revolution);
@@ -177,9 +177,7 @@ std::int32_t Monitor::item(std::uint8_t number, const drive::Drive& drive, std::
     case 25: return shown(std::floor(run_time_s_));
     case 26: return shown(static_cast<double>(resonance_hz_[0]));
     case 28: return shown(static_cast<double>(resonance_hz_[1]));
-    default:
-      return 0;  // 20, 21: no absolute encoder; 30, 31: no analogue inputs ('Product introduction', 'Technical
-                 // characteristics')
+    default: return 0;  // 20, 21: no absolute encoder; 30, 31: no analogue inputs
   }
 }
 

@@ -8,14 +8,15 @@
 #include "drive/tuning/inertia_estimator.hpp"
 #include "drive/tuning/resonance_analysis.hpp"
 
-// The monitoring items d00 to d31 of the JMC EC drives (ch. 8.3). They are no CoE objects either: item dnn is object
-// 200Dh sub-index nn + 1 for the service port and the bench.
+// The monitoring items d00 to d31 of the JMC EC drives (ch. 8.3). They are not CoE objects: for the service port and
+// the bench, item dnn is object 200Dh sub-index nn + 1.
 namespace servodrome::products::jmc_ec {
 
 inline constexpr std::uint16_t monitor_index = 0x200D;
 inline constexpr std::uint8_t last_item = 31;
 
-// Functions of the PC software (ch. 7; ch. 8.2.2, P01-04; ch. 8.3, d26): writing 1 starts one, reading gives its state.
+// Functions of the PC software (ch. 7; ch. 8.2.2, P01-04; ch. 8.3, d26). Writing 1 starts a function, reading returns
+// its state.
 inline constexpr std::uint16_t function_index = 0x200E;
 enum class FunctionState : std::uint8_t { idle, running, done, failed };
 
@@ -82,10 +83,10 @@ inline constexpr auto monitor_section = [] {
   return section;
 }();
 
-// What the items are worked out of. Mean, load and regeneration are of the last 10 s (ch. 8.3).
+// Computes the items. Mean torque, load and regeneration are over the last 10 s (ch. 8.3).
 class Monitor {
  public:
-  // Power-on. The run time goes on from where it was: a device counts it over its life (ch. 8.3, d25).
+  // The run time d25 continues from its last value, because it counts over the life of the device.
   void power_on(double rotor_inertia_kgm2, double inertia_ratio);
 
   // Once per position-loop cycle, after the drive's own.
@@ -96,16 +97,16 @@ class Monitor {
   void start_recognition(drive::Drive& drive);
   void start_search(drive::Drive& drive);
 
-  // Brings the item of an entry of monitor_section up to date. `outputs`: bit n for DOn conducting.
+  // Updates the item of an entry of monitor_section. `outputs`: bit n is 1 while DOn conducts.
   void refresh(const dictionary::Entry& entry, MonitorObjects& objects, const drive::Drive& drive,
                std::uint32_t outputs) const;
 
  private:
   static constexpr std::size_t slots = 100;  // of 100 ms
   struct Sums {
-    double torque = 0.0;  // without sign, fraction of rated
+    double torque = 0.0;  // absolute value, fraction of rated
     double square = 0.0;
-    double regeneration = 0.0;  // share of the time
+    double regeneration = 0.0;  // fraction of the time
   };
 
   void end_slot();

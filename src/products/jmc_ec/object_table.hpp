@@ -5,9 +5,9 @@
 #include "ethercat/slave/profile.hpp"
 #include "products/jmc_ec/objects.hpp"
 
-// The object dictionary of the JMC EC drives: Table 219 of the manual, which is the list of their ESI
-// file, and 60E0h, 60E1h, which a master's start-up list writes (routine for INovance, 'Set the zero return
-// parameter'). Where object pages differ, the table rules.
+// The object dictionary of the JMC EC drives: Table 219, which lists the objects of their ESI file, and 60E0h and
+// 60E1h, which a printed start-up list writes (routine for INovance, 'Set the zero return parameter'). Where the pages
+// of single objects differ from Table 219, the table is right.
 namespace servodrome::products::jmc_ec {
 
 inline constexpr std::uint32_t vendor_id = 0x66668888;        // Table 219, 1018h
@@ -15,12 +15,12 @@ inline constexpr std::uint32_t device_type = 0x00060192;      // Table 219, 1000
 inline constexpr std::uint32_t revision_number = 0x00010000;  // printed XXXX
 inline constexpr std::uint32_t empty_mapping = 0xFFFFFFFF;    // Table 219, 1600h
 inline constexpr std::uint16_t pdo_bytes = 48;                // at most, of one PDO ('PDO mapping')
-inline constexpr std::uint16_t process_data_bytes = 128;      // of all assigned together; not printed
+inline constexpr std::uint16_t process_data_bytes = 128;      // of all assigned PDOs together; not printed
 inline constexpr const char* hardware_version = "1.0";        // printed XXXX
 inline constexpr const char* software_version = "1.42";       // the manual's (title page)
 
-// The first line of both printed start-up lists has this comment, the lines that a user added have none (routine for
-// INovance, 'Set the zero return parameter'; routine for CoDeSys, 'Set homing parameter').
+// Both printed start-up lists (routines for INovance and CoDeSys) begin with this row. It is the only one with a
+// comment, so it comes from the ESI file and not from the user.
 inline constexpr std::array start_up{ethercat::StartUpParameter{
     .transition = "PS", .index = 0x6060, .sub = 0, .value = 8, .comment = "Modes of Operation"}};
 
@@ -63,7 +63,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.set_default(0x1000, 0, device_type);
   builder.set_default(0x1018, 1, vendor_id).set_default(0x1018, 3, revision_number);
 
-  // The real number of entries in sub-index 0, where the table prints 0Bh throughout (D-04).
+  // Sub-index 0 has the real number of entries; the table prints 0Bh for every map (D-04).
   const auto map = [&builder](std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
     for (std::uint8_t sub = 1; sub <= Communication::mapping_entries; ++sub) {
       builder.set_default(index, sub, empty_mapping);
@@ -86,23 +86,23 @@ inline constexpr auto object_table = dictionary::make_table<[] {
     builder.set_default(0x1C13, sub, 0x1A00 + i).set_range(0x1C13, sub, 0x1A00, 0x1A03);
   }
 
-  // Types and access of the table, also where the standard has others.
+  // Types and access of the table, where they differ from the standard.
   builder.at(0x6007).type = Type::unsigned16;
   builder.at(0x6074).type = Type::unsigned16;
   for (const std::uint16_t index :
        std::to_array<std::uint16_t>({0x6069, 0x6075, 0x6076, 0x60BA, 0x60BB, 0x60BC, 0x60BD})) {
-    builder.at(index).access = Access::rw;  // D-28: what the drive measures overwrites what was written
+    builder.at(index).access = Access::rw;  // D-28: the next measured value overwrites a written one
   }
-  // Column PDO: everything but encoder resolution, gear and feed; settings both ways, measured values out.
+  // Column PDO: everything except encoder resolution, gear and feed may be mapped; settings in both directions,
+  // measured values to the master only.
   for (std::size_t i = 0; i < builder.count; ++i) {
     Entry& entry = builder.entries[i];
     if (entry.index < 0x6000) continue;
-    entry.saved = false;  // no storage objects in the table: what a master wants it writes at every start
+    entry.saved = false;  // the table has no storage objects: a master writes its settings at every start
     const bool factor = entry.index == 0x608F || entry.index == 0x6091 || entry.index == 0x6092;
     const bool number_of_subs = entry.sub == 0 && entry.code != ObjectCode::var;
     entry.pdo = factor || number_of_subs ? Pdo::none : entry.access == Access::rw ? Pdo::both : Pdo::tpdo;
-    // Effective only when set in Pre-Operational ('Electronic gear'): the product looks at the bus before the drive
-    // does.
+    // Effective only when set in Pre-Operational ('Electronic gear'), so the product checks the state of the bus first.
     if (factor && !number_of_subs) entry.owner = Owner::product;
     const std::string_view unit = entry.unit;
     if (unit == "pos") entry.unit = "command unit";
@@ -134,7 +134,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
     builder.at(sync, ethercat::sync_parameter::cycle_time).access = Access::ro;
     builder.at(sync, ethercat::sync_parameter::shift_time).access = Access::ro;
   }
-  builder.at(0x6075).owner = Owner::product;  // beyond the power stage it is AL.060
+  builder.at(0x6075).owner = Owner::product;  // above the current of the power stage it is AL.060
   // -128..-1 and 36..127 are refused with 0609 0030h by the drive, which knows its methods (D-23).
   builder.at(0x6098).minimum = 0;
   builder.at(0x6098).maximum = 35;

@@ -9,11 +9,11 @@
 // The values behind the object dictionary of the JMC EC drives.
 namespace servodrome::products::jmc_ec {
 
-// What drive::Objects does not have, or has with another type or meaning.
+// Objects that drive::Objects lacks, or has with another type or meaning.
 struct Own {
   dictionary::Blob<24> device_name{};       // 1008h
   std::int32_t torque_offset = 0;           // 60B2h, wider than CiA 402's; 0.1 % of rated torque
-  std::int32_t min_position_change = -100;  // 607Bh sub 1: no position range, see README D-15
+  std::int32_t min_position_change = -100;  // 607Bh sub 1; not a position range, see README D-15
   std::int32_t max_position_change = 100;   // 607Bh sub 2
 };
 

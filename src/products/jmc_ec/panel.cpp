@@ -1,4 +1,4 @@
-// The drive's own side of the JMC EC: panel parameters, monitoring items and the service port.
+// Panel parameters, monitoring items and the service port of the JMC EC.
 #include <algorithm>
 
 #include "products/jmc_ec/jmc_ec.hpp"
@@ -15,7 +15,7 @@ bool JmcEc::supports(const modbus::CharacterFormat& format) {
          std::find(rates.begin(), rates.end(), format.bit_rate) != rates.end();
 }
 
-// The motor of the nameplate: what P00 knows of it, with the inertia of the rotor alone.
+// The motor of the nameplate, with the inertia of the rotor alone.
 drive::MotorData JmcEc::rated_motor() const {
   drive::MotorData motor = settings().motor;
   motor.inertia_kgm2 = rating().model.motor.inertia_kgm2;
@@ -61,7 +61,8 @@ void JmcEc::start_panel() {
 void JmcEc::cycle_panel() {
   panel_control_.cycle(objects().panel, drive());
   monitor_.cycle(drive());
-  // AL.941 as long as a value waits for power-on; enabled like that, AL.110 (ch. 9.2).
+  // AL.941 is active while a changed parameter waits for the next power-on. Enabling the motor in this state is AL.110
+  // (ch. 9.2).
   const bool energised = drive().energised();
   if (energised && !was_energised_ && panel_control_.power_cycle_needed(objects().panel)) {
     drive().raise(jmc_ec::cause::power_cycle_needed);
@@ -75,7 +76,7 @@ AbortCode JmcEc::check_panel(const Entry& entry, std::int64_t value) {
   return jmc_ec::Monitor::may_start(drive()) ? AbortCode::none : AbortCode::device_state;
 }
 
-// Kept at once: there is no command to save (section 12 of the digest).
+// Panel parameters are saved when they are written, because the manual describes no command to save.
 void JmcEc::panel_written(const Entry& entry) {
   if (entry.index == jmc_ec::function_index) {
     jmc_ec::MonitorObjects& monitor = objects().monitor;

@@ -14,7 +14,7 @@ constexpr double pi = std::numbers::pi;
 constexpr std::uint16_t standard = 1;  // P01-02
 constexpr std::uint16_t positioning = 2;
 
-// Corner of a filter from its time constant in 0.01 ms; 0 is off.
+// Corner frequency of a filter from its time constant in 0.01 ms; 0: off.
 float corner_hz(std::uint16_t time_constant) {
   return time_constant == 0 ? 0.0F : static_cast<float>(1.0 / (2.0 * pi * time_constant * 1e-5));
 }
@@ -76,8 +76,8 @@ drive::MotorData PanelControl::motor(const drive::MotorData& rating) const {
   return motor;
 }
 
-// The proportional gain is the frequency at which the loop's gain crosses 1 with the inertia that P00-04 and P01-04
-// tell (ch. 7: P01-04 is set first); the integral acts with its time constant.
+// P02-10 is the frequency at which the gain of the loop crosses 1 with the inertia of P00-04 and P01-04 (ch. 7: P01-04
+// is set first). The integral acts with its time constant.
 drive::Gains PanelControl::gains(const Panel& panel, const drive::MotorData& motor) const {
   const std::size_t set = switching_.set();
   const double velocity_rad_s = 2.0 * pi * 0.1 * panel.velocity_gain[set];
@@ -145,7 +145,8 @@ bool PanelControl::power_cycle_needed(const Panel& panel) const {
   return false;
 }
 
-// P03-05: by the deviation alone, at the end of the command, or at the end of the smoothed one (ch. 8.2.4).
+// P03-05 (ch. 8.2.4): the deviation alone decides, or the deviation after the end of the command or of the smoothed
+// command.
 bool PanelControl::reached(const Panel& panel, const drive::Drive& drive) const {
   if (!drive.energised() || drive.axis().demand.loop != drive::Loop::position) return false;
   if (std::abs(drive.loops().following_error_counts) >= panel.in_position_window) return false;

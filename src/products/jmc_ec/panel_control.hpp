@@ -4,7 +4,7 @@
 #include "products/jmc_ec/gain_switching.hpp"
 #include "products/jmc_ec/panel_objects.hpp"
 
-// What the panel parameters do to the drive (ch. 7, ch. 8.2.2 to 8.2.8).
+// The effects of the panel parameters on the drive (ch. 7, ch. 8.2.2 to 8.2.8).
 namespace servodrome::products::jmc_ec {
 
 // Not printed: the current loop's bandwidth.
@@ -21,35 +21,35 @@ inline constexpr std::uint32_t in_position_output = 1U << 1;
 
 class PanelControl {
  public:
-  // The factory values of P00 (ch. 6), of a motor.
+  // Sets P00 to the factory values for a motor (ch. 6).
   static void factory_values(Panel& panel, const drive::MotorData& motor);
 
-  // Power-on, the parameters having their values: those that act from power-on do so now.
+  // To be called at power-on, after the parameters are loaded: those that act from power-on take effect.
   void power_on(Panel& panel, const drive::MotorData& motor);
 
-  // The motor as P00 has it: data of the rating where P00 has their rounded value (factory values), else P00's.
+  // The motor according to P00. Where P00 has the rounded value of the rating (its factory value), the exact value of
+  // the rating applies.
   drive::MotorData motor(const drive::MotorData& rating) const;
 
-  // Puts what the parameters say into a configuration whose motor is the rotor alone and whose monitors are those of
-  // the rating. The gains are those of the set in use.
+  // Applies the parameters to a configuration that has the rotor's inertia alone and the monitors of the rating. The
+  // gains are those of the set in use.
   void configure(const Panel& panel, drive::Configuration& configuration) const;
 
   // Whether a parameter may be written now; the range has been checked.
   static dictionary::AbortCode check(const dictionary::Entry& entry, const drive::Drive& drive);
-  // Parameters that real-time adjustment sets go back to what it makes of them (ch. 7, P01-02 and P01-03; ch. 8.2.2,
-  // P01-02 and P01-03).
+  // Real-time adjustment overwrites the parameters that it sets (P01-02 and P01-03, ch. 7 and 8.2.2).
   static void written(Panel& panel);
 
   // Once per position-loop cycle, after the drive's own: gain switching and the outputs.
   void cycle(const Panel& panel, drive::Drive& drive);
 
-  // P00-42 as the monitor of the DC link has it; `rating_v` stands for 0.
+  // The threshold P00-42 for the monitor of the DC link; 0 stands for `rating_v`.
   float over_voltage_v(float rating_v) const { return active_.over_voltage_v != 0 ? active_.over_voltage_v : rating_v; }
-  // P03-15 in command units: beyond, AL.501. 0: none.
+  // P03-15 in command units: a greater deviation is AL.501. 0: no limit.
   static std::uint32_t excessive_deviation(const Panel& panel) { return 10U * panel.position_deviation; }
-  // A parameter has another value than the one that acts: AL.941, LED 13.
+  // Whether a parameter differs from the value in force since power-on: AL.941, 13 flashes.
   bool power_cycle_needed(const Panel& panel) const;
-  // Parameters as they were at power-on, for those that act from then on.
+  // The parameters at power-on, for those that act from power-on.
   const Panel& active() const { return active_; }
 
   bool in_position() const { return in_position_; }  // P03-05, P03-06
@@ -67,7 +67,8 @@ class PanelControl {
   std::uint32_t levels_ = 0;
 };
 
-// P01-02 standard and positioning: the parameters that P01-03 sets, and those that positioning fixes.
+// For P01-02 "standard" and "positioning": sets the parameters that follow from P01-03, and those that "positioning"
+// fixes.
 void adjust_gains(Panel& panel);
 
 }  // namespace servodrome::products::jmc_ec

@@ -6,9 +6,9 @@
 #include "drive/loops/motor_data.hpp"
 #include "products/jmc_ec/rigidity.hpp"
 
-// The panel parameters P00 to P08 of the JMC EC drives (ch. 6, Table 65). They are no CoE objects: Table 219 has
-// none of them. So the fieldbus does not see them; the service port, the bench and the non-volatile memory do.
-// Parameter Pgg-nn is object 2000h + gg sub-index nn + 1, a number in the steps that the manual prints its value in.
+// The panel parameters P00 to P08 of the JMC EC drives (ch. 6, Table 65). They are not CoE objects, as Table 219 has
+// none of them: the service port, the bench and the non-volatile memory access them, the fieldbus cannot. Parameter
+// Pgg-nn is object 2000h + gg sub-index nn + 1, a number in the steps that the manual prints its value in.
 //
 // Defaults and ranges are those of the list; where the descriptions differ, the wider range (README C-21, C-22).
 namespace servodrome::products::jmc_ec {
@@ -118,18 +118,18 @@ constexpr ParameterId parameter_of(const dictionary::Entry& entry) {
   return {static_cast<std::uint8_t>(entry.index - first_panel_index), static_cast<std::uint8_t>(entry.sub - 1)};
 }
 
-// "Power-on again": what is written acts from the next power-on (ch. 6, Table 65).
+// "Power-on again": the parameter acts from the next power-on (ch. 6, Table 65).
 constexpr bool acts_from_power_on(ParameterId id) {
   return id.group == 0 || (id.group == 3 && id.number >= 9 && id.number <= 11) || id.group == 6;
 }
 
-// "Stop & set": refused while the motor has power. P00-26 and 27 may be set while it runs (ch. 6).
+// "Stop & set": writing is refused while the motor has power. P00-26 and 27 may be set while it runs (ch. 6).
 constexpr bool set_while_stopped(ParameterId id) {
   return (id.group == 0 && id.number != 26 && id.number != 27) || id == ParameterId{1, 1} || id == ParameterId{3, 0} ||
          id == ParameterId{3, 3} || id == ParameterId{4, 0} || id == ParameterId{4, 1};
 }
 
-// P03-68 is named as the limit of AL.551 and printed nowhere: in seconds, 0 for none, is a reading.
+// P03-68 is named as the limit of AL.551 but not described. Seconds, and 0 for no limit, are this project's choice.
 inline constexpr std::int64_t homing_timeout_default_s = 300;
 
 inline constexpr auto panel_section = [] {

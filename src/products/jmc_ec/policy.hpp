@@ -14,7 +14,7 @@ using drive::mode_bit;
 
 // Readings of the manual that could be the other way round (see README.md of this folder).
 inline constexpr bool energised_in_switched_on = true;       // C-30
-inline constexpr bool mode_zero_keeps = true;                // 6060h = 0 changes nothing (section 4)
+inline constexpr bool mode_zero_keeps = true;                // 6060h = 0 changes nothing
 inline constexpr bool position_change_needs_writing = true;  // D-15: 607Bh limits once it was written
 inline constexpr bool end_velocity_is_start = true;          // D-20
 inline constexpr bool limit_inputs_follow_polarity = true;   // Table 229
@@ -85,7 +85,7 @@ constexpr drive::Policy make_policy() {
   policy.homing_errors_are_faults = true;  // the one with a number: AL.551
   policy.digital_inputs = digital_inputs;
   policy.brake_output_bit = 0;  // object 60FEh
-  policy.output_count = 0;      // DO0 and DO1 are the drive's
+  policy.output_count = 0;      // the drive itself controls DO0 and DO1
   policy.limit_inputs_follow_polarity = limit_inputs_follow_polarity;
   policy.units = units;
   return policy;

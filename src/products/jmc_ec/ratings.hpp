@@ -5,19 +5,18 @@
 #include "drive/transforms.hpp"
 #include "products/model.hpp"
 
-// The sizes of the EC series: integrated servos IHSV-EC ('Preface', ch. 2.1 and 2.2) and the two stepper drives that
-// the routines name (routine for TwinCAT3, routine for INovance).
+// The sizes of the EC series: integrated servos IHSV-EC (ch. 2.1 and 2.2) and the two stepper drives that the routines
+// for TwinCAT3 and INovance name.
 //
 // Printed for the IHSV: flange, power, supply, rated speed 3000 rpm, 300 % torque, 1000-line encoder (4000 increments).
 // Derived: rated torque. Chosen, because nothing is printed: five pole pairs (the sample of P00-05, ch. 6); a torque
-// constant with which the motor turns 4500 rpm on 80 % of its supply; copper losses, electrical time constants of
-// 1.4 to 1.8 ms, rotor inertias of motors of that flange; thermal resistances for a winding 98 K above ambient in
-// continuous duty.
-// The steppers ("hybrid stepping servo", 'Preface') have two phases and 50 pole pairs. 6 A and 4.436 Nm are the
-// defaults of 6075h and 6076h (Table 219), so they are 2HSS458-EC's; 2DM542-EC has the 4.2 A of its name. Chosen:
-// windings with which the link gives the rated torque up to the rated speed, a detent torque of 4 % of the holding
-// torque, four times per tooth. The object table of both has an encoder (6064h, 608Fh, 60F4h: Table 219), so the 2DM542
-// has one.
+// constant with which the motor turns 4500 rpm on 80 % of its supply; copper losses, electrical time constants of 1.4
+// to 1.8 ms, rotor inertias of motors of that flange; thermal resistances for a winding 98 K above ambient in
+// continuous duty. The steppers ("hybrid stepping servo", 'Preface') have two phases and 50 pole pairs. 6 A and 4.436
+// Nm are the defaults of 6075h and 6076h (Table 219) and are used for 2HSS458-EC; 2DM542-EC has the 4.2 A of its name.
+// Chosen: windings with which the DC link allows the rated torque up to the rated speed, a detent torque of 4 % of the
+// holding torque, four times per tooth. Table 219 is for both and has the objects of an encoder (6064h, 608Fh, 60F4h),
+// so the 2DM542 has one.
 namespace servodrome::products::jmc_ec {
 
 struct Rating {
@@ -77,8 +76,8 @@ constexpr Rating servo(std::string_view name, std::string_view title, const char
   return made;
 }
 
-// As the nameplate of a hybrid stepper has it: the current of each of two windings that stand at full current together,
-// the torque they hold then, resistance and inductance of one winding.
+// Data as on the nameplate of a hybrid stepper: current of each winding with both windings at full current, the holding
+// torque then, resistance and inductance of one winding.
 struct Stepper {
   float rated_current_a;
   float rated_torque_nm;
@@ -102,7 +101,7 @@ constexpr Rating stepper(std::string_view name, std::string_view title, const ch
   motor.rated_speed_rpm = plate.rated_speed_rpm;
   motor.max_speed_rpm = plate.max_speed_rpm;
   motor.rated_torque_nm = plate.rated_torque_nm;
-  motor.rated_current_a = plate.rated_current_a * root2;  // both windings: the amplitude of a current that turns
+  motor.rated_current_a = plate.rated_current_a * root2;  // amplitude of the rotating current vector of both windings
   motor.torque_constant_nm_per_a = motor.rated_torque_nm / motor.rated_current_a;
   motor.peak_current_a = 1.5F * motor.rated_current_a;
   motor.resistance_ohm = plate.resistance_ohm;
@@ -112,7 +111,7 @@ constexpr Rating stepper(std::string_view name, std::string_view title, const ch
   made.model.dc_link_f = 2.2e-3F;
   made.model.standby_w = standby_w;
   made.model.cogging_torque_nm = 0.04F * plate.rated_torque_nm;
-  made.model.cogging_periods_per_revolution = 4 * motor.pole_pairs;  // full steps
+  made.model.cogging_periods_per_revolution = 4 * motor.pole_pairs;  // one per full step
   made.model.stage_rated_current_a = 1.2F * motor.rated_current_a;
   heat(made.model);
   return made;
@@ -143,14 +142,14 @@ inline constexpr std::array ratings{
                     {2.97F, 1.8F, 48.0F, 500.0F, 750.0F, 0.8F, 3.0e-3F, 0.48e-4F}),
 };
 
-// The same as a line's registry takes them.
+// The same, as models for the registry of a line.
 inline constexpr auto models = [] {
   std::array<Model, ratings.size()> made{};
   for (std::size_t i = 0; i < made.size(); ++i) made[i] = ratings[i].model;
   return made;
 }();
 
-// The rating of that name; of one that is not known, the default.
+// The rating with that name; an unknown name gives the default.
 constexpr const Rating& find_rating(std::string_view name) {
   std::size_t chosen = 0;
   for (std::size_t i = 0; i < ratings.size(); ++i) {

@@ -3,13 +3,13 @@
 #include <array>
 #include <cstdint>
 
-// What real-time adjustment (P01-02) makes of the rigidity level P01-03 (ch. 7 and 8.2.2). The manual prints one of
-// the 32 gain sets, the defaults of level 13 (Table 65); this is the other 31.
+// The gains that real-time adjustment (P01-02) sets for a rigidity level P01-03 (ch. 7 and 8.2.2). The manual prints
+// one of the 32 gain sets, the defaults of level 13 (Table 65); the other 31 are this project's choice.
 //
-// The proportional gain of the velocity loop rises from level to level by a tenth to a third. The others stand to it as
-// they do in level 13: position gains at 48/27 and 57/27 of it, torque filter at 0.84 ms x 27 Hz by it. So does the
-// integral time below level 13; above, where filters and encoder cost phase, it falls with the square root only. The
-// second set works without an integral to speak of (1000 ms) in every level.
+// The proportional gain of the velocity loop rises from level to level by a tenth to a third. The other values keep
+// their ratio to it in level 13: the position gains are 48/27 and 57/27 of it, the torque filter is 0.84 ms x 27 Hz
+// divided by it. The integral time does too below level 13; above, where filters and encoder cost phase, it falls with
+// the square root only. The integral of the second set is nearly without effect (1000 ms) in every level.
 namespace servodrome::products::jmc_ec {
 
 // In the units of the parameters.

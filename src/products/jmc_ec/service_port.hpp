@@ -8,10 +8,10 @@
 #include "products/jmc_ec/object_table.hpp"
 
 // The service port of the JMC EC drives: RS232 on the micro USB socket, for the PC software (ch. 6, 'RS232
-// Communication interface definition'). Its protocol is not printed (C-36). That it is Modbus RTU is a reading: the
-// addresses of the parameter list are two bytes wide (ch. 6), and P00-23 to P00-26 are its settings. The parameters of
-// P00 have the addresses 0000h to 002Ah; the others follow the same rule, group in the high byte and number in the low
-// one.
+// Communication interface definition'). Its protocol is not printed. This project reads it as Modbus RTU (C-36),
+// because the addresses of the parameter list are two bytes wide (ch. 6) and P00-23 to P00-26 are settings of Modbus.
+// The parameters of P00 have the addresses 0000h to 002Ah. The others follow the same rule: group in the high byte,
+// number in the low byte.
 namespace servodrome::products::jmc_ec {
 
 inline constexpr std::uint16_t monitor_page = 0x0D00;   // item dnn: two registers at 0D00h + 2 nn
@@ -37,7 +37,7 @@ inline constexpr auto service_registers = modbus::make_register_map<[] {
 }>();
 static_assert(modbus::is_valid_map(service_registers, object_table));
 
-// 03, 06 and 10h; items high word first, as the standard's examples have it.
+// Functions 03, 06 and 10h; items of two registers have the high word first, as in the standard's examples.
 inline constexpr modbus::Profile service_profile{.functions = {.read_input_registers = false,
                                                                .read_write_multiple_registers = false,
                                                                .device_identification = false}};
@@ -45,7 +45,7 @@ inline constexpr modbus::Profile service_profile{.functions = {.read_input_regis
 // P00-21 (Table 65, ch. 8.2.1).
 inline constexpr std::array<std::uint32_t, 4> rs232_bit_rates{9600, 19200, 57600, 115200};
 
-// RS232 is 8N1 whatever P00-25 says, which is for the RS485 members of the family (Table 115, C-36).
+// RS232 is always 8N1 (Table 115): P00-25 is for members of the family with RS485 (C-36).
 constexpr modbus::CharacterFormat rs232_format(std::uint16_t code) {
   return {.bit_rate = rs232_bit_rates[code & 3U], .data_bits = 8, .parity = modbus::Parity::none, .stop_bits = 1};
 }

@@ -13,10 +13,10 @@ using drive::ResetRule;
 // A 69 has no EMCY code of its own (C12, C13); its low byte is the panel's number (ch. 3.5).
 inline constexpr std::uint16_t interpolation_overtime_code = 0x8169;
 
-// The alarms (ch. 3.5, and A 69 in ch. 7.5.4). Error registers and what is a warning are the digest's recommendation,
-// the manual prints neither. The reaction to an alarm is 605Eh, which knows one value: power off, the motor coasts. All
-// are reset by bit 7 of the controlword. Where the simulated drive has no part that could break, the row is raised by
-// injection only: 5210h, 5421h, 5583h, 6100h, 6120h, 8100h.
+// The alarms (ch. 3.5, and A 69 in ch. 7.5.4). The manual prints neither error registers nor which alarms are warnings:
+// both are this project's choice. The reaction to an alarm is 605Eh, whose only value is power off: the motor coasts.
+// Bit 7 of the controlword resets every alarm. Injection alone raises 5210h, 5421h, 5583h, 6100h, 6120h and 8100h,
+// because the simulated drive has no part that could fail in this way.
 inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::overcurrent_u, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},
     {Cause::overcurrent_v, 0x2310, 0x03, Reaction::power_off, ResetRule::when_cause_gone, "Over current"},
@@ -40,7 +40,8 @@ inline constexpr auto faults = std::to_array<drive::FaultRow>({
     {Cause::unknown_error, 0x6100, 0x81, Reaction::power_off, ResetRule::when_cause_gone, "Illegal error code"},
     {Cause::pdo_mapping, 0x6120, 0x11, Reaction::none, ResetRule::when_cause_gone, "PDO mapping error"},
     {Cause::bus_settings, 0x6300, 0x11, Reaction::power_off, ResetRule::when_cause_gone, "CAN communication error"},
-    // The three encoder alarms: what a serial encoder's telegrams can tell, the rest by the type of the encoder.
+    // The three encoder alarms. 7303h: errors in the telegrams of a serial encoder; the others follow from the
+    // encoder's type.
     {Cause::encoder_connection, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Serial encoder error"},
     {Cause::encoder_crc, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Serial encoder error"},
     {Cause::encoder_delimiter, 0x7303, 0x21, Reaction::power_off, ResetRule::when_cause_gone, "Serial encoder error"},

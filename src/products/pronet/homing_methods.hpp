@@ -4,16 +4,17 @@
 
 #include "drive/homing/cia402_methods.hpp"
 
-// The homing methods of the ProNet drive (ch. 7.2). They run as the figures of CiA 402 do, and end where the ramp
-// after the found point ends: no travel back to it is described.
+// The homing methods of the ProNet drive (ch. 7.2). They follow the figures of CiA 402. The axis stays where its ramp
+// after the found point ends, because the manual describes no travel back.
 //
-// Method 3, 4, 19, 20: table ch. 7.2.3, 6098h, text ch. 7.2.4, methods 3 and 4 and note ch. 7.2.4 contradict each other
-// about the direction. Here the axis starts towards the switch, positive when it is inactive and negative when it is
-// active; 3 and 19 find their point running negative, 4 and 20 running positive (C19). Method 17 to 20 have one text
-// (ch. 7.2.4, methods 17 to 20).
+// Methods 3, 4, 19, 20: the table in ch. 7.2.3 and the text and note of ch. 7.2.4 contradict each other about the
+// direction. Here the axis starts in positive direction when the switch is inactive and in negative direction when it
+// is active; 3 and 19 find their point in negative direction, 4 and 20 in positive direction (C19). Methods 17 to 20
+// share one text in ch. 7.2.4.
 namespace servodrome::products::pronet {
 
-// "Afterwards the drive slowly returns" (ch. 7.2.4, methods 17 to 20): off the switch, too, before the edge is taken.
+// "Afterwards the drive slowly returns" (ch. 7.2.4, methods 17 to 20). Method 4 therefore also leaves the switch slowly
+// before it uses the edge (C18a).
 inline constexpr drive::Method method_4 = [] {
   drive::Method method = drive::cia402::method_4;
   method.legs[1].speed = drive::HomingSpeed::slow;
@@ -29,7 +30,7 @@ inline constexpr std::array homing_methods = [] {
       without_return(cia402::method_1),                     // ch. 7.2.4
       without_return(mirrored(2, cia402::method_1)),        // ch. 7.2.4, method 2
       without_return(cia402::method_3),                     // ch. 7.2.4, methods 3 and 4
-      without_return(method_4),                             // and slowly back (ch. 7.2.4, methods 17 to 20)
+      without_return(method_4),                             // and slowly back
       without_return(without_index(17, cia402::method_1)),  // ch. 7.2.4, methods 17 to 20
       without_return(without_index(18, mirrored(2, cia402::method_1))),
       without_return(without_index(19, cia402::method_3)),

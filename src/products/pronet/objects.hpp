@@ -77,7 +77,7 @@ inline constexpr auto parameter_section = [] {
     const Parameter& parameter = parameters[i];
     Field field = field_at<std::uint16_t>(offsetof(Manufacturer, parameters) + offsetof(ParameterValues, values) +
                                           i * sizeof(std::uint16_t));
-    if (parameter.number == 505) field.type = Type::integer16;  // the only signed one (appendix, 307Dh)
+    if (parameter.number == 505) field.type = Type::integer16;  // the only signed one (appendix)
     section[i] =
         var(parameter.index, parameter.name, field, Access::rw, Pdo::none,
             {.default_value = parameter.factory_value, .unit = parameter.unit, .saved = true, .owner = Owner::product});
@@ -85,7 +85,7 @@ inline constexpr auto parameter_section = [] {
   return section;
 }();
 
-// 3200h to 3301h: what can be seen of the drive (appendix). Of the meanings only the names and units are printed.
+// 3200h to 3301h: monitors of the drive (appendix). Only their names and units are printed, not their meanings.
 inline constexpr auto monitor_section = [] {
   using namespace dictionary;  // NOLINT(google-build-using-namespace)
   struct Row {
@@ -129,7 +129,7 @@ inline constexpr auto manufacturer_section = [] {
   });
 }();
 
-// The CiA 402 objects of the list appendix.
+// The CiA 402 objects in the list of the appendix.
 inline constexpr auto cia402_objects = std::to_array<std::uint16_t>(
     {0x603F, 0x6040, 0x6041, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6060, 0x6061, 0x6062, 0x6063, 0x6064,
      0x6065, 0x6066, 0x6067, 0x6068, 0x6069, 0x606B, 0x606C, 0x606D, 0x606E, 0x606F, 0x6070, 0x607A, 0x607B,
@@ -165,8 +165,8 @@ inline constexpr auto object_table = dictionary::make_table<[] {
       at_manufacturer);
   builder.add(highest_sub(0x60A4, ObjectCode::array, "Profile jerk", 1));
 
-  // Nothing but the parameters Pn is kept without power (section 12 of the digest). What is mappable for writing may
-  // be mapped for sending as well: the manual knows one "PDO mapping YES".
+  // Only the parameters Pn are non-volatile. An object that may be mapped into an RPDO may be mapped into a TPDO as
+  // well, because the manual has a single "PDO mapping YES" for both.
   std::size_t kept = 0;
   for (std::size_t i = 0; i < builder.count; ++i) {
     Entry entry = builder.entries[i];
@@ -201,7 +201,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
 
   builder.set_range(0x3100, 0, 1, 127);  // Pn704, an address on the bus
 
-  // Where the manual prints other defaults, access or types than the reference section.
+  // Defaults, access and types that the manual prints differently from the reference section.
   for (const std::uint16_t index : dummies) builder.at(index).access = Access::rw;
   builder.set_default(0x605A, 0, 0).set_default(0x605C, 0, 0).set_default(0x605D, 0, 0).set_default(0x605E, 0, 0);
   builder.set_default(0x6065, 0, 256).set_default(0x6066, 0, 0).set_range(0x6065, 0, 0, 0x7FFFFFFF);

@@ -22,7 +22,7 @@ struct Parameter {
   const char* unit;
   std::int32_t factory_value;
   Effect effect;
-  std::uint16_t highest_digits = 0xFFFF;  // the greatest of each hex digit
+  std::uint16_t highest_digits = 0xFFFF;  // greatest value of each hex digit
 };
 
 inline constexpr auto parameters = std::to_array<Parameter>({
@@ -146,14 +146,14 @@ struct ParameterValues {
     static_assert(place_of(number) < parameters.size());
     values[place_of(number)] = value;
   }
-  // Hex digit of a value, 0 is the lowest: what the manual writes Pnxxx.n.
+  // Hex digit of a value, 0 is the lowest; the manual writes it Pnxxx.n.
   template <std::uint16_t number>
   constexpr unsigned digit(unsigned place) const {
     return get<number>() >> (4 * place) & 0xFU;
   }
 };
 
-// Of Pn006 and Pn703; the range of Pn704 is in the object table.
+// Checks Pn006 and Pn703. The range of Pn704 is in the object table.
 constexpr bool bus_settings_are_possible(const ParameterValues& values) {
   return is_possible(parameters[place_of(6)], values.get<6>()) &&
          is_possible(parameters[place_of(703)], values.get<703>());

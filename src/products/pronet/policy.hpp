@@ -8,13 +8,13 @@ namespace servodrome::products::pronet {
 
 // Readings of the manual that could be the other way round (see README.md of this folder).
 inline constexpr std::int8_t home_offset_sign = -1;  // zero = home + 607Ch (ch. 7.2 and 7.2.3)
-// "The error cause is found by reading the error code" (ch. 7.2.2). The list ch. 3.5 names the switches; of what cannot
-// begin it has nothing, so that is "parameter error" of CiA 402.
+// "The error cause is found by reading the error code" (ch. 7.2.2). The list in ch. 3.5 has codes for the limit
+// switches. It has none for homing that cannot start, so that is "parameter error" of CiA 402.
 inline constexpr drive::HomingErrorCodes homing_error_codes{0x8681, 0x8682, 0x6320};
 inline constexpr std::int16_t halt_code_of_zero = 1;     // 605Dh reads 0 and acts as 1 (C21)
-inline constexpr std::uint32_t resolver_counts = 65536;  // ch. 4 and 4.2 has 65535 (C14)
+inline constexpr std::uint32_t resolver_counts = 65536;  // ch. 4; ch. 4.2 has 65535 (C14)
 
-// The encoders by their counts per turn (ch. 4); one that is not in the list is taken for an incremental one.
+// The encoder's type follows from its counts per turn (ch. 4); a number that is not in the list means incremental.
 enum class Encoder : std::uint8_t { incremental, resolver, serial };
 constexpr Encoder encoder_of(std::uint32_t counts_per_revolution) {
   if (counts_per_revolution == 131072) return Encoder::serial;
@@ -28,8 +28,8 @@ inline constexpr auto digital_inputs = std::to_array<drive::DigitalInputBit>({
     {2, drive::DigitalInputBit::Source::signal, static_cast<std::uint8_t>(drive::Signal::home)},
 });
 
-// The old factor group: internal = user x numerator / divisor. Internal speeds are 0.1 rpm, accelerations 0.1 rpm/s
-// (ch. 4); 6069h is not scaled. The jerk is in pulse / (s x 100 us x 100 us) (ch. 4).
+// The old factor group: internal = user x numerator / divisor. Internal speeds are 0.1 rpm, accelerations 0.1 rpm/s;
+// 6069h is not scaled. The jerk is in pulse / (s x 100 us x 100 us) (ch. 4).
 inline bool units(const drive::Objects& objects, const drive::MotorData& motor, drive::Units& units) {
   using drive::Ratio;
   constexpr double jerk_unit = 1e8;  // pulse/s^3
@@ -62,7 +62,7 @@ constexpr drive::Policy make_policy() {
                          .shutdown = 0b11,                         // ch. 6.2.3, 605Bh
                          .disable_operation = 0b11,                // ch. 6.2.4, 605Ch
                          .halt = 0b110,                            // ch. 6.2.6, 605Dh
-                         .fault_reaction = 0b1};                   // ch. 6.2.7, 605Dh
+                         .fault_reaction = 0b1};                   // ch. 6.2.7, which prints 605Eh as 605Dh
   policy.halt_code_of_zero = halt_code_of_zero;
   policy.remote_bit = false;  // ch. 6.2.2: bits 8 and 9 are not used
   policy.faults = faults;

@@ -11,7 +11,8 @@ constexpr unsigned can_open = 3;  // Pn006.0 (ch. 8)
 constexpr auto bit_rates = std::to_array<std::uint32_t>({50'000, 100'000, 125'000, 250'000, 500'000, 1'000'000});
 constexpr std::size_t terminals = 8;  // CN1_14 to CN1_17, CN1_39 to CN1_42
 
-// Codes of Pn509 and Pn510. The CANopen manual names C; 2 and 3 are those of the ProNet series for POT and NOT.
+// Codes of Pn509 and Pn510. The CANopen manual names C (ch. 7.2.4); 2 and 3 are the codes of the ProNet series for POT
+// and NOT.
 drive::Signal signal_of(unsigned code) {
   switch (code) {
     case 0x2: return drive::Signal::positive_limit;
@@ -21,7 +22,7 @@ drive::Signal signal_of(unsigned code) {
   }
 }
 
-// Hex digit of the pair of parameters that share the eight terminals: the first four in `first`.
+// Hex digit of a terminal. Two parameters share the eight terminals: `first` has terminals 0 to 3, `second` 4 to 7.
 unsigned digit(std::uint16_t first, std::uint16_t second, std::size_t terminal) {
   const std::uint16_t word = terminal < 4 ? first : second;
   return word >> (4 * (terminal % 4)) & 0xFU;
@@ -69,7 +70,7 @@ void Pronet::loaded(dictionary::Area areas) {
   limit_torque();
 }
 
-// The torque limits of the ProNet series, forward and reverse, in per cent (section 10 of the digest).
+// Pn401 and Pn402: the torque limits, forward and reverse, in per cent.
 void Pronet::limit_torque() {
   const pronet::ParameterValues& pn = objects().manufacturer.parameters;
   const auto thousandths = [](unsigned percent) { return static_cast<std::uint16_t>(std::min(percent * 10U, 65535U)); };
@@ -84,14 +85,14 @@ drive::Configuration Pronet::configuration() const {
   configuration.motor = settings().motor;
   const drive::MotorData& motor = configuration.motor;
   configuration.gains = drive::default_gains(motor, {policy.velocity_loop_ticks, policy.position_loop_ticks}, {});
-  configuration.monitors.warning_margin_c = 0.0F;  // warnings are those of the alarm list
+  configuration.monitors.warning_margin_c = 0.0F;  // no temperature warnings: the alarm list has none
   configuration.monitors.brake_resistor_ms = 500;
   configuration.monitors.limit_switch_levels = true;
   const pronet::Encoder encoder = pronet::encoder_of(motor.counts_per_revolution);
   configuration.encoder_loss = encoder_loss(encoder);
   configuration.index_available = encoder == pronet::Encoder::incremental;  // ch. 7.2
   configuration.encoder_begins_at_zero = encoder == pronet::Encoder::incremental;
-  // 5 units of 606Ch for one count of this encoder, so that 606Fh = 10 tells standing from moving.
+  // One count of this encoder is then 5 units of 606Ch, so that 606Fh = 10 can distinguish standing from moving.
   if (encoder == pronet::Encoder::incremental) configuration.shown_velocity_ms = 12.0F;
   for (std::size_t i = 0; i < terminals; ++i) {
     configuration.inputs[i] = {signal_of(digit(pn.get<509>(), pn.get<510>(), i)),
@@ -104,7 +105,7 @@ drive::Configuration Pronet::configuration() const {
   return configuration;
 }
 
-// Without CANopen (Pn006.0), or with settings that cannot be, the node keeps silent.
+// The node stays silent without CANopen (Pn006.0) or with impossible bus settings.
 std::uint8_t Pronet::chosen_node_id() const {
   const pronet::ParameterValues& pn = objects().manufacturer.parameters;
   const bool speaks = pn.digit<6>(0) == can_open && pronet::bus_settings_are_possible(pn);
@@ -128,7 +129,8 @@ void Pronet::reset(canopen::NmtCommand command, dictionary::Area restore, std::u
   apply_transmit_masks();
 }
 
-// Fn000: newest first. Of the panel's numbers only A 69 is printed; the EMCY codes stand for the others.
+// Fn000: newest first. A 69 is the only panel number that is printed; the other alarms are recorded by their EMCY
+// codes.
 void Pronet::record_alarm(const drive::FaultRow& row) {
   auto& alarms = objects().manufacturer.alarms;
   std::copy_backward(alarms.begin(), alarms.end() - 1, alarms.end());
@@ -155,7 +157,7 @@ dictionary::AbortCode Pronet::check(const dictionary::Entry& entry, std::span<co
 
 void Pronet::written(const dictionary::Entry& entry) {
   if (entry.index < 0x2004) return apply_transmit_masks();
-  // Parameters are kept as soon as they are written; those that act after a restart do nothing else.
+  // A parameter is saved as soon as it is written. A parameter that acts after a restart does nothing else.
   if (entry.saved) keep(dictionary::Area::manufacturer);
   const pronet::Parameter* parameter = pronet::find_parameter(entry.index);
   const bool acts_later = entry.saved && (parameter == nullptr || parameter->effect == pronet::Effect::after_restart);
@@ -173,7 +175,7 @@ void Pronet::refresh(const dictionary::Entry& entry) {
   const drive::Counts counted = axis.encoder_position - encoder_zero_;
   const drive::Counts within = ((counted % turn) + turn) % turn;
   switch (entry.index) {
-    // The monitors with a unit show what the unit fits (C43); those without one stay 0, but Un005.
+    // Monitors with a unit show the quantity that fits it (C43). Those without a unit stay 0, except Un005.
     case 0x320A: own.monitors[0] = low_word(axis.shown_velocity() / counts_per_rpm); break;
     case 0x320B: own.monitors[1] = low_word(axis.generator.velocity() / counts_per_rpm); break;
     case 0x320C: own.monitors[2] = low_word(100.0 * static_cast<double>(loops.torque_reference)); break;

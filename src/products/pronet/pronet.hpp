@@ -24,10 +24,10 @@ class Pronet final : public CanDevice<Pronet, pronet::Objects> {
       .valid_pdo_parameters_may_change = true,       // ch. 3.3, 'PDO mapping case'
       .padded_mappings = pronet::padded_mappings,    // C7
       .cob_id_ranges = pronet::cob_id_ranges,        // ch. 3.3, 1800h
-      .rpdo_excess_length_is_reported = false,       // 8220h is not in the list ch. 3.5
-      .type_255_sends_on_change = false,             // ch. 3.3, 'Transmit type of PDO': by the event time
+      .rpdo_excess_length_is_reported = false,       // 8220h is not in the list of ch. 3.5
+      .type_255_sends_on_change = false,             // but by the event time (ch. 3.3)
       .sdo_block = false,                            // ch. 3.2
-      .sdo_timeout = std::chrono::seconds(0),        // 0504 0000h is not in the list ch. 3.2
+      .sdo_timeout = std::chrono::seconds(0),        // 0504 0000h is not in the list of ch. 3.2
       .sync_producer = false,                        // ch. 3.4, 1005h
       .sync_cob_id_fixed = true,
       .time_consumer = false,
