@@ -42,7 +42,7 @@ enum class AbortCode : std::uint32_t {
   no_data = 0x08000024,
 };
 
-// The standard's words for a code, or "unknown abort code".
+// The standard's text for a code, or "unknown abort code".
 const char* text(AbortCode code);
 
 }  // namespace servodrome::dictionary

@@ -10,7 +10,8 @@ std::int64_t decode_number(Type type, std::span<const std::byte> bytes) {
     std::memcpy(&whole, bytes.data(), sizeof whole);
     raw = whole;
   };
-  switch (bytes.size()) {  // at once where that is possible: bytes written just now are forwarded to such a load only
+  // One load for each size: the processor forwards bytes that were just written to such a load only.
+  switch (bytes.size()) {
     case 1: load(std::uint8_t{}); break;
     case 2: load(std::uint16_t{}); break;
     case 4: load(std::uint32_t{}); break;
@@ -37,8 +38,8 @@ const Entry* Dictionary::find(std::uint16_t index, std::uint8_t sub, AbortCode& 
     abort = AbortCode::none;
     return first;
   }
-  // Every object begins with a sub-index 0 (is_valid_table), so the last entry not above the key belongs to it if it
-  // exists.
+  // Every object begins with a sub-index 0 (is_valid_table). So if the object exists, the last entry not above the key
+  // belongs to it.
   const bool exists = length == 1 && first->index == index;
   abort = exists ? AbortCode::sub_index_does_not_exist : AbortCode::object_does_not_exist;
   return nullptr;

@@ -15,27 +15,27 @@ static_assert(std::endian::native == std::endian::little,
 class Dictionary;
 class Listener;
 
-// What the owner of an entry does about accesses to it. nullptr: nothing.
+// The callbacks of an entry's owner for accesses to the entry. nullptr: none.
 struct Handlers {
   AbortCode (*check)(Listener& owner, const Entry& entry, std::span<const std::byte> value) = nullptr;
   void (*written)(Listener& owner, const Entry& entry) = nullptr;
   void (*refresh)(Listener& owner, const Entry& entry) = nullptr;
 };
 
-// Told about accesses to the objects it owns (Entry::owner). Objects without an owner are plain memory.
+// Gets callbacks for accesses to the objects it owns (Entry::owner). Objects without an owner are plain memory.
 class Listener {
  public:
   // Before a write is committed, after all checks of the table. `value` is the raw value, little endian.
   virtual AbortCode check(const Entry&, std::span<const std::byte> /*value*/) { return AbortCode::none; }
   // After a value was committed, by any writer (SDO, PDO, bench).
   virtual void written(const Entry&) {}
-  // Before a value is read: brings a computed value up to date.
+  // Before a value is read: updates a computed value.
   virtual void refresh(const Entry&) {}
   // The content of a readable DOMAIN without storage.
   virtual std::span<const std::byte> domain(const Entry&) { return {}; }
 
-  // For callers that access an entry again and again (process data): its part of the three above, to be called in their
-  // place for as long as the device is there.
+  // For callers that access an entry repeatedly (process data): callbacks for this entry, which replace the three above
+  // during the life of the device.
   virtual Handlers handlers(const Entry&) {
     return {
         [](Listener& owner, const Entry& entry, std::span<const std::byte> value) { return owner.check(entry, value); },
@@ -47,14 +47,14 @@ class Listener {
   ~Listener() = default;
 };
 
-// Lengths that do not fit: products differ in what they answer.
+// Abort codes for a wrong length; products differ in them.
 struct LengthAborts {
   AbortCode too_long = AbortCode::length_too_high;
   AbortCode too_short = AbortCode::length_too_low;
 };
 
-// The value of an object at one moment. Numbers are copied, so that a transfer in segments is consistent; strings and
-// domains are referred to.
+// A snapshot of an object's value. Numbers are copied, so that a segmented transfer is consistent; strings and domains
+// are references.
 struct ReadValue {
   std::array<std::byte, 8> number{};
   std::span<const std::byte> bytes;  // of `number`, or of the object itself
@@ -82,15 +82,15 @@ class Dictionary {
     return find(index, sub, ignored);
   }
 
-  // The value as the service port sees it. Errors: write_only.
+  // Reads the value, as the service port does. Errors: write_only.
   AbortCode read(const Entry& entry, ReadValue& value) const;
 
-  // Checks in the order a CiA 301 server makes them: access, length, range, then the owner's check; commits; tells the
-  // owner. Nothing changes unless the answer is `none`.
+  // Checks access, length and range in the order of a CiA 301 server, then calls the owner's check; commits the value
+  // and calls the owner's `written`. Nothing changes unless the result is `none`.
   AbortCode write(const Entry& entry, std::span<const std::byte> value);
 
-  // Whether `write` would take the value, of a number or a string alike. The owner's check is asked as well, so not for
-  // entries whose check acts (1010h, 1011h).
+  // Whether `write` would accept the value, a number or a string. It calls the owner's check, so it must not be used
+  // for entries whose check has effects (1010h, 1011h).
   AbortCode check(const Entry& entry, std::span<const std::byte> value) const;
 
   // `write` without the access check: for a device's own use and for restoring saved values.
@@ -101,7 +101,7 @@ class Dictionary {
   std::int64_t number(std::uint16_t index, std::uint8_t sub = 0) const;
   AbortCode set_number(std::uint16_t index, std::uint8_t sub, std::int64_t value);
 
-  // Factory values of the areas, owners not told: for use before a device starts.
+  // Sets the factory values of the areas without callbacks, for use before a device starts.
   void load_defaults(Area areas, std::uint8_t node_id);
   static std::int64_t default_number(const Entry& entry, std::uint8_t node_id) {
     return entry.default_value + (entry.default_adds_node_id ? node_id : 0);
@@ -124,7 +124,7 @@ class Dictionary {
   std::array<Listener*, owner_count> listeners_{};
 };
 
-// A little-endian number of `type` in `bytes`, sign-extended as the type demands.
+// A little-endian number of `type` in `bytes`, sign-extended if the type is signed.
 std::int64_t decode_number(Type type, std::span<const std::byte> bytes);
 inline std::array<std::byte, 8> encode_number(std::int64_t value) {
   return std::bit_cast<std::array<std::byte, 8>>(value);

@@ -7,7 +7,7 @@
 #include <type_traits>
 #include <utility>
 
-// One row of an object dictionary and the small vocabulary it is written in.
+// One row of an object dictionary, and the types that describe it.
 namespace servodrome::dictionary {
 
 // Data types by their number in CiA 301 table 44.
@@ -33,12 +33,12 @@ enum class ObjectCode : std::uint8_t { domain = 0x02, var = 0x07, array = 0x08, 
 enum class Access : std::uint8_t { constant, ro, wo, rw };
 enum class Pdo : std::uint8_t { none = 0, rpdo = 1, tpdo = 2, both = 3 };
 
-// The part that is told of reads and writes of the object (see Listener).
+// The part of the device that gets callbacks for reads and writes of the object (see Listener).
 enum class Owner : std::uint8_t { none, communication, drive, product };
 inline constexpr std::size_t owner_count = 4;
 
-// The areas that are saved, restored and reset apart (CiA 301 1010h, 1011h, NMT reset), and the motor data 6410h of CiA
-// 402-2, which some devices keep apart from the rest of the profile.
+// The areas that are saved, restored and reset separately (CiA 301 1010h, 1011h, NMT reset), and the motor data 6410h
+// of CiA 402-2, which some devices store separately from the rest of the profile.
 enum class Area : std::uint8_t { none = 0, communication = 1, manufacturer = 2, profile = 4, motor = 8, all = 15 };
 constexpr Area operator|(Area a, Area b) {
   return static_cast<Area>(static_cast<std::uint8_t>(a) | static_cast<std::uint8_t>(b));
@@ -82,14 +82,14 @@ constexpr std::int64_t maximum_of(Type type) {
   }
 }
 
-// A string or block of bytes that lives in an objects struct.
+// A string or block of bytes within an objects struct.
 template <std::size_t Capacity>
 struct Blob {
   std::uint32_t length = 0;
   std::array<char, Capacity> bytes{};
 };
 
-// Where a value lives: `offset` bytes into the device's objects struct.
+// The place of a value: `offset` bytes from the beginning of the device's objects struct.
 struct Field {
   static constexpr std::uint32_t no_storage = 0xFFFFFFFF;
   Type type;
@@ -109,7 +109,7 @@ struct Entry {
   Owner owner = Owner::none;
   bool saved = false;                 // part of the non-volatile image
   bool default_adds_node_id = false;  // the default is `default_value` + node id ($NODEID+ in an EDS)
-  bool local = false;                 // for the device's own service port: the fieldbus does not see it
+  bool local = false;                 // for the device's service port only, invisible to the fieldbus
   bool has_range = false;             // `minimum` and `maximum` are narrower than the type's
   std::uint32_t offset = Field::no_storage;
   std::uint32_t capacity = 0;  // of a string or domain, in bytes
@@ -126,7 +126,7 @@ struct Entry {
   constexpr bool fixed_size() const { return size_of(type) != 0; }
 };
 
-// What most entries leave alone, for use with designated initialisers in `var` and `element`.
+// Members that most entries leave at their defaults, for designated initialisers in `var` and `element`.
 struct Options {
   std::int64_t default_value = 0;
   std::int64_t minimum = Entry::type_limit;

@@ -7,23 +7,22 @@
 
 namespace servodrome::dictionary {
 
-// Non-volatile memory as a Store needs it: an EEPROM, a part of a flash, a file. Byte addressed from 0; a write
-// replaces what was there. Callers stay within `size`.
+// Interface to the non-volatile memory of a Store: an EEPROM, a part of a flash, a file. Byte-addressed from 0; a write
+// replaces the bytes. Callers stay within `size`.
 class Medium {
  public:
   virtual std::uint32_t size() const = 0;
-  // False when the memory did not answer; then nothing is known about the bytes.
+  // False if the memory does not respond; the bytes are undefined then.
   virtual bool read(std::uint32_t address, std::span<std::byte> bytes) = 0;
   virtual bool write(std::uint32_t address, std::span<const std::byte> bytes) = 0;
-  // Returns when everything written before outlives a loss of power. Nothing written later may arrive earlier.
+  // Returns when all earlier writes are safe against a loss of power. Later writes must not be stored before them.
   virtual bool flush() = 0;
 
  protected:
   ~Medium() = default;
 };
 
-// A medium that forgets: for a device without non-volatile memory, whose values live as long as the `memory` it is
-// given.
+// A volatile medium, for a device without non-volatile memory: values exist as long as the `memory` passed to it.
 class RamMedium final : public Medium {
  public:
   explicit RamMedium(std::span<std::byte> memory) : memory_(memory) {}

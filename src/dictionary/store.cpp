@@ -27,14 +27,14 @@ std::uint32_t crc_of_header(const StoreHeader& header) {
   return crc32(bytes_of(header).first(offsetof(StoreHeader, crc)));
 }
 
-// A valid bank: where it lies and what its header says.
+// A valid bank: its address and its header.
 struct Image {
   std::uint32_t bank;  // address
   StoreHeader header;
 };
 
-// What a bank holds. A medium that does not answer is told from one that holds nothing: a bank that cannot be read now
-// may hold the newest values and must not be written over.
+// The content of a bank. A bank that cannot be read is distinguished from an empty one, because it may hold the newest
+// values and must not be overwritten.
 struct Inspection {
   bool readable = false;
   std::optional<Image> image;
@@ -62,11 +62,11 @@ Inspection inspect(Medium& medium, std::uint32_t bank, std::uint32_t capacity) {
 
 struct Banks {
   std::uint32_t capacity;
-  bool readable;  // both
+  bool readable;  // both banks are readable
   std::optional<Image> newest;
 };
 
-// Serial number arithmetic, so that the order survives the wrap of the sequence number.
+// Serial number arithmetic, so that the order is right after the sequence number wraps.
 bool is_newer(std::uint32_t a, std::uint32_t b) { return static_cast<std::int32_t>(a - b) > 0; }
 
 Banks inspect(Medium& medium) {
@@ -79,7 +79,7 @@ Banks inspect(Medium& medium) {
   return {capacity, first.readable && second.readable, second_is_newer ? second.image : first.image};
 }
 
-// As it was made: no save has ever begun. A medium that does not answer is not.
+// Whether the medium is as manufactured, so that no save has ever begun. False for a medium that does not respond.
 bool is_erased(Medium& medium) {
   Chunk chunk;
   std::byte first{};
@@ -188,7 +188,7 @@ class RecordWriter {
   bool failed_ = false;
 };
 
-// ---- Whose values they are: records that come first, of objects that are not saved ----
+// ---- Identity of the values: the first records, of objects that are not saved themselves ----
 
 constexpr std::uint16_t identity = 0x1018;
 constexpr std::uint8_t product_code = 2;  // sub 1 is the vendor; revision and serial number may change
@@ -203,8 +203,8 @@ void put_identity(RecordWriter& writer, const Dictionary& dictionary) {
   }
 }
 
-// Whether the values were saved by a product as this one; an image without identity may have been. Nothing: the medium
-// does not answer.
+// Whether a product of this type saved the values; true for an image without identity. Empty: the medium does not
+// respond.
 std::optional<bool> is_own(Medium& medium, const Image& image, const Dictionary& dictionary) {
   RecordReader reader(medium, image);
   for (Record record; reader.next(record) && record.index == identity;) {
@@ -259,7 +259,8 @@ void put_area(RecordWriter& writer, const Dictionary& dictionary, Area area) {
   }
 }
 
-// What a new image is made of: of `areas` the present values or none, of the others those of the `old` image.
+// The content of a new image: for `areas` the present values or none, for the other areas the values of the `old`
+// image.
 struct NewImage {
   const Dictionary& dictionary;
   Area areas;
@@ -279,7 +280,7 @@ void put_records(RecordWriter& writer, Medium& medium, const NewImage& image) {
   }
 }
 
-// Puts a saved value where it belongs, if it still fits.
+// Copies a saved value to its object, if it still fits.
 bool load_record(Medium& medium, const Dictionary& dictionary, const Record& record) {
   const Entry* entry = dictionary.find(record.index, record.sub);
   if (entry == nullptr || !entry->saved || entry->offset == Field::no_storage) return true;
@@ -317,9 +318,9 @@ AbortCode Store::rewrite(const Dictionary& dictionary, Area areas, Content conte
   if (banks.newest) {
     const std::optional<bool> own = is_own(medium_, *banks.newest, dictionary);
     if (!own) return AbortCode::hardware_error;
-    if (*own) image.old = banks.newest;  // of another product's values none stays
+    if (*own) image.old = banks.newest;  // values of another product are dropped
   } else if (content == Content::factory && is_erased(medium_)) {
-    return AbortCode::none;  // nothing saved, nothing to forget
+    return AbortCode::none;  // nothing is saved, so there is nothing to delete
   }
 
   const std::uint32_t room = banks.capacity - static_cast<std::uint32_t>(sizeof(StoreHeader));

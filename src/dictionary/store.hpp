@@ -7,19 +7,18 @@ namespace servodrome::dictionary {
 
 // The non-volatile values of a dictionary: the entries with `saved`, as 1010h and 1011h of CiA 301 treat them.
 //
-// The medium is two banks of half its size. A bank is a header (StoreHeader) and the records that it counts: whose
-// values they are (1018h sub 1 and 2, where the table has them), then the values, area by area in the order of their
-// keys:
+// The medium is two banks of half its size. A bank is a header (StoreHeader) and its records: first the identity (1018h
+// sub 1 and 2, if the table has them), then the values, area by area in the order of their keys:
 //     index u16 | sub-index u8 | size u16 | `size` bytes of value        (all little endian)
-// The valid bank with the newest sequence number holds the values. A new image goes to the other bank: its old header
-// is wiped, then the records are written, then the header, whose last word makes it valid, with a flush after each. So
-// a loss of power at any byte leaves either all the old values or all the new ones.
+// The valid bank with the newest sequence number holds the values. A new image is written to the other bank: its old
+// header is erased, then the records are written, then the header, whose last word makes it valid, with a flush after
+// each step. So a loss of power at any byte leaves either all old values or all new values.
 class Store {
  public:
   enum class Loaded : std::uint8_t {
-    values,   // the objects have what was saved
-    nothing,  // the medium is as it was made: all bytes 00h, or all FFh
-    damaged,  // what was saved is spoilt, is another product's, or cannot be read
+    values,   // the objects have the saved values
+    nothing,  // the medium is as manufactured: all bytes 00h, or all FFh
+    damaged,  // the saved values are corrupt, are of another product, or cannot be read
   };
 
   static constexpr std::uint32_t record_overhead = 5;
@@ -27,20 +26,21 @@ class Store {
 
   explicit Store(Medium& medium) : medium_(medium) {}
 
-  // Saves the values of `areas`; what was saved of the other areas stays. Owners are asked to refresh first.
-  // Errors: hardware_error when the medium is too small or does not answer; the old values are then still there, unless
-  // only the medium's last answer was a failure, which leaves old or new.
+  // Saves the values of `areas`; saved values of other areas stay. Owners refresh their values first. Errors:
+  // hardware_error if the medium is too small or does not respond. The old values remain then; if only the last step
+  // failed, the medium has the old or the new values.
   AbortCode save(const Dictionary& dictionary, Area areas) { return rewrite(dictionary, areas, Content::present); }
 
-  // Forgets what was saved of `areas`, so that their factory values act after the next reset (CiA 301 7.5.2.14). The
-  // values in use do not change. A damaged medium holds nothing afterwards. Errors as `save`.
+  // Deletes the saved values of `areas`, so that factory values act after the next reset (CiA 301 7.5.2.14). The values
+  // in use do not change. A damaged medium is empty afterwards. Errors as `save`.
   AbortCode restore_defaults(const Dictionary& dictionary, Area areas) {
     return rewrite(dictionary, areas, Content::factory);
   }
 
-  // Puts the saved values of `areas` into the objects, past access rules and owners: for use after `load_defaults`,
-  // before a device starts. Records that fit no object of this table any more (unknown, not `saved`, another size, out
-  // of range) are skipped. Unless the answer is `values`, the objects of `areas` need their factory values again.
+  // Copies the saved values of `areas` to the objects, without access checks and callbacks: for use after
+  // `load_defaults`, before a device starts. Records that no longer fit an object of this table (unknown, not `saved`,
+  // another size, out of range) are skipped. Unless the result is `values`, the objects of `areas` must be set to their
+  // factory values again.
   Loaded load(Dictionary& dictionary, Area areas) const;
 
  private:
@@ -50,7 +50,8 @@ class Store {
   Medium& medium_;
 };
 
-// What a master writes to 1010h and 1011h (CiA 301 7.5.2.13 and 7.5.2.14), and what their sub-indices are about.
+// The signatures that a master writes to 1010h and 1011h (CiA 301 7.5.2.13 and 7.5.2.14), and the areas of their
+// sub-indices.
 inline constexpr std::uint32_t save_signature = 0x65766173;  // "save"
 inline constexpr std::uint32_t load_signature = 0x64616F6C;  // "load"
 constexpr Area area_of_storage_sub(std::uint8_t sub) {
@@ -62,7 +63,7 @@ constexpr Area area_of_storage_sub(std::uint8_t sub) {
   }
 }
 
-// The first bytes of a bank. `mark` comes last: it is what makes a bank valid.
+// The first bytes of a bank. `mark` is written last and makes the bank valid.
 struct StoreHeader {
   static constexpr std::uint32_t current_version = 1;
   static constexpr std::uint32_t valid_mark = 0x524F5453;  // "STOR"
@@ -75,7 +76,8 @@ struct StoreHeader {
 };
 static_assert(sizeof(StoreHeader) == 20);
 
-// CRC-32 of IEEE 802.3 (reflected, polynomial 04C11DB7h), continued from `crc` of the bytes before; 0 to begin with.
+// CRC-32 of IEEE 802.3 (reflected, polynomial 04C11DB7h), continued from the `crc` of earlier bytes; 0 at the
+// beginning.
 std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t crc = 0);
 
 }  // namespace servodrome::dictionary

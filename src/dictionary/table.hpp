@@ -15,8 +15,8 @@ struct TableBuilder {
   std::array<Entry, Capacity> entries{};
   std::size_t count = 0;
 
-  // Adds one entry, replacing an entry of the same index and sub-index. `base` is where the entry's objects struct lies
-  // within the device's.
+  // Adds one entry, replacing an entry of the same index and sub-index. `base` is the offset of the entry's objects
+  // struct within the device's.
   constexpr TableBuilder& add(Entry entry, std::size_t base = 0) {
     if (entry.offset != Field::no_storage) entry.offset += static_cast<std::uint32_t>(base);
     for (std::size_t i = 0; i < count; ++i) {
@@ -34,7 +34,7 @@ struct TableBuilder {
     return *this;
   }
 
-  // Adds a section known to share no object with what is there already; linear where `add` is quadratic.
+  // Adds a section that shares no object with the entries so far; linear, while `add` is quadratic.
   constexpr TableBuilder& append(std::span<const Entry> section, std::size_t base = 0) {
     for (Entry entry : section) {
       if (entry.offset != Field::no_storage) entry.offset += static_cast<std::uint32_t>(base);
@@ -63,7 +63,7 @@ struct TableBuilder {
     return *this;
   }
 
-  // The entry to be changed. Naming one that is not there is a compile-time error (out-of-bounds access).
+  // The entry, to change it. A missing entry is a compile-time error (out-of-bounds access).
   constexpr Entry& at(std::uint16_t index, std::uint8_t sub = 0) {
     std::size_t i = 0;
     while (i < count && (entries[i].index != index || entries[i].sub != sub)) ++i;
@@ -75,8 +75,8 @@ struct TableBuilder {
     return *this;
   }
 
-  // What the PDO with the mapping object `index` (16xxh, 1Axxh) maps from the factory: index, sub-index and length in
-  // bits of each object (CiA 301 table 74).
+  // Sets the factory mapping of the PDO with mapping object `index` (16xxh, 1Axxh): index, sub-index and length in bits
+  // of each object (CiA 301 table 74).
   constexpr TableBuilder& map_pdo(std::uint16_t index, std::initializer_list<std::uint32_t> objects) {
     std::uint8_t sub = 0;
     for (const std::uint32_t object : objects) set_default(index, ++sub, object);
@@ -103,7 +103,7 @@ constexpr auto make_table() {
   return table;
 }
 
-// What a fieldbus sees of a table: the entries that are not local.
+// The part of a table that a fieldbus can access: the entries that are not local.
 template <const auto& Table>
 constexpr auto make_bus_table() {
   constexpr auto is_seen = [](const Entry& entry) { return !entry.local; };
@@ -128,8 +128,8 @@ constexpr bool defaults_are_in_range(std::span<const Entry> table) {
   return true;
 }
 
-// Every object with sub-indices has a sub-index 0 that says how many, one object code throughout, and is local as a
-// whole or not at all.
+// Every object with sub-indices has a sub-index 0 with their number, and the same object code and `local` flag in all
+// its entries.
 constexpr bool sub_indices_are_complete(std::span<const Entry> table) {
   for (std::size_t i = 0; i < table.size(); ++i) {
     const bool first = i == 0 || table[i - 1].index != table[i].index;
