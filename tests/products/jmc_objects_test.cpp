@@ -114,8 +114,7 @@ constexpr auto plates = std::to_array<Plate>({
 });
 
 TEST(JmcObjects, NameplatesOfTheManual) {
-  ASSERT_EQ(products::jmc_ec::ratings.size(),
-            plates.size() + 2U);  // and two stepper drives (routine for TwinCAT3, routine for INovance)
+  ASSERT_EQ(products::jmc_ec::ratings.size(), plates.size() + 2U);  // and two stepper drives
   for (const Plate& plate : plates) {
     SCOPED_TRACE(plate.model);
     JmcRig rig(plate.model);

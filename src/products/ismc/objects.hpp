@@ -186,9 +186,8 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.set_default(0x607B, 1, -2147483648).set_default(0x607B, 2, 2147483647);
   builder.set_default(0x607D, 1, -2147483648).set_default(0x607D, 2, 2147483647);
   builder.set_default(0x6081, 0, 0).set_default(0x6087, 0, 0);
-  builder.set_range(0x6086, 0, -32768, 32767)
-      .set_range(0x6088, 0, -32768,
-                 32767);  // any value may be written; an unsupported one is a fault when the motion starts (G39b)
+  // Any value may be written; an unsupported one is a fault when the motion starts (G39b).
+  builder.set_range(0x6086, 0, -32768, 32767).set_range(0x6088, 0, -32768, 32767);
   builder.add(highest_sub(0x60A4, ObjectCode::array, "Profile jerk", 1));
   std::size_t kept = 0;
   for (std::size_t i = 0; i < builder.count; ++i) {

@@ -46,8 +46,7 @@ inline constexpr auto faults = [] {
         cause, 0x4310, 0x09, Reaction::option_code, ResetRule::when_cause_gone, "Motor temperature", state_bit(13)};
   };
   return std::to_array<drive::FaultRow>({
-      {Cause::motor_mismatch, 0x6320, 0x01, power_off, restart, "Motor wrongly configured",
-       state_2_bit(4)},  // Table 10-5, FFF.F
+      {Cause::motor_mismatch, 0x6320, 0x01, power_off, restart, "Motor wrongly configured", state_2_bit(4)},  // FFF.F
       // 2601h (Table 10-1)
       {Cause::encoder_connection, 0x7331, 0x41, angle_lost, reset, "Encoder not connected", state_bit(1)},
       {Cause::encoder_multi_turn, 0x7320, 0x41, option_code, ResetRule::clear_multi_turn, "Encoder internal fault",

@@ -92,12 +92,11 @@ drive::Gains loop_gains(const Gains& gains, const Tuning& tuning, const drive::M
 
 // Inputs of the choice of the gain set (ch. 6.3 and 6.4).
 struct PointerSources {
-  bool inputs_assigned =
-      false;                 // an input has the function gain switch 0 or 1: the others have no effect then (ch. 6.3.1)
-  std::uint8_t inputs = 0;   // gain switch 0 in bit 0, 1 in bit 1
-  bool automatic = false;    // 60F9h sub 9
-  bool at_target = false;    // target reached, or standing
-  std::uint8_t written = 0;  // 60F9h sub 28h
+  bool inputs_assigned = false;  // an input has the function gain switch 0 or 1 (ch. 6.3.1)
+  std::uint8_t inputs = 0;       // gain switch 0 in bit 0, 1 in bit 1
+  bool automatic = false;        // 60F9h sub 9
+  bool at_target = false;        // target reached, or standing
+  std::uint8_t written = 0;      // 60F9h sub 28h
 };
 constexpr std::uint8_t gain_pointer(const PointerSources& sources) {
   if (sources.inputs_assigned) return sources.inputs;

@@ -64,8 +64,7 @@ drive::Configuration Servo::configuration() {
   tuning_.configure(objects_, configuration);
   configuration.monitors.over_voltage_v = device.over_voltage_v;
   configuration.monitors.under_voltage_v = device.under_voltage_v;
-  configuration.monitors.chopper_on_v = configuration.monitors.chopper_off_v =
-      1e9F;  // there is none inside (ch. 1.3.1)
+  configuration.monitors.chopper_on_v = configuration.monitors.chopper_off_v = 1e9F;  // none (ch. 1.3.1)
   configuration.monitors.motor_hot_c = device.motor_hot_c;
   configuration.monitors.warning_margin_c = 0.0F;  // no warnings are listed
   if (device.brake_present != 0) {

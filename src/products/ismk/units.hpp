@@ -40,8 +40,7 @@ inline bool units(const drive::Objects& objects, const drive::MotorData& motor, 
   units.jerk = units.acceleration;
   units.counts_per_revolution = motor.counts_per_revolution;
   units.current = static_cast<double>(motor.peak_current_a / motor.rated_current_a) / peak_current_dec;
-  units.position_inverted = units.velocity_inverted =
-      objects.polarity != 0;  // 1: clockwise is positive (ch. 7.3, 607Eh)
+  units.position_inverted = units.velocity_inverted = objects.polarity != 0;  // 1: clockwise positive
   return true;
 }
 

@@ -28,8 +28,8 @@ void JmcEc::bus_error(AlStatusCode code) {
   bus_error_ = code;
   show_alarm();
   if (code == AlStatusCode::none) {
-    if (!drive().any_fault())
-      EthercatDevice::errors_gone(drive().error_register());  // otherwise the reset of the fault clears it
+    // With a fault present, its reset clears the error of the bus as well.
+    if (!drive().any_fault()) EthercatDevice::errors_gone(drive().error_register());
     return;
   }
   const std::size_t row = jmc_ec::communication_alarm_index(code);

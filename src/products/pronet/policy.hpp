@@ -55,14 +55,14 @@ constexpr drive::Policy make_policy() {
   using drive::Mode;
   using drive::RampShape;
   drive::Policy policy;
+  // C16
   policy.supported_modes = mode_bit(Mode::profile_position) | mode_bit(Mode::profile_velocity) |
-                           mode_bit(Mode::homing) |
-                           mode_bit(Mode::interpolated_position);  // ch. 7.1.1, 6060h; ch. 9.4 (C16)
-  policy.option_codes = {.quick_stop = 0b110'0111,                 // ch. 6.2.5, 605Ah
-                         .shutdown = 0b11,                         // ch. 6.2.3, 605Bh
-                         .disable_operation = 0b11,                // ch. 6.2.4, 605Ch
-                         .halt = 0b110,                            // ch. 6.2.6, 605Dh
-                         .fault_reaction = 0b1};                   // ch. 6.2.7, which prints 605Eh as 605Dh
+                           mode_bit(Mode::homing) | mode_bit(Mode::interpolated_position);
+  policy.option_codes = {.quick_stop = 0b110'0111,   // ch. 6.2.5, 605Ah
+                         .shutdown = 0b11,           // ch. 6.2.3, 605Bh
+                         .disable_operation = 0b11,  // ch. 6.2.4, 605Ch
+                         .halt = 0b110,              // ch. 6.2.6, 605Dh
+                         .fault_reaction = 0b1};     // ch. 6.2.7 (printed 605Dh)
   policy.halt_code_of_zero = halt_code_of_zero;
   policy.remote_bit = false;  // ch. 6.2.2: bits 8 and 9 are not used
   policy.faults = faults;
