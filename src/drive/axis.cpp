@@ -23,7 +23,7 @@ bool Axis::software_limits_active() const {
   const std::int32_t high = objects.max_position_limit;
   if (low >= high) return false;
   if (low == std::numeric_limits<std::int32_t>::min() && high == std::numeric_limits<std::int32_t>::max()) return false;
-  // All of a range is nothing that 607Dh forbids: positions go round.
+  // If 607Dh allows the whole range 607Bh, it limits nothing: positions wrap around.
   const bool whole_range = !policy.software_limits_switch_range_off && range_set() &&
                            low <= objects.min_position_range_limit && high >= objects.max_position_range_limit;
   const UserLimits limits = software_limits();
@@ -47,7 +47,7 @@ bool Axis::held_by_position_limit() const {
          ((at_limit(true) || stopped_at > 0) && velocity >= 0.0);
 }
 
-// `positive`: at the end of large counts.
+// `positive`: the limit at the end of large counts.
 bool Axis::at_limit(bool positive) const {
   if (active(positive ? Signal::positive_limit : Signal::negative_limit)) return true;
   if (!software_limits_active()) return false;
@@ -88,8 +88,8 @@ double Axis::approach_velocity(double velocity, double deceleration) const {
 bool Axis::too_fast_for_software_limit(double deceleration) const {
   if (deceleration <= 0.0 || !software_limits_active()) return false;
   const MotionState next = generator.after(cycle_s);
-  constexpr double least = 1.0;  // counts: the way that is planned ends at a limit, to rounding
-  constexpr double most = 1e15;  // beyond every limit
+  constexpr double least = 1.0;  // counts: tolerance for the rounding of a planned way that ends at a limit
+  constexpr double most = 1e15;  // counts, farther than any limit
   const double way = std::clamp(next.velocity * next.velocity / (2.0 * deceleration) - least, 0.0, most);
   const Counts end = generator.nearest_position() + round_to_integer(next.position + std::copysign(way, next.velocity));
   return static_cast<double>(nearest_within_software_limits(end) - end) * next.velocity < 0.0;
@@ -122,7 +122,7 @@ std::int64_t Axis::turn_of(Counts place) const {
   const UserLimits limits = software_limits();
   const std::int64_t range = position_range();
   const std::int64_t length = range != 0 ? range : std::int64_t{1} << 32;
-  // A count beyond an end of the range the position shown is at its other end, and so would be the limits.
+  // One count beyond an end of the range the shown position jumps to the other end, and the limits would jump with it.
   if (shown - limits.greatest > limits.least + length - shown) return turn + length;
   if (limits.least - shown > shown + length - limits.greatest) return turn - length;
   return turn;

@@ -29,94 +29,96 @@ struct Monitors {
   float power_stage_hot_c = 95.0F;
   float motor_hot_c = 130.0F;
   float encoder_hot_c = 95.0F;
-  float warning_margin_c = 10.0F;    // a warning is shown so far below a hot threshold; 0: none is
-  bool over_speed_by_object = true;  // 120 % of 6080h is over speed as well
+  float warning_margin_c = 10.0F;    // distance of the warning below a hot threshold; 0: no warning
+  bool over_speed_by_object = true;  // 120 % of 6080h counts as over speed as well
   float over_speed_rpm = 0.0F;       // 0: 1.2 x the motor's greatest speed, or 6080h where it is lower
   double velocity_error = 0.0;       // counts/s
   std::uint32_t velocity_error_ms = 1000;
   bool i2t = true;
-  float i2t_peak_time_s = 3.0F;  // the peak current may flow so long
-  // The power stage's own currents, as amplitude, where they are watched apart from the motor's; 0: they are not.
+  float i2t_peak_time_s = 3.0F;  // time for which the peak current may flow
+  // Currents of the power stage as amplitude, if its overload is monitored separately from the motor's; 0: it is not.
   float stage_rated_current_a = 0.0F;
   float stage_peak_current_a = 0.0F;
-  bool limit_switches = false;          // meeting one after homing, outside of homing, is a fault
-  bool limit_switch_levels = false;     // ... or one that is active, outside of homing
+  bool limit_switches = false;          // reaching one after homing, outside of homing, is a fault
+  bool limit_switch_levels = false;     // ... so is an active one, outside of homing
   Counts index_deviation = 0;           // between successive index pulses
-  std::uint32_t power_failure_ms = 20;  // the mains may be away for less
-  std::uint32_t brake_resistor_ms = 0;  // it may conduct so long without a break; 0: for ever
+  std::uint32_t power_failure_ms = 20;  // shorter failures of the mains are ignored
+  std::uint32_t brake_resistor_ms = 0;  // longest time that it may conduct without a break; 0: no limit
   bool stage_apart = false;             // the power stage's overload is Cause::stage_i2t, not i2t
-  // Warnings ahead of faults, and of what is clipped; 0 and false: none.
+  // Warnings before faults and for clipped values; 0 or false: no warning.
   float overload_near_percent = 0.0F;        // i2t_near, stage_i2t_near
   float under_voltage_near_v = 0.0F;         // under_voltage_near
-  float following_error_near = 0.0F;         // share of 6065h
+  float following_error_near = 0.0F;         // fraction of 6065h
   bool acceleration_clipped = false;         // 6083h or 6084h above 60C5h or 60C6h in the profile modes
-  std::uint32_t index_lost_revolutions = 0;  // index_lost: no index pulse for more than so many
-  std::uint32_t jammed_ms = 0;               // jammed: so long at the torque limit without motion
-  std::uint32_t window_of_zero = 0;          // what 6065h stands for while it is 0
+  std::uint32_t index_lost_revolutions = 0;  // index_lost: greatest number of turns without an index pulse
+  std::uint32_t jammed_ms = 0;               // jammed: time at the torque limit without motion
+  std::uint32_t window_of_zero = 0;          // the window that applies while 6065h is 0
 };
 
-// When a velocity counts as reached and as zero, for devices that have windows of their own for it.
+// Windows for "target velocity reached" and "speed zero", for devices with windows other than those of CiA 402.
 struct SpeedWindows {
   bool used = false;
-  double reached_counts_per_s = 0.0;  // closer than this to the target
-  Counts zero_counts_per_ms = 0;      // at most this fast ...
-  std::uint32_t zero_ms = 0;          // ... for so long
+  double reached_counts_per_s = 0.0;  // greatest distance from the target
+  Counts zero_counts_per_ms = 0;      // greatest speed ...
+  std::uint32_t zero_ms = 0;          // ... and least time
 };
 
-// What a product, its nameplate and its own parameters decide, and may change while the drive runs.
+// Settings of a product, its nameplate and its own parameters. They may change while the drive runs.
 struct Configuration {
   MotorData motor{};
   Gains gains{};
-  Rates rates{0, 0};  // of the loops; 0: those of the policy. Taken over while the motor is without power
+  Rates rates{0, 0};  // of the loops; 0: those of the policy. Adopted while the motor has no power
   Monitors monitors{};
   InputMap inputs{};
   TouchProbeCapability touch_probe{};
   CauseSet ignored{};                              // faults that are neither reported nor reacted to
   bool remote = true;                              // statusword bit 9: the bus, not an input, enables the drive
-  std::uint32_t bus_inputs = 0;                    // input wires whose level is that of a bit of 60FEh:01
-  std::uint32_t input_filter_cycles = 0;           // a level that lasts no longer is not seen
+  std::uint32_t bus_inputs = 0;                    // input wires whose level comes from a bit of 60FEh:01
+  std::uint32_t input_filter_cycles = 0;           // shorter levels are ignored
   bool index_available = true;                     // the encoder has an index that homing may use
-  bool encoder_begins_at_zero = false;             // it counts from where the shaft is at power-on
-  Cause encoder_loss = Cause::encoder_connection;  // what its lost connection is called
-  bool locks_to_sync = true;                       // with Interpolation::target: the SYNC takes the target over
+  bool encoder_begins_at_zero = false;             // incremental: it counts from the shaft's position at power-on
+  Cause encoder_loss = Cause::encoder_connection;  // the cause that its lost connection raises
+  bool locks_to_sync = true;                       // with Interpolation::target: the target is adopted at the SYNC
   double set_point_period_s = 0.0;                 // of cyclic set-points; 0: 60C2h
-  double sync_period_s = 0.0;                      // of the SYNC that interpolation waits for; 0: 60C2h
-  float shown_velocity_ms = 0.0F;                  // by which 606Ch lags: see ShownVelocity; 0: as the motor needs it
+  double sync_period_s = 0.0;                      // of the SYNC in interpolated mode; 0: 60C2h
+  float shown_velocity_ms = 0.0F;                  // lag of 606Ch, see ShownVelocity; 0: chosen for the motor
   float shown_velocity_filter_ms = 0.0F;           // time constant of a low pass after that; 0: none
   std::uint32_t remote_outputs = 0xFFFFFFFF;       // outputs that 60FEh may drive, bit n for output n
-  bool brake_inverted = false;                     // the brake's output is wired the other way round
-  bool brake_forced = false;                       // ... or commissioning simulates it as on
+  bool brake_inverted = false;                     // the brake's output is inverted
+  bool brake_forced = false;                       // ... or forced on for commissioning
   std::uint32_t brake_release_ms = 0;              // from power on to the first motion
   std::uint32_t brake_engage_ms = 0;               // from brake command to power off
-  // An axis that is faster when it loses its power is braked once it is that slow, or after the wait. 0: at once.
+  // If the axis is faster than this when power goes off, the brake closes when it is this slow, or after the wait. 0:
+  // at once.
   float brake_speed_rpm = 0.0F;
   std::uint32_t brake_wait_ms = 0;
-  std::int16_t velocity_stop_shape = 0;        // ramp type of stopping in the velocity modes, as 6086h counts them
+  std::int16_t velocity_stop_shape = 0;        // ramp type of stops in the velocity modes, a value of 6086h
   double torque_mode_velocity_positive = 0.0;  // counts/s, 0: the motor's greatest speed
   double torque_mode_velocity_negative = 0.0;
   SpeedWindows speed_windows{};
-  // In profile position, from target reached to the next motion, this direct current holds the motor in place of the
-  // position loop. A amplitude; 0: the position loop does.
+  // In profile position, from target reached to the next motion, this direct current holds the motor instead of the
+  // position loop. A, amplitude; 0: the position loop holds it.
   float standstill_current_a = 0.0F;
-  // Of one cyclic position target against the one before, in user units: beyond, it is clipped.
+  // Limits of the change from one cyclic position target to the next, in user units; a greater change is clipped.
   struct PositionChange {
     bool limited = false;
     std::int32_t least = 0;
     std::int32_t greatest = 0;
   } position_change{};
   std::uint32_t smoothing_ms = 0;  // moving average of the demand in the profile modes; 0: none
-  float position_lag_ms = 0.0F;    // time constant of a lag of position commands, homing's excepted; 0: none
-  // Limits of the drive's own, beside those of the objects, in the directions of the encoder.
+  float position_lag_ms = 0.0F;    // time constant of a low pass on position commands, except in homing; 0: none
+  // Limits of the drive in addition to those of the objects, in the directions of the encoder.
   float torque_limit_positive = std::numeric_limits<float>::max();  // fraction of rated
   float torque_limit_negative = std::numeric_limits<float>::max();
   float velocity_limit_positive = std::numeric_limits<float>::max();  // counts/s, of the velocity loop's reference
   float velocity_limit_negative = std::numeric_limits<float>::max();
-  // Torque added in the position loop, fractions of rated: always, and while the axis moves or last moved that way.
+  // Torque added in the position loop, fractions of rated: the first always, the others by direction of the present or
+  // last motion.
   float weight_torque = 0.0F;
   float friction_torque_positive = 0.0F;
-  float friction_torque_negative = 0.0F;  // negative to help
-  float homing_torque_limit = 0.0F;       // fraction of rated torque; 0: the drive's
-  Counts homing_blind_window = 0;         // an index so close behind the switch is not taken for home
+  float friction_torque_negative = 0.0F;  // a negative value supports that motion
+  float homing_torque_limit = 0.0F;       // fraction of rated torque; 0: the limit of the drive
+  Counts homing_blind_window = 0;         // an index within this distance behind the switch is ignored
   HomingEnd homing_end = HomingEnd::as_method;
   float homing_stall_torque = 0.5F;  // fraction of rated torque
   std::uint32_t homing_stall_ms = 50;
@@ -124,16 +126,16 @@ struct Configuration {
   std::uint32_t homing_timeout_ms = 0;
 
   bool smooths() const { return smoothing_ms != 0 || position_lag_ms > 0.0F; }
-  // The wires whose edges are those of the level that a cycle sees.
+  // The inputs without capture unit: their edges come from the level in each cycle.
   std::uint32_t inputs_without_capture() const { return input_filter_cycles != 0 ? 0xFFFFFFFF : bus_inputs; }
   bool knows_load() const {
     return weight_torque != 0.0F || friction_torque_positive != 0.0F || friction_torque_negative != 0.0F;
   }
-  // A motor whose brake takes no time has none: it may coast without power.
+  // Without times for the brake the motor has none: it may coast without power.
   bool has_brake() const { return brake_release_ms != 0 || brake_engage_ms != 0; }
 };
 
-// How a motion is ended (option codes 605Ah to 605Eh).
+// How a motion ends (option codes 605Ah to 605Eh).
 enum class Stop : std::uint8_t { power_off, slow_down_ramp, quick_stop_ramp, current_limit, voltage_limit };
 
 constexpr Stop stop_of_option_code(std::int16_t code) {
@@ -151,8 +153,8 @@ constexpr Stop stop_of_option_code(std::int16_t code) {
   }
 }
 
-// What the modes of operation share: the axis as seen in one position-loop cycle, and what they ask of it. Positions
-// are application counts: encoder counts plus `offset`, which homing moves.
+// The state that the modes of operation share: the axis in one position-loop cycle, and the demand of the mode.
+// Positions are application counts: encoder counts plus `offset`, which homing changes.
 struct Axis {
   Objects& objects;
   const Policy& policy;
@@ -162,14 +164,14 @@ struct Axis {
   ShownVelocity velocity_display{};
   LoopDemand demand{};
 
-  std::uint16_t controlword = 0;  // the last without bit 7, which commands nothing
-  // 6080h and the motor's greatest speed as the axis is held to it, counts/s: where it is lowered in motion it comes
-  // down by the mode's ramp.
+  std::uint16_t controlword = 0;  // the last one without bit 7; a word with bit 7 is no command
+  // The speed limit in force from 6080h and the motor, counts/s. If it is lowered during a motion, it falls by the
+  // mode's ramp.
   double greatest_velocity = 0.0;
   double cycle_s = 500e-6;
   double cycles_per_ms = 2.0;
   Counts encoder_position = 0;
-  Counts counts_per_ms = 0;  // moved in the last whole millisecond: what the slowest speeds are measured by
+  Counts counts_per_ms = 0;  // motion in the last whole millisecond, the measure of the slowest speeds
   Counts offset = 0;
   bool homed = false;
   std::uint32_t signals = 0;            // bit(Signal)
@@ -177,18 +179,19 @@ struct Axis {
   const CascadeState* loops = nullptr;
   bool limited = false;                     // statusword bit 11
   std::optional<std::int64_t> commanded{};  // user units: the last target of a position mode, before any limit
-  int stopped_at = 0;                       // -1, +1: the software limit at small or large counts ended the motion
-  bool synchronised = false;                // a SYNC came since the last cycle
-  double sync_age = 0.0;                    // how long before this cycle, in cycles
-  bool new_set_point = false;               // a cyclic set-point was written since the last cycle
-  bool following_error = false;             // out of 6065h for longer than 6066h: statusword bit 13 in position modes
-  Cause raised = Cause::none;               // the first cause raised in this cycle
-  bool velocity_clipped = false;            // of this cycle's set-point
-  bool position_change_clipped = false;     //
+  // -1, +1: the software limit at small (-1) or large (+1) counts ended the motion
+  int stopped_at = 0;
+  bool synchronised = false;             // a SYNC arrived since the last cycle
+  double sync_age = 0.0;                 // age of the SYNC in cycles
+  bool new_set_point = false;            // a cyclic set-point was written since the last cycle
+  bool following_error = false;          // beyond 6065h for longer than 6066h: statusword bit 13 in position modes
+  Cause raised = Cause::none;            // the first cause raised in this cycle
+  bool velocity_clipped = false;         // of this cycle's set-point
+  bool position_change_clipped = false;  //
 
   Counts position() const { return encoder_position + offset; }
   double velocity() const { return static_cast<double>(loops->velocity_counts_per_s); }
-  // What 606Ch shows and its windows look at: quiet, and late by shown_velocity_lag_s().
+  // The velocity for 606Ch and its windows: filtered, and late by shown_velocity_lag_s().
   double shown_velocity() const { return velocity_display.counts_per_cycle() / cycle_s; }
   double shown_velocity_lag_s() const { return velocity_display.lag_cycles() * cycle_s; }
   float torque() const { return loops->torque; }
@@ -197,12 +200,12 @@ struct Axis {
     return static_cast<std::uint32_t>(std::min(milliseconds * cycles_per_ms + 0.5, 4294967295.0));
   }
 
-  // Whether `condition` has held for so long.
+  // Whether `condition` has held for this time.
   bool lasts(bool condition, Dwell& dwell, std::uint32_t milliseconds) const {
     return dwell.update(condition, condition ? cycles(milliseconds) : 0);
   }
 
-  // Whether the product knows the fault.
+  // Whether the product has the fault.
   bool monitors(Cause cause) const {
     return std::any_of(policy.faults.begin(), policy.faults.end(),
                        [cause](const FaultRow& row) { return row.cause == cause; });
@@ -211,7 +214,7 @@ struct Axis {
     if (raised == Cause::none) raised = cause;
   }
 
-  // A type that the product does not have is a fault when a motion is planned; the stop that follows is linear.
+  // An unsupported type is a fault when a motion is planned; the stop after the fault is linear.
   RampShape shape_of(std::int16_t type) const {
     return has_shape(type) ? policy.shape_of_type[static_cast<std::size_t>(type)] : RampShape::linear;
   }
@@ -224,7 +227,7 @@ struct Axis {
   bool has_shape(std::int16_t type) const { return type >= 0 && type <= 3 && (policy.ramp_shapes >> type & 1) != 0; }
   double rpm_to_counts_per_s(double rpm) const { return rpm / 60.0 * units.counts_per_revolution; }
 
-  // The greatest speed as it is set: 607Fh (where `profile`), 6080h, the motor. counts/s.
+  // The least of 607Fh (if `profile`), 6080h and the motor's greatest speed, counts/s.
   double max_velocity(bool profile) const {
     double limit = rpm_to_counts_per_s(static_cast<double>(configuration.motor.max_speed_rpm));
     if (objects.max_motor_speed_rpm != 0) limit = std::min(limit, rpm_to_counts_per_s(objects.max_motor_speed_rpm));
@@ -240,8 +243,9 @@ struct Axis {
     if (value <= 0.0 && policy.zero_ramps_are_greatest) value = greatest;
     return std::min(value, static_cast<double>(greatest)) * units.acceleration;
   }
-  // With which the demand of a cyclic mode catches up with its set-points: the greatest speed, and the profile's ramps;
-  // where those are 0 the greatest (60C5h, 60C6h), the quick stop's, or the greatest speed in 100 ms.
+  // The limits for the demand of a cyclic mode that catches up with its set-points: the greatest speed and the profile
+  // ramps. For a ramp of 0 the first non-zero of these applies: 60C5h or 60C6h, the quick stop ramp, the greatest speed
+  // in 100 ms.
   MotionLimits catch_up_limits() const {
     const double velocity = max_velocity(false);
     const auto first = [&](std::uint32_t profile, std::uint32_t greatest) {
@@ -256,7 +260,7 @@ struct Axis {
   double quick_stop_ramp() const { return ramp(objects.quick_stop_deceleration, objects.max_deceleration); }
   double profile_deceleration() const { return ramp(objects.profile_deceleration, objects.max_deceleration); }
 
-  // A set-point of `mode` is above the greatest speed.
+  // To be called for a set-point of `mode` above the greatest speed.
   void exceed_velocity(Mode mode) {
     if ((policy.excessive_velocity_faults & mode_bit(mode)) != 0) {
       raise(Cause::velocity_excessive);
@@ -275,8 +279,8 @@ struct Axis {
                   objects.profile_jerk[0]);
   }
 
-  // Plans the way to rest, of a demand that has nowhere to go; works whatever the profile objects hold.
-  // `least_deceleration` (counts/s^2): where the profile's is lower.
+  // Plans the ramp to rest for a demand without a target; works with any values of the profile objects.
+  // `least_deceleration` (counts/s^2) applies if the profile's is lower.
   void come_to_rest(RampShape shape, double least_deceleration = 0.0) {
     if (generator.standing()) return;
     MotionLimits ramp = limits(max_velocity(false), objects.profile_acceleration, objects.profile_deceleration,
@@ -289,28 +293,30 @@ struct Axis {
     generator.run_at(0.0, ramp, shape);
   }
 
-  // Puts the generator where the axis really is, moving as it moves.
+  // Sets the generator to the actual position and velocity.
   void take_over_actual() { generator.start_from(position(), turning_velocity()); }
-  // The measured speed, as far as a motor can turn: an encoder that has lost its place shows any speed for a moment.
+  // The measured speed, clipped to the speed of a motor, because an encoder that loses its position shows any speed for
+  // a moment.
   double turning_velocity() const {
     const double most = 1.2 * rpm_to_counts_per_s(static_cast<double>(configuration.motor.max_speed_rpm));
     return std::clamp(velocity(), -most, most);
   }
 
-  // How far the position loop lets a shaft that moves evenly lag behind its demand, counts, in the direction it moves.
+  // The lag of the shaft behind its demand at constant speed in the position loop, counts, signed in the direction of
+  // motion.
   double even_lag(double counts_per_s) const {
     const Gains& gains = configuration.gains;
     const double share = std::max(0.0, 1.0 - static_cast<double>(gains.velocity_feed_forward));
     const auto kp = static_cast<double>(gains.position_kp);
     return kp > 0.0 ? share * counts_per_s / kp : 0.0;
   }
-  // The most of it at this speed, with what friction and load add.
+  // The greatest lag at this speed, friction and load included.
   double lag(double counts_per_s) const {
     constexpr double margin = 1.25;
     constexpr double static_turns = 0.002;
     return margin * std::abs(even_lag(counts_per_s)) + static_turns * units.counts_per_revolution;
   }
-  // Whether the shaft moves as the loops' demand says, so far as a lag explains.
+  // Whether the shaft follows the demand of the loops, apart from a normal lag.
   bool follows_demand() const {
     if (demand.loop != Loop::position && demand.loop != Loop::velocity) return false;
     constexpr double followed_share = 0.05;
@@ -321,22 +327,22 @@ struct Axis {
     return demand.loop == Loop::velocity ||
            std::abs(static_cast<double>(loops->following_error_counts)) <= lag(velocity());
   }
-  // After a shaft that is held by a constant current: it may have been turned away by whole steps.
+  // To be called after holding the shaft by a constant current: a load may have turned it by whole steps.
   void take_over_slipped() {
     if (std::abs(static_cast<double>(generator.nearest_position() - position())) > lag(0.0)) take_over_actual();
   }
-  // As take_over_actual, but the position loop goes on without a step: of its lag it keeps what the shaft's speed
-  // explains. Out of another loop it gets the lag that it would have.
+  // As take_over_actual, but without a step for the position loop: it keeps the part of its lag that fits the shaft's
+  // speed. After another loop it gets the lag that the position loop would have.
   void take_over_lagging() {
     if (demand.loop != Loop::position) return lead_shaft(turning_velocity());
     const double most = lag(turning_velocity());
     const auto error = static_cast<double>(loops->following_error_counts);
     generator.start_from(position() + static_cast<Counts>(std::clamp(error, -most, most)), turning_velocity());
   }
-  // Puts the generator where the demand of a position loop is for a shaft that moves at this speed, counts/s.
+  // Sets the generator to the demand that a position loop has for a shaft at this speed, counts/s.
   void lead_shaft(double velocity) { generator.start_from(position() + std::llround(even_lag(velocity)), velocity); }
 
-  // The demand of the loops from the generator.
+  // Copies the generator's state to the demand of the loops.
   void follow_generator(Loop loop) {
     demand.loop = loop;
     demand.position = generator.position() - offset;
@@ -346,26 +352,27 @@ struct Axis {
     demand.torque = 0.0F;
   }
 
-  // The user position with the range 607Bh applied: what 6062h and 6064h show.
+  // The user position within the range 607Bh, for 6062h and 6064h.
   std::int64_t to_user_position(Counts application) const;
   // Length of the active position range in user units, or 0 while 607Bh is off.
   std::int64_t position_range() const;
-  // 607Dh in user units. Where it leaves less than the whole range 607Bh, an end of the range is a limit as well:
-  // behind it the positions go on at the other end, which 607Dh forbids. Where it leaves all of it there is no limit.
+  // 607Dh in user units. If it allows less than the whole range 607Bh, the ends of the range are limits as well,
+  // because positions continue at the other end, where 607Dh forbids them. If it allows the whole range, there is no
+  // limit.
   struct UserLimits {
     std::int64_t least;
     std::int64_t greatest;
   };
   UserLimits software_limits() const;
   bool software_limits_active() const;
-  bool range_set() const;  // 607Bh names a range, whether it is in force or not
-  // Whether 607Dh leaves less than the whole range 607Bh.
+  bool range_set() const;  // 607Bh is set, whether in force or not
+  // Whether 607Dh allows less than the whole range 607Bh.
   bool limits_bound_range() const;
-  // Where the turn of the range, or of the 32 bits of 6064h, begins in which a place is, in user units. What the
-  // software limits forbid belongs to the turn of the nearer limit.
+  // The beginning, in user units, of the turn that contains a position: a turn of the range 607Bh, or of the 32 bits of
+  // 6064h. A position outside the software limits belongs to the turn of the nearer limit.
   std::int64_t turn_of(Counts place) const;
   std::int64_t turn_of_demand() const { return turn_of(generator.nearest_position()); }
-  // The nearest to a position in user units that the software limits allow, in the turn of the range the demand is in.
+  // The position nearest to `user` (user units) that the software limits allow, in the present turn of the demand.
   std::int64_t within_limits_of_turn(std::int64_t user) const;
   bool beyond_software_limits() const;  // command, demand or position
   bool at_software_limit(std::int64_t user) const {
@@ -373,15 +380,16 @@ struct Axis {
     const UserLimits limits = software_limits();
     return user <= limits.least || user >= limits.greatest;
   }
-  // Whether a target of counts lies within the software limits in the turn the demand is in, or these are off.
+  // Whether a target in counts is within the software limits in the present turn of the demand, or they are off.
   bool within_software_limits(Counts target) const { return nearest_within_software_limits(target) == target; }
   Counts nearest_within_software_limits(Counts target) const;
-  // A limit switch is active, or the demand is at a software limit or beyond it (the shaft hunts around it by a count).
+  // A limit switch is active, or the demand is at or beyond a software limit. (The shaft itself may swing about it by a
+  // count.)
   bool at_position_limit() const;
-  // ... and the demand does not lead away from it.
+  // ... and the demand does not move away from it.
   bool held_by_position_limit() const;
-  // The direction in which the demand moves. The last step of a line has no velocity, and leads the shaft on all the
-  // same, from where the demand was `before` it.
+  // The direction of the demand. The last step of a line has no velocity but still moves the shaft; its direction is
+  // that from the demand `before`.
   double demand_direction(Counts before) const {
     const double velocity = generator.velocity();
     if (velocity != 0.0 || demand.loop != Loop::position) return velocity;
@@ -390,44 +398,45 @@ struct Axis {
     return moved * ahead > 0.0 ? moved : 0.0;
   }
   bool at_limit_switch() const { return active(Signal::negative_limit) || active(Signal::positive_limit); }
-  // Towards an active limit switch.
+  // Whether a motion in this direction leads towards an active limit switch.
   bool runs_into_limit_switch(double direction) const {
     return (active(Signal::negative_limit) && direction < 0.0) || (active(Signal::positive_limit) && direction > 0.0);
   }
-  // The ways in counts to the software limits, where a mode without a target position has to keep to them: negative
-  // beyond a limit. Infinite while they are off, or a fault where they are crossed.
+  // The distances to the software limits in counts, for modes without a target position; negative beyond a limit.
+  // Infinite while the limits are off, or if crossing them is a fault.
   bool at_limit(bool positive) const;
   struct Room {
     double below;
     double above;
   };
-  bool keeps_software_limits() const;  // rather than raising a fault at them
+  bool keeps_software_limits() const;  // instead of raising a fault there
   Room room_from(Counts place) const;
   Room room() const { return room_from(position()); }  // of the shaft
-  // With this deceleration (counts/s^2; 0: at once) the demand still just comes to rest before the software limit
-  // ahead.
+  // Whether the demand can just come to rest before the software limit ahead with this deceleration (counts/s^2; 0: at
+  // once).
   bool near_software_limit(double deceleration) const;
-  // The speed, counts/s, from which a demand that moves as `velocity` does comes to rest before the software limit
-  // ahead with this deceleration, counts/s^2, to a cycle; 0 for one that leads away from a limit that it is beyond.
+  // The greatest speed, counts/s, from which a demand in the direction of `velocity` can stop before the software limit
+  // ahead with this deceleration (counts/s^2), accurate to one cycle; 0 if the demand is beyond that limit already.
   double approach_velocity(double velocity, double deceleration) const;
-  // A mode's deceleration (counts/s^2), or the quick stop's where the demand just comes to rest before the software
-  // limit ahead with that.
+  // The mode's deceleration (counts/s^2), or that of the quick stop if the demand needs it to stop before the software
+  // limit ahead.
   double deceleration_before_limit(double deceleration) const {
     const double steepest = std::max(deceleration, quick_stop_ramp());
     return near_software_limit(steepest) ? steepest : deceleration;
   }
-  // Of a demand that comes to rest without a target (come_to_rest): within the software limits, if it can. Its ramp may
-  // have a shape that needs up to twice the way of a linear one.
+  // Keeps a demand that comes to rest without a target (come_to_rest) within the software limits, if possible. The
+  // shape of its ramp may need up to twice the way of a linear ramp.
   void rest_within_limits() {
     const double steepest = std::max(profile_deceleration(), quick_stop_ramp());
     if (!has_to_brake_for_limit(steepest)) return;
     limited = true;
     come_to_rest(RampShape::linear, steepest);
   }
-  // After one cycle more of the motion that is planned, this deceleration (counts/s^2) no longer brings the demand to
-  // rest before the software limit ahead.
+  // Whether, after one more cycle of the planned motion, this deceleration (counts/s^2) is too low to stop the demand
+  // before the software limit ahead.
   bool too_fast_for_software_limit(double deceleration) const;
-  // Now is the last cycle in which a linear ramp of this deceleration (counts/s^2) still ends before the limit ahead.
+  // Whether this is the last cycle in which a linear ramp of this deceleration (counts/s^2) ends before the limit
+  // ahead.
   bool has_to_brake_for_limit(double deceleration) const {
     if (generator.standing() || !keeps_software_limits()) return false;
     return demand.loop == Loop::position ? too_fast_for_software_limit(deceleration)

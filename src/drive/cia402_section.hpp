@@ -4,8 +4,8 @@
 #include "drive/homing/methods.hpp"
 #include "drive/objects.hpp"
 
-// The CiA 402-2 objects with the reference drive's defaults. A product picks the objects it has and overrides what its
-// manual prints otherwise. Units "pos", "vel", "acc" and "jerk" are the device's user units.
+// The CiA 402-2 objects with the reference drive's defaults. A product picks its objects and overrides the values that
+// its manual prints differently. Units "pos", "vel", "acc" and "jerk" are the device's user units.
 namespace servodrome::drive {
 
 inline constexpr auto cia402_section = [] {
@@ -381,7 +381,7 @@ inline constexpr auto cia402_section = [] {
   });
 }();
 
-// 60E3h, Supported homing methods: what a product's table of methods has.
+// 60E3h, supported homing methods, made from a product's table of methods.
 template <std::size_t Count>
 constexpr auto supported_homing_methods(const std::array<Method, Count>& methods) {
   using namespace dictionary;  // NOLINT(google-build-using-namespace)

@@ -8,7 +8,7 @@ namespace servodrome::drive {
 
 namespace {
 
-constexpr std::uint32_t precharge_ms = 300;  // the DC link may take so long to come up
+constexpr std::uint32_t precharge_ms = 300;  // longest time for the DC link to reach its voltage
 
 }  // namespace
 
@@ -27,14 +27,15 @@ Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
 
 void Drive::configure(const Configuration& configuration) {
   for (std::size_t i = 0; i < max_inputs; ++i) {
-    // A simulated input changes here, without an edge on its wire.
+    // Changing the simulation of an input changes its level without an edge on its wire.
     const InputFunction& before = axis_.configuration.inputs[i];
     const InputFunction& now = configuration.inputs[i];
     const bool high = (wires_ >> i & 1u) != 0;
     if (now.signal == Signal::none || now.forced == before.forced || now.signal != before.signal) continue;
     if (now.active(high) != before.active(high)) note_edge({now.signal, now.active(high), axis_.encoder_position});
   }
-  if (axis_.configuration.input_filter_cycles == 0) input_filter_.reset(wires_);  // it may be switched on now
+  // ready in case the filter is switched on now
+  if (axis_.configuration.input_filter_cycles == 0) input_filter_.reset(wires_);
   axis_.configuration = configuration;
   if (!energised()) set_rates();
   cascade_.configure(configuration.motor, configuration.gains, rates_);
@@ -48,7 +49,7 @@ void Drive::configure(const Configuration& configuration) {
   }
   touch_probe_.set_deviation_supervision(configuration.motor.counts_per_revolution,
                                          configuration.monitors.index_deviation);
-  last_inputs_ = ~wires_;  // the meaning of the wires may have changed
+  last_inputs_ = ~wires_;  // forces a new evaluation, because the functions of the wires may have changed
   set_units();
 }
 
@@ -187,11 +188,11 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   return cycle_due;
 }
 
-// Apart from the tick, whose registers it would take, as is the look for an open phase.
+// Not inlined, to save registers in the tick; the search for an open phase likewise.
 [[gnu::noinline]] void Drive::trip(std::uint32_t faults, bool cycle_due, Actuation& actuation) {
-  if (tripped_ == 0) tripped_ = faults & comparators_;  // the first to speak; what follows it is its consequence
+  if (tripped_ == 0) tripped_ = faults & comparators_;  // the first comparator counts; later ones are its consequence
   if (tripped_ != 0 && !cycle_due && outputs_.pwm_enabled) {
-    // The comparators do not wait for the end of a cycle.
+    // A comparator acts at once, not at the end of the cycle.
     outputs_.pwm_enabled = false;
     actuation.pwm_enabled = false;
   }
@@ -209,7 +210,7 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
 }
 
 void Drive::cycle(const Feedback& feedback) {
-  if (!energised() && rates_ != wanted_rates()) configure(axis_.configuration);  // written while it had power
+  if (!energised() && rates_ != wanted_rates()) configure(axis_.configuration);  // changed while the motor had power
   axis_.encoder_position = feedback.position_counts;
   if (++cycles_of_ms_ >= axis_.cycles(1)) {
     cycles_of_ms_ = 0;
@@ -237,11 +238,11 @@ void Drive::cycle(const Feedback& feedback) {
                       .pressing = mode_ == Mode::homing && homing_mode_.pressing(),
                       .loop = axis_.demand.loop});
   collect_faults();
-  axis_.velocity_clipped = axis_.position_change_clipped = false;          // what follows says it anew
-  if (active_.test(Cause::following_error)) axis_.following_error = true;  // shown until it is reset
+  axis_.velocity_clipped = axis_.position_change_clipped = false;          // the steps below set them again
+  if (active_.test(Cause::following_error)) axis_.following_error = true;  // shown until the fault is reset
   if (state_ == PowerState::not_ready_to_switch_on) {
     enter_state(PowerState::switch_on_disabled);
-    handle_command(command_of(axis_.controlword));  // of a master that did not wait
+    handle_command(command_of(axis_.controlword));  // a command given while the drive was not ready
   }
   change_mode();
   if (!holds_greatest_velocity()) update_greatest_velocity();
@@ -255,14 +256,14 @@ void Drive::cycle(const Feedback& feedback) {
   } else if (zero_speed_) {
     axis_.generator.start_from(axis_.position(), 0.0);
     axis_.follow_generator(Loop::velocity);
-  } else if (energised()) {  // the brake opens or closes: held where it is, with no motion to go on with later
+  } else if (energised()) {  // the brake opens or closes: the axis is held, and no motion resumes later
     if (!axis_.generator.standing()) axis_.generator.reset(axis_.generator.nearest_position());
     axis_.follow_generator(Loop::position);
   } else {
-    axis_.generator.reset(axis_.position());  // nothing is demanded of a motor without power
+    axis_.generator.reset(axis_.position());  // no demand for a motor without power
   }
   if (axis_.raised != Cause::none) {
-    // What the mode found wrong in its set-points acts in this cycle, before the loops hear of them.
+    // Errors that the mode finds in its set-points take effect in this cycle, before the loops get them.
     raise(axis_.raised);
     axis_.raised = Cause::none;
   }
@@ -274,7 +275,8 @@ void Drive::cycle(const Feedback& feedback) {
   hold_by_current();
   set_limits();
   write_actuation();
-  // A motor in short circuit is out of the loops' reach; they must not wind up against it.
+  // While the windings are shorted the loops have no effect on the motor, and are off so that their integrals do not
+  // wind up.
   const bool controlled = energised() && !short_circuit_;
   if (controlled != cascade_.enabled()) controlled ? cascade_.enable(feedback) : cascade_.disable();
   if (axis_.configuration.knows_load()) [[unlikely]] {
@@ -309,10 +311,11 @@ void Drive::enter_mode(Mode wanted) {
   identification_.abort();
   const bool running = state_ == PowerState::operation_enabled && !pending_.active;
   set_mode(wanted);
-  word_before_wait_ = axis_.controlword;  // an edge of bit 4 was meant for the mode before
+  word_before_wait_ = axis_.controlword;  // an edge of bit 4 was for the mode before
   if (!running) return;
-  // The new mode goes on from how the axis moves now. A velocity demand has no place: it gets that of the shaft, which
-  // it leads. A demand that pressed against a hard stop would go on pressing: it gets the shaft's place as well.
+  // The new mode continues from the present motion of the axis. A velocity demand has no position, so the generator is
+  // set ahead of the shaft's position. After homing pressed against a hard stop it is set to the shaft's position,
+  // because the demand is beyond the stop.
   take_over_shaft();
   if (pressed) axis_.take_over_actual();
   if (axis_.demand.loop == Loop::velocity) axis_.lead_shaft(axis_.generator.velocity());
@@ -323,7 +326,7 @@ void Drive::enter_mode(Mode wanted) {
 }
 
 void Drive::run_mode() {
-  if (state_ == PowerState::switched_on) {  // products that energise the motor there
+  if (state_ == PowerState::switched_on) {  // for products that energise the motor in Switched on
     no_mode_.step(axis_);
     return;
   }
@@ -339,7 +342,7 @@ void Drive::run_mode() {
       take_over_shaft();
       halted_ = stopping_ = short_circuit_ = false;
       if (stop_loop_ != Loop::position) axis_.lead_shaft(axis_.generator.velocity());
-      // A mode that has nothing to go on with lets the axis come to rest.
+      // A mode without a motion to resume lets the axis come to rest.
       if (axis_.generator.finished()) axis_.come_to_rest(RampShape::linear);
       with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
     }
@@ -372,7 +375,7 @@ void Drive::stop_identification() {
   finish_identification();
 }
 
-// The mode takes the axis over where it is, after a stop if it is not at rest.
+// The mode continues from the present state of the axis, and stops it first if it is not at rest.
 void Drive::finish_identification() {
   axis_.take_over_actual();
   with_mode(*this, [&](auto& mode) { mode.enter(axis_); });
@@ -386,7 +389,7 @@ void Drive::write_actuation() {
   outputs_.short_circuit = energised() && short_circuit_;
   const Configuration& configuration = axis_.configuration;
   bool released = brake_released();
-  if (policy_.brake_output_bit >= 0) {  // the bus may command the brake itself
+  if (policy_.brake_output_bit >= 0) {  // the bus may control the brake directly
     const std::uint32_t bit = 1u << static_cast<unsigned>(policy_.brake_output_bit);
     if ((axis_.objects.output_mask & bit) != 0) released = (axis_.objects.physical_outputs & bit) == 0;
   }
@@ -412,7 +415,7 @@ std::uint16_t Drive::statusword() const {
   return word;
 }
 
-// What there is to show in the upper bits of the statusword, as bit(StatusSource).
+// The active sources of the upper bits of the statusword, as bit(StatusSource).
 std::uint32_t Drive::status_sources() const {
   std::uint32_t shown = 0;
   const auto show = [&shown](StatusSource source, bool present) { shown |= present ? bit(source) : 0; };
@@ -435,7 +438,7 @@ std::uint32_t Drive::status_sources() const {
   show(StatusSource::in_motion, enabled && in_motion());
   std::uint16_t bits = with_mode(*this, [&](const auto& mode) { return mode.status(axis_); });
   if (failed) {
-    bits &= statusword::mode_bit_13;  // what went wrong can be seen until the fault is reset
+    bits &= statusword::mode_bit_13;  // the error bit stays until the fault is reset
   } else if (stopping_) {
     const bool cyclic = is_cyclic_synchronous(mode_);
     if (cyclic) bits &= static_cast<std::uint16_t>(~statusword::mode_bit_12);  // the target is ignored

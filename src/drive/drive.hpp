@@ -23,70 +23,72 @@
 
 namespace servodrome::drive {
 
-// Told when the list of faults changes; a device answers with its EMCY object and history.
+// Callbacks for changes in the list of faults; a device sends an EMCY and keeps its history.
 class DriveEvents {
  public:
   virtual void fault_raised(const FaultRow&) {}
   virtual void warning_raised(const FaultRow&) {}  // Reaction::none
-  // Faults were reset, or warnings went; `remaining` are the error register bits of those that are left.
+  // Faults were reset, or warnings ended; `remaining` are the error register bits of the others.
   virtual void errors_gone(std::uint8_t /*remaining*/) {}
 
  protected:
   ~DriveEvents() = default;
 };
 
-// A CiA 402 servo drive: power states, modes of operation, loops, monitors, terminals. Product-neutral; what differs is
-// in the Policy and the Configuration. It owns the objects with Owner::drive in the device's dictionary.
+// A CiA 402 servo drive: power states, modes of operation, loops, monitors, terminals. It is the same for all products,
+// which differ in Policy and Configuration. It owns the objects with Owner::drive in the device's dictionary.
 class Drive final : public dictionary::Listener {
  public:
-  // `objects_base`: where `objects` lies in the struct that the dictionary's offsets count from.
+  // `objects_base`: offset of `objects` in the struct to which the dictionary's offsets refer.
   Drive(const Policy& policy, Objects& objects, std::size_t objects_base);
 
   void set_events(DriveEvents* events) { events_ = events; }
   const Policy& policy() const { return policy_; }
 
-  // Takes over motor, gains, thresholds and terminals; may be called while running.
+  // Adopts motor, gains, thresholds and terminals; may be called while the drive runs.
   void configure(const Configuration& configuration);
   const Configuration& configuration() const { return axis_.configuration; }
-  // The gains alone, as a device that switches them does while the axis moves.
+  // Sets the gains only, for devices that switch them while the axis moves.
   void set_gains(const Gains& gains) {
     axis_.configuration.gains = gains;
     cascade_.configure(axis_.configuration.motor, gains, rates_);
   }
 
-  // Everything volatile is as after switching the control supply on. The objects have their values already.
+  // Resets everything volatile, as after switching the control supply on. The objects must have their values.
   void power_on(const Feedback& feedback);
-  // The same without the supply having been off: NMT reset node. Encoder, coordinates and wires stay.
+  // The same without a loss of supply, for NMT reset node. Encoder, coordinates and wires stay.
   void restart();
 
-  // The encoder was put to another position by hand, not by moving there, while the motor was off.
+  // To be called when the encoder's position was changed without a motion while the motor was off.
   void displaced(const Feedback& feedback);
 
-  // One base tick: 62.5 us. True when it ran a position-loop cycle, which writes all of `actuation`; the ticks between
-  // write the phase voltages only, so it is the same object every time.
+  // One base tick: 62.5 us. Returns true if it ran a position-loop cycle. Such a tick writes all of `actuation`, the
+  // others write the phase voltages only, so the caller must pass the same object every time.
   bool tick(const Feedback& feedback, Actuation& actuation);
 
   // --- Tuning
-  // Identifies the load by moves of the drive's own, in place of the mode of operation; afterwards the mode goes on
-  // where the axis is then. False unless operation is enabled and the axis is commanded to stand.
+  // Identifies the load by motions of the drive itself, instead of the mode of operation; afterwards the mode continues
+  // from the axis' position. Returns false unless operation is enabled and the axis is commanded to stand.
   bool identify_inertia(const InertiaIdentification::Request& request);
   void stop_identification();  // the axis comes to rest
   const InertiaIdentification& identification() const { return identification_; }
-  // See Cascade::set_analysis; forgotten at power_on.
+  // See Cascade::set_analysis; cleared by power_on.
   void set_analysis(ResonanceAnalysis* analysis) { cascade_.set_analysis(analysis); }
 
   // --- Events from the bus
   void synchronise();
-  void communication_lost(Cause cause = Cause::communication_lost);  // reacts by 6007h, or always by the fault
-  void show_warning(bool present) { outside_warning_ = present; }    // of the device around the drive, in bit 7
+  // the reaction is that of 6007h, or always the fault
+  void communication_lost(Cause cause = Cause::communication_lost);
+  // a warning of the device around the drive, for bit 7
+  void show_warning(bool present) { outside_warning_ = present; }
 
   // --- Terminals
-  // What a device carries out of its inputs: as a controlword written by the bus.
+  // A command that the device derives from its inputs; it acts like a controlword from the bus.
   void command(std::uint16_t controlword);
-  // Levels of outputs that the device works out itself, bit n for output n, beside those of 60FEh.
+  // Levels of outputs that the device controls itself, bit n for output n, in addition to those of 60FEh.
   void set_outputs(std::uint32_t levels) { terminal_outputs_ = levels; }
   std::uint32_t wires() const { return wires_; }  // levels of the inputs, those that the bus commands included
-  // Application counts where the switch was met last.
+  // Application counts at which the switch was reached last.
   Counts positive_limit_position() const { return limit_positions_[1]; }
   Counts negative_limit_position() const { return limit_positions_[0]; }
   const TouchProbe& touch_probe() const { return touch_probe_; }
@@ -99,30 +101,29 @@ class Drive final : public dictionary::Listener {
   bool any_fault() const { return active_.any(); }
   bool warns(Cause cause) const { return warned_.test(cause); }
   std::uint8_t error_register() const;  // the bits of 1001h of all that is present
-  // That of 603Fh: the newest one, or the first (Policy::first_fault_is_shown).
+  // The fault in 603Fh: the newest, or the first (Policy::first_fault_is_shown).
   const FaultRow* shown_fault() const { return shown_fault_; }
   const FaultRow* row(Cause cause) const;
-  void clear_multi_turn() { multi_turn_cleared_ = true; }  // the encoder's turns were declared valid
+  void clear_multi_turn() { multi_turn_cleared_ = true; }  // the user declared the encoder's turns valid
 
-  // --- What the drive is doing
+  // --- State of the drive
   PowerState state() const { return state_; }
-  // Whether a command that triggers this row of Policy::transitions would do so now. A row that does not begin in the
-  // present state is not.
+  // Whether this row of Policy::transitions could happen now. False for a row that does not begin in the present state.
   bool accepts(const Transition& transition) const;
   Mode mode() const { return mode_; }
   std::uint16_t statusword() const;
   bool in_motion() const { return !axis_.generator.standing(); }
-  bool demand_smoothed() const { return !smoothing_pending_; }  // nothing of the demand is still to come
+  bool demand_smoothed() const { return !smoothing_pending_; }  // the smoothed demand has reached the demand
   bool energised() const { return stage_ != Stage::off; }
   bool brake_released() const {
     return stage_ == Stage::releasing_brake || stage_ == Stage::on || coasting_cycles_ != 0;
   }
   bool chopper_on() const { return supervision_.chopper(); }
   bool homed() const { return axis_.homed; }
-  // Homing looks for limits by itself. The mode alone, without a homing that runs, does not.
+  // Homing handles limit switches itself; homing mode without an active homing does not.
   bool homes() const { return mode_ == Mode::homing && homing_mode_.active(); }
   bool homing_running() const { return mode_ == Mode::homing && homing_mode_.running(); }
-  // Of the last homing, in counts: see Homing::index_distance.
+  // Homing::index_distance of the last homing, in counts.
   Counts homing_index_distance() const { return homing_mode_.index_distance(); }
   float dc_link_v() const { return dc_link_v_; }
   float winding_temperature_c() const { return winding_temperature_c_; }
@@ -140,11 +141,11 @@ class Drive final : public dictionary::Listener {
   void refresh(const dictionary::Entry& entry) override;
   dictionary::Handlers handlers(const dictionary::Entry& entry) override;
 
-  // Takes the objects over that have an effect when written, after they were loaded without `written`.
+  // Applies objects that have an effect when written, after they were loaded without the callback `written`.
   void objects_loaded();
 
  private:
-  // What happens when the present stop has come to its end.
+  // The transition at the end of the present stop.
   struct PendingTransition {
     bool active = false;
     PowerState to = PowerState::switch_on_disabled;
@@ -153,7 +154,7 @@ class Drive final : public dictionary::Listener {
   static constexpr std::size_t edge_capacity = 16;
 
   // object_access.cpp
-  struct OwnObjects;  // that an access means something of, from `first` to `last`
+  struct OwnObjects;  // objects from `first` to `last` with callbacks
   static std::span<const OwnObjects> own_objects();
   static const dictionary::Handlers* handlers_of(const dictionary::Entry& entry);
   void show_touch_probe_position(std::size_t slot);
@@ -164,7 +165,7 @@ class Drive final : public dictionary::Listener {
   void handle_controlword(std::uint16_t before, std::uint16_t now);
   void handle_command(Command command);
   Stop stop_of(std::int16_t code) const;
-  // Interpolated position works, with the buffer 60C4h.
+  // Interpolated position is active, with the buffer 60C4h.
   bool buffers_records() const {
     return mode_ == Mode::interpolated_position && state_ == PowerState::operation_enabled &&
            policy_.interpolation == Interpolation::buffered;
@@ -223,7 +224,8 @@ class Drive final : public dictionary::Listener {
   void smooth_demand(std::optional<std::int64_t> from);
   float known_load();  // torque, fraction of rated
   void hold_by_current();
-  // As in nearly all cycles: it is what is set, nothing of it was written, and no shaft turns without power.
+  // True in nearly all cycles: the limit in force is the one set, it was not changed, and the shaft does not turn
+  // without power.
   bool holds_greatest_velocity() const {
     return axis_.objects.max_motor_speed_rpm == greatest_of_rpm_ && axis_.greatest_velocity == set_greatest_velocity_ &&
            (energised() || axis_.velocity() == 0.0);
@@ -244,8 +246,8 @@ class Drive final : public dictionary::Listener {
 
   const Policy& policy_;
   TransitionTable transitions_;
-  std::uint32_t shown_sources_ = 0;  // bit(StatusSource) of those that the statusword of this policy has
-  std::array<std::uint16_t, status_sources_count> shown_bits_{};  // where the present mode shows each of them
+  std::uint32_t shown_sources_ = 0;  // bit(StatusSource) of the sources that this policy shows
+  std::array<std::uint16_t, status_sources_count> shown_bits_{};  // bits that show each of them in the present mode
   std::size_t objects_base_;
   DriveEvents* events_ = nullptr;
   Axis axis_;
@@ -265,7 +267,7 @@ class Drive final : public dictionary::Listener {
   CyclicSyncPosition cyclic_sync_position_{};
   CyclicSyncVelocity cyclic_sync_velocity_{};
   CyclicSyncTorque cyclic_sync_torque_{};
-  InertiaIdentification identification_{};  // while it runs it stands in for the mode
+  InertiaIdentification identification_{};  // replaces the mode while it runs
 
   PowerState state_ = PowerState::not_ready_to_switch_on;
   Mode mode_ = Mode::none;
@@ -273,48 +275,50 @@ class Drive final : public dictionary::Listener {
   PendingTransition pending_{};
   bool stopping_ = false;  // the generator runs a stop instead of the mode
   bool halted_ = false;
-  bool limit_stop_ = false;                         // a limit switch is the reason of the stop
-  double set_greatest_velocity_ = 0.0;              // counts/s, of the cycle before
-  std::optional<std::uint32_t> greatest_of_rpm_{};  // 6080h in it; empty: units or motor have changed since
-  bool moved_demand_ = false;  // the demand was put elsewhere: the loops' following error is that of the old place
+  bool limit_stop_ = false;             // a limit switch caused the stop
+  double set_greatest_velocity_ = 0.0;  // counts/s, in the previous cycle
+  // the 6080h it was computed from; empty: units or motor have changed
+  std::optional<std::uint32_t> greatest_of_rpm_{};
+  // the demand was set to another position, so the following error of the loops is obsolete
+  bool moved_demand_ = false;
   bool held_by_current_ = false;
   Stop stop_ = Stop::power_off;
   Loop stop_loop_ = Loop::position;
-  double stop_direction_ = 0.0;     // its sign: that of the ramp's speed at its beginning
-  double stop_deceleration_ = 0.0;  // of its ramp, as it was planned, counts/s^2
+  double stop_direction_ = 0.0;     // sign of the ramp's initial speed
+  double stop_deceleration_ = 0.0;  // planned deceleration of its ramp, counts/s^2
   Stage stage_ = Stage::off;
   std::uint32_t stage_cycles_ = 0;
   std::uint32_t brake_closed_cycles_ = 0;
-  std::uint32_t coasting_cycles_ = 0;  // that the brake may still wait for an axis without power to become slow
+  std::uint32_t coasting_cycles_ = 0;  // for which the brake may still wait until an axis without power is slow
   bool short_circuit_ = false;
   Dwell standstill_{};
   bool shaft_stands_ = true;
-  std::uint32_t rest_wait_cycles_ = 0;  // since the ramp of a stop was over
-  Dwell braked_{};                      // by short circuit
+  std::uint32_t rest_wait_cycles_ = 0;  // since the end of a stop's ramp
+  Dwell braked_{};                      // time braked by short circuit
   bool braked_to_rest_ = false;
-  bool zero_speed_ = false;  // held without a ramp until the brake has closed
+  bool zero_speed_ = false;  // held at once, without a ramp, until the brake has closed
 
   CauseSet active_{};  // latched faults
   CauseSet injected_{};
-  CauseSet latched_{};  // remembered by what failed until it loses its supply
-  CauseSet warned_{};   // warnings that were told
+  CauseSet latched_{};  // the failed part remembers them until it loses its supply
+  CauseSet warned_{};   // warnings that were reported
   bool outside_warning_ = false;
   bool units_valid_ = true;
   const FaultRow* shown_fault_ = nullptr;
   bool multi_turn_cleared_ = false;
 
   LagFilter lag_{};
-  Loop smoothed_loop_ = Loop::off;  // of the demand that is averaged
+  Loop smoothed_loop_ = Loop::off;  // loop of the averaged demand
   Smoothing smoothing_by_{};
-  static constexpr std::int64_t smoothed_unit = 65536;  // of a count, or of a count per second
+  static constexpr std::int64_t smoothed_unit = 65536;  // parts of a count, or of a count per second
   std::int64_t smoothed_value_ = 0;                     // the mean
   float smoothed_velocity_ = 0.0F;                      // counts/s
-  bool smoothing_pending_ = false;                      // the smoothed demand is still on its way
-  int friction_direction_ = 0;                          // of the last motion in the position loop
+  bool smoothing_pending_ = false;                      // the smoothed demand has not reached the demand
+  int friction_direction_ = 0;                          // direction of the last motion in the position loop
 
-  Actuation outputs_{};  // everything but the phase voltages, set once per cycle
+  Actuation outputs_{};  // all members but the phase voltages, set once per cycle
   std::uint32_t last_inputs_ = 0;
-  std::uint32_t levels_ = 0;  // of the inputs when they last changed
+  std::uint32_t levels_ = 0;  // levels of the inputs at their last change
   InputFilter input_filter_{};
   std::uint32_t wires_ = 0;
   Counts position_of_ms_ = 0;
@@ -323,18 +327,18 @@ class Drive final : public dictionary::Listener {
   std::array<Counts, 2> limit_positions_{};  // negative, positive
   bool warnings_ = false;
   std::uint32_t dc_link_cycles_ = 0;  // since the DC link was connected
-  bool awaits_dc_link_ = false;       // transition 3 was commanded, and the DC link has not its voltage yet
+  bool awaits_dc_link_ = false;       // transition 3 waits for the DC link's voltage
   std::uint16_t word_before_wait_ = 0;
   float dc_link_v_ = 0.0F;
-  float dc_link_rise_v_ = 0.0F;  // in the last cycle
+  float dc_link_rise_v_ = 0.0F;  // rise in the last cycle
   float winding_temperature_c_ = 0.0F;
   float power_stage_temperature_c_ = 0.0F;
   std::size_t edge_count_ = 0;     // of edges_
   std::uint32_t tripped_ = 0;      // HardwareFault bits since the last cycle
-  std::uint32_t comparators_ = 0;  // HardwareFault bits of those that the product has
-  std::uint32_t look_at_ = 0;      // for an open phase, by the ticks of the cascade
+  std::uint32_t comparators_ = 0;  // HardwareFault bits of the comparators that the product has
+  std::uint32_t look_at_ = 0;      // next check for an open phase, in ticks of the cascade
   Rates rates_{0, 0};              // in force
-  // Large, and seldom used: apart from what each cycle needs.
+  // Large and seldom used, so placed after the members that each cycle needs.
   std::array<SignalEdge, edge_capacity> edges_{};  // since the last cycle
   MovingAverage smoothing_{};
 };

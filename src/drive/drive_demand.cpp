@@ -1,7 +1,7 @@
 #include "drive/rounding.hpp"
 #include "drive/with_mode.hpp"
 
-// What stands between a mode's demand and the loops: limits, smoothing, holding at standstill.
+// The steps from a mode's demand to the loops: limits, smoothing, holding at standstill.
 namespace servodrome::drive {
 
 namespace {
@@ -12,8 +12,8 @@ constexpr std::uint32_t lagging_modes =
 
 }  // namespace
 
-// Towards an active limit switch: by the demand's velocity, in torque control by the torque. A position demand that
-// comes back to a shaft that stands, as at the end of a stream of targets, does not push.
+// Whether the demand leads towards an active limit switch: by its velocity, in torque control by its torque. A position
+// demand that returns to a standing shaft, as at the end of a stream of targets, does not count.
 bool Drive::pushes_limit_switch(Counts before) const {
   if (!axis_.at_limit_switch()) return false;
   const LoopDemand& demand = axis_.demand;
@@ -26,9 +26,8 @@ bool Drive::pushes_limit_switch(Counts before) const {
   return axis_.runs_into_limit_switch(towards);
 }
 
-// Unless homing runs a limit switch ends every motion towards it; away from it the axis may move. So does a software
-// limit in the modes that have no target position, early enough to stand at it. `before`: where the demand was before
-// this cycle.
+// Unless homing runs, a limit switch ends every motion towards it; motion away from it is free. In modes without a
+// target position a software limit does the same, early enough to stop at it. `before`: the demand before this cycle.
 void Drive::limit_switches(Counts before) {
   if (homes()) return;
   if (policy_.limit_switches == LimitSwitches::fault) {
@@ -60,7 +59,7 @@ void Drive::limit_switches(Counts before) {
   with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, direction); });
 }
 
-// A stepper's way of holding, for products that have it: nothing hunts at standstill.
+// For products that hold as a stepper does: a constant current, so that the axis does not hunt at standstill.
 void Drive::hold_by_current() {
   const float current_a = axis_.configuration.standstill_current_a;
   const bool may = current_a > 0.0F && mode_ == Mode::profile_position && state_ == PowerState::operation_enabled &&
@@ -71,7 +70,7 @@ void Drive::hold_by_current() {
   axis_.demand.lock_current_a = current_a;
 }
 
-// What the demand is smoothed by: the moving average in the modes that have a profile, or the lag of a position
+// The required smoothing of the demand: the moving average in modes with a profile, or the low pass of a position
 // command.
 Drive::Smoothing Drive::smoothing_asked_for() const {
   const Configuration& configuration = axis_.configuration;
@@ -84,7 +83,7 @@ Drive::Smoothing Drive::smoothing_asked_for() const {
   return {};
 }
 
-// Where the demand is, in units of the smoothed one, if it stands.
+// The demand in units of the smoothed one, if it stands; else empty.
 std::optional<std::int64_t> Drive::standing_demand() const {
   const Generator& generator = axis_.generator;
   if (!generator.standing()) return {};
@@ -92,9 +91,9 @@ std::optional<std::int64_t> Drive::standing_demand() const {
          round_to_integer(generator.fraction() * static_cast<double>(smoothed_unit));
 }
 
-// A filter delays a demand and never moves it by itself: it begins where the demand stands, and so does what is written
-// of it in motion. A stop is not delayed, and what takes the shaft over goes on from the smoothed demand
-// (take_over_shaft). `from`: of the demand, if it stood before this cycle.
+// A filter delays the demand and never moves it by itself: it begins when the demand stands, and so do changes of the
+// filter that are written in motion. A stop is not delayed; it continues from the smoothed demand (take_over_shaft).
+// `from`: the demand, if it stood before this cycle.
 void Drive::smooth_demand(std::optional<std::int64_t> from) {
   LoopDemand& demand = axis_.demand;
   const bool runs = smoothed_loop_ == demand.loop && smoothing_pending_;
@@ -111,7 +110,7 @@ void Drive::smooth_demand(std::optional<std::int64_t> from) {
                                       : round_to_integer(static_cast<double>(demand.velocity) * unit);
   const bool held = held_by_current_ && position;
   if (!runs && (held || smoothed_loop_ != demand.loop || !(asked == smoothing_by_))) {
-    if (held) from = value;  // a shaft that slipped is taken over where it is
+    if (held) from = value;  // a shaft that slipped: the demand is its present position
     if (!from) {
       smoothed_loop_ = Loop::off;
       return;
@@ -132,7 +131,7 @@ void Drive::smooth_demand(std::optional<std::int64_t> from) {
   } else {
     lag_.configure(static_cast<double>(smoothing_by_.lag_ms) * axis_.cycles_per_ms);
     mean = lag_.update(value);
-    // The same lag, so that what a mode adds to the velocity is kept.
+    // The velocity gets the same lag, so that an offset that a mode adds to it is kept.
     smoothed_velocity_ += static_cast<float>(lag_.gain()) * (demand.velocity - smoothed_velocity_);
     if (mean == value) smoothed_velocity_ = demand.velocity;
   }
@@ -146,8 +145,8 @@ void Drive::smooth_demand(std::optional<std::int64_t> from) {
   demand.acceleration = (smoothed_velocity_ - before) / static_cast<float>(axis_.cycle_s);
 }
 
-// Weight and friction that the drive was told of. The direction of the last motion counts while the axis stands, so
-// that nothing jumps at the end of a motion.
+// Torque of the configured weight and friction. While the axis stands, the direction of the last motion counts, so that
+// the torque does not jump at the end of a motion.
 float Drive::known_load() {
   const Configuration& configuration = axis_.configuration;
   const LoopDemand& demand = axis_.demand;
@@ -162,8 +161,8 @@ float Drive::known_load() {
   return configuration.weight_torque + friction;
 }
 
-// A limit that is lowered in motion takes the axis along by the mode's ramp, and a stop goes on by its own. So does a
-// shaft that is faster when power comes.
+// If the speed limit is lowered in motion, the axis slows down by the mode's ramp; a stop keeps its own ramp. A shaft
+// that is faster than the limit when it gets power slows down in the same way.
 void Drive::update_greatest_velocity() {
   const double set = axis_.max_velocity(false);
   greatest_of_rpm_ = axis_.objects.max_motor_speed_rpm;
@@ -173,8 +172,8 @@ void Drive::update_greatest_velocity() {
   } else if (now > set) [[unlikely]] {
     double ramp = with_mode(*this, [&](const auto& mode) { return mode.deceleration(axis_); });
     if (ramp <= 0.0) ramp = quick_stop_deceleration();
-    // A demand that the shaft does not follow, as that of targets which come less often than 60C2h says, is no speed to
-    // come down from. What follows later follows the limit itself.
+    // A demand that the shaft does not follow, as with targets that come less often than 60C2h says, is no speed to
+    // slow down from. The limit itself then applies at once.
     const double shaft = std::abs(axis_.velocity());
     const bool lowered = set < set_greatest_velocity_;
     const bool moves = !lowered || axis_.follows_demand();
@@ -198,7 +197,7 @@ void Drive::set_limits() {
   demand.torque_limit_negative = std::min(static_cast<float>(objects.negative_torque_limit) * 0.001F, common);
   if (axis_.units.velocity_inverted) std::swap(demand.torque_limit_positive, demand.torque_limit_negative);
   if (mode_ == Mode::homing && homing_mode_.pressing()) {
-    // Against a hard stop no more torque than is needed to notice it.
+    // Against a hard stop the torque is limited to what its detection needs.
     const float pressing = 1.1F * axis_.configuration.homing_stall_torque;
     demand.torque_limit_positive = std::min(demand.torque_limit_positive, pressing);
     demand.torque_limit_negative = std::min(demand.torque_limit_negative, pressing);
@@ -220,7 +219,7 @@ void Drive::set_limits() {
     }
     if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
     if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;
-    // The speed from which the axis still comes to rest before its software limit.
+    // The greatest speed from which the axis can stop before its software limit.
     const Axis::Room room = axis_.room();
     const auto approach = [quick = quick_stop_deceleration(), most](double way) {
       if (way <= 0.0) return 0.0F;

@@ -1,6 +1,6 @@
 #include "drive/with_mode.hpp"
 
-// The drive's side of its terminals: levels and edges become signals.
+// The inputs of the drive: levels and edges become signals.
 namespace servodrome::drive {
 
 void Drive::capture_edges(const Feedback& feedback) {
@@ -19,7 +19,7 @@ void Drive::capture_edges(const Feedback& feedback) {
   }
 }
 
-// No capture unit sees the inputs that the bus commands or a filter delays: they change where the axis is now.
+// Inputs that the bus commands or a filter delays have no capture unit: their edges get the present position.
 void Drive::note_level_edges(std::uint32_t changed) {
   for (std::size_t i = 0; i < max_inputs; ++i) {
     const InputFunction& function = axis_.configuration.inputs[i];

@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-// Faults as data: a cause is what the drive or its surroundings did; a product's row says how it is called, reported,
-// reacted to and reset. A cause without a row is not monitored.
+// Faults as data. A cause is an event in the drive or its surroundings. A product's row for it has the fault's name,
+// code, reaction and reset. A cause without a row is not monitored.
 namespace servodrome::drive {
 
 enum class Cause : std::uint8_t {
@@ -20,7 +20,7 @@ enum class Cause : std::uint8_t {
   under_voltage_near,  // a warning before it
   gate_supply,
   internal_hardware,
-  power_failure,          // the mains went away
+  power_failure,          // the mains failed
   current_sensor,         // its zero has moved, or its ripple is too great
   current_sensor_origin,  // its zero could not be recorded
   current_saturation,     // the current is beyond what can be measured
@@ -36,7 +36,7 @@ enum class Cause : std::uint8_t {
   encoder_hot,
   // Encoder
   encoder_connection,
-  encoder_incremental,  // lost connection, where products tell encoders apart
+  encoder_incremental,  // lost connection, for products with an alarm for each type of encoder
   encoder_resolver,
   encoder_crc,
   encoder_delimiter,
@@ -46,7 +46,7 @@ enum class Cause : std::uint8_t {
   hall_wiring,
   hall_state,
   index_deviation,  // successive index pulses are not one revolution apart
-  index_lost,       // none for some revolutions
+  index_lost,       // no index pulse for some revolutions
   second_encoder_connection,
   second_encoder_count,
   second_encoder_direction,  // counts against the motor's encoder
@@ -81,17 +81,17 @@ enum class Cause : std::uint8_t {
   following_error,
   following_error_near,  // a warning before it
   position_limit,
-  factor_group,  // the factors make no ratio
+  factor_group,  // the factors give no valid ratio
   i2t,
-  stage_i2t,  // of the power stage, where it is told from the motor's
+  stage_i2t,  // of the power stage, if separate from the motor's
   i2t_near,   // a warning before it
   stage_i2t_near,
   jammed,    // no motion at the torque limit
   external,  // an outside device, on an input
   enable_refused,
-  positive_limit,  // a limit switch, where that is a fault or a warning
+  positive_limit,  // a limit switch, if that is a fault or a warning
   negative_limit,
-  velocity_clipped,  // warnings: a set-point that is met in part
+  velocity_clipped,  // warnings: a set-point that was clipped
   acceleration_clipped,
   position_change_clipped,
   interpolation_overrun,  // a warning: records that the buffer 60C4h could not take
@@ -121,31 +121,32 @@ enum class Cause : std::uint8_t {
   bus_exception,
   bus_overflow,
   bus_passive,
-  bus_settings,  // node address or bit rate that cannot be
+  bus_settings,  // impossible node address or bit rate
   frame_length,
   rpdo_length,
   pdo_mapping,
   unknown_error,
   count_of_causes,
-  // Products may number causes of their own from here.
+  // Products may define further causes from here.
   first_product_cause = 128
 };
 
-// Names as the bench API writes them: those of the enumerators. An unknown name is Cause::none.
+// Names of the causes in the bench API: those of the enumerators. An unknown name is Cause::none.
 const char* name(Cause cause);
 Cause cause_from_name(const char* name);
 
 enum class Reaction : std::uint8_t {
   option_code,  // fault reaction option code 605Eh
-  angle_lost,   // the rotor's angle is not known: of 605Eh only what needs none, else power off
-  power_off,    // the motor cannot be controlled any more: power stage off at once
+  angle_lost,   // the rotor angle is unknown: only an option of 605Eh that does not need it, else power off
+  power_off,    // the motor cannot be controlled: power stage off at once
   none          // a warning: reported, shown in statusword bit 7 while it is there; motion goes on
 };
 
 enum class ResetRule : std::uint8_t {
-  when_cause_gone,                   // controlword bit 7, once the cause has gone
-  power_cycle,                       // restart of the drive
-  power_off,                         // what failed remembers it until it loses its supply, a restart does not help
+  when_cause_gone,  // controlword bit 7, once the cause has gone
+  power_cycle,      // restart of the drive
+  // the failed part remembers it until it loses its supply; a restart does not clear it
+  power_off,
   clear_multi_turn,                  // controlword bit 7, once the encoder's turns have been cleared
   clear_multi_turn_and_power_cycle,  // the encoder's turns must be cleared before the restart
 };
@@ -157,7 +158,7 @@ struct FaultRow {
   Reaction reaction;
   ResetRule reset;
   const char* name;
-  std::uint16_t alarm = 0;  // the product's own number of it, if it has one
+  std::uint16_t alarm = 0;  // the product's alarm number, if it has one
 };
 
 }  // namespace servodrome::drive

@@ -11,8 +11,8 @@ void Generator::place(Counts position, double fraction, double velocity) {
   finished_ = true;
 }
 
-// Takes a new plan over, made from `state` on `base`, of which `gone_s` has passed. A plan that was refused changes
-// nothing: what was planned before goes on.
+// Adopts a new plan, made from `state` on `base`, of which `gone_s` has passed. A refused plan changes nothing: the
+// plan before continues.
 Trajectory::Result Generator::begin(Trajectory::Result result, Counts base, const MotionState& state, double gone_s) {
   if (result == Trajectory::Result::bad_state || result == Trajectory::Result::bad_limits) return result;
   base_ = base;
@@ -31,8 +31,8 @@ Trajectory::Result Generator::plan_position(MotionState state, double gone_s, Co
                state, gone_s);
 }
 
-// The base on which the position of `state` lies within a count. What accelerates by a ramp without jerk may stop to do
-// so at once; a plan that keeps to the jerk would take that acceleration for one that it has to take back.
+// The base for which the position of `state` is within one count. The acceleration of a ramp without jerk limit is
+// dropped, because it may end at once; a jerk-limited plan would otherwise have to reduce it first.
 Counts Generator::rebase(MotionState& state, RampShape shape) const {
   if (shape == RampShape::jerk_limited && trajectory_.shape() != RampShape::jerk_limited) state.acceleration = 0.0;
   const Counts whole = floor_to_integer(state.position);
@@ -55,7 +55,7 @@ Trajectory::Result Generator::continue_to(Counts target, double end_velocity, co
   double remainder = planned_ && finished_ ? elapsed_s_ - trajectory_.duration_s() : 0.0;
   if (remainder < 0.0 || remainder > last_cycle_s_) remainder = 0.0;
   const MotionState from = remainder > 0.0 ? trajectory_.at(trajectory_.duration_s()) : state_;
-  if (from.velocity == 0.0) remainder = 0.0;  // from rest nothing is lost, and no cycle is longer than it is
+  if (from.velocity == 0.0) remainder = 0.0;  // from rest there is no remainder of a cycle to use
   return plan_position(from, remainder, target, end_velocity, limits, shape);
 }
 

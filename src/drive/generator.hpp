@@ -7,40 +7,40 @@
 namespace servodrome::drive {
 
 // The set-point generator of one axis: a trajectory on an integer base, advanced once per position-loop cycle and
-// re-planned from whatever state it is in. Positions are application counts (64 bits), the part within a motion is a
-// double relative to the base, so that no run however long loses a count.
+// re-planned from any state. Positions are application counts (64 bits); the part within a motion is a double relative
+// to the base, so that no count is lost however long the axis runs.
 class Generator {
  public:
   // Stands at `position`.
   void reset(Counts position) { start_from(position, 0.0); }
 
-  // Takes over a moving axis; keeps moving at `velocity` (counts/s) until something is planned.
+  // Starts from a moving axis; continues at `velocity` (counts/s) until a motion is planned.
   void start_from(Counts position, double velocity);
 
-  // Plans from the present state. Distances beyond 2^52 counts are not exact. A plan that is refused (bad_limits,
-  // bad_state) leaves the running motion as it is.
+  // Plans from the present state. Distances beyond 2^52 counts are not exact. A refused plan (bad_limits, bad_state)
+  // leaves the running motion unchanged.
   Trajectory::Result move_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
   Trajectory::Result run_at(double velocity, const MotionLimits& limits, RampShape shape);
 
-  // Like move_to, but as if planned at the very moment the running motion ended, somewhere within the cycle just done,
-  // unless it ended at rest.
+  // Like move_to, but as if planned at the exact moment within the last cycle at which the running motion ended, unless
+  // it ended at rest.
   Trajectory::Result continue_to(Counts target, double end_velocity, const MotionLimits& limits, RampShape shape);
 
-  // The demand of a cyclic mode: put there, not planned.
+  // Sets the state directly, for the demand of a cyclic mode.
   void place(Counts position, double fraction, double velocity);
 
   void step(double cycle_seconds);
-  // Where step() would lead, its position counted from nearest_position().
+  // The state after step(), with its position relative to nearest_position().
   MotionState after(double cycle_seconds) const;
 
-  // The coordinates moved: every position grows by `delta`.
+  // Shifts the coordinates: every position grows by `delta`.
   void shift(Counts delta) { base_ += delta; }
 
   bool finished() const { return finished_; }
   bool standing() const { return finished_ && state_.velocity == 0.0; }
 
   Counts position() const { return base_ + floor_to_integer(state_.position); }
-  double fraction() const { return fraction_of(state_.position); }  // 0 .. 1, what `position` leaves out
+  double fraction() const { return fraction_of(state_.position); }  // 0 .. 1, the part of a count that `position` omits
   Counts nearest_position() const { return base_ + round_to_integer(state_.position); }
   double velocity() const { return state_.velocity; }
   double acceleration() const { return state_.acceleration; }
@@ -56,7 +56,7 @@ class Generator {
   MotionState state_{};  // relative to base_
   Counts base_ = 0;
   double elapsed_s_ = 0.0;
-  double start_s_ = 0.0;      // time already gone when the plan began (continue_to)
+  double start_s_ = 0.0;      // time that had passed when the plan began (continue_to)
   std::uint64_t cycles_ = 0;  // since the plan
   double last_cycle_s_ = 0.0;
   bool finished_ = true;

@@ -3,15 +3,14 @@
 #include <array>
 #include <cstdint>
 
-// The port between a drive and its power stage, motor, encoder and terminals: what it measures and what it sets once
-// per base tick. A simulated plant and a microcontroller's board support both stand behind it.
+// The interface between a drive and its power stage, motor, encoder and terminals: measured values and outputs of each
+// base tick. A simulated plant or the board support of a microcontroller implements it.
 namespace servodrome::drive {
 
 inline constexpr double tick_seconds = 62.5e-6;  // the base tick: 16 kHz
 inline constexpr std::int64_t ticks_per_second = 16000;
 
-// One transition caught by the capture unit: the exact encoder position at which a wire or the index changed level,
-// whatever the tick it fell into.
+// One transition caught by the capture unit: the exact encoder position at which a wire or the index changed its level.
 struct Edge {
   static constexpr std::uint8_t index_source = 32;  // the encoder's index (Z); 0..31 are the input wires
   std::uint8_t source = 0;
@@ -29,7 +28,7 @@ enum class EncoderFault : std::uint32_t {
   count = 1u << 4,
   count_overflow = 1u << 5,
   hall_wiring = 1u << 6,  // a Hall wire is open
-  hall_state = 1u << 7,   // a Hall combination that cannot be
+  hall_state = 1u << 7,   // an impossible Hall combination
 };
 
 // Bits of Feedback::hardware_faults: comparators and supervision of the power stage, latched by it for the tick.
@@ -66,7 +65,7 @@ struct Actuation {
   bool pwm_enabled = false;    // false: all switches open, the motor coasts
   bool short_circuit = false;  // all low-side switches closed: the windings brake the motor
   bool brake_released = false;
-  bool dc_link_connected = false;  // the drive's own relay to the power supply
+  bool dc_link_connected = false;  // the relay of the drive to the power supply
   bool chopper_on = false;         // brake resistor across the DC link
   std::array<float, 3>
       phase_voltage_v{};      // average over the tick, against the star point; of two windings: across each
