@@ -6,7 +6,7 @@
 // to 37, and hard-stop methods in the manufacturer's range. Home is the edge or index of the figure, approached in the
 // figure's direction.
 //
-// What the standard leaves open, and how the reference drive does it:
+// Where the standard leaves a choice, the reference drive behaves as follows:
 // - The switch is looked for at fast speed (6099h sub 1). The edge that decides, and the index after it, are crossed at
 //   slow speed (sub 2); an edge met at fast speed that would decide is passed again: back off, approach slowly.
 // - After the latch the axis decelerates and moves back to the latched position: at rest the position actual value is
@@ -41,7 +41,7 @@ inline constexpr Method method_3 =
                  leg(negative, slow, Until::home_falling, Then::keep), to_index_negative},
                 1, and_return);
 
-// The same switch: first index on the positive side of its edge, inside.
+// The same switch as method 3: first index on the positive side of its edge, inside.
 inline constexpr Method method_4 = make_method(
     4,
     {leg(positive, fast, Until::home_rising, Then::stop), leg(negative, fast, Until::home_falling, Then::stop),
@@ -78,7 +78,7 @@ inline constexpr Method method_10 = make_method(
 // First index in negative direction.
 inline constexpr Method method_33 = make_method(33, {to_index_negative}, 0, and_return);
 
-// Hard stop in negative direction: that point, or the retraction distance (if any) in front of it, is home.
+// Hard stop in negative direction: home is that point, or the point at the retraction distance in front of it.
 inline constexpr Method method_hard_stop = make_method(
     -1, {leg(negative, fast, Until::stalled, Then::hold), leg(positive, slow, Until::retracted, Then::latch)});
 

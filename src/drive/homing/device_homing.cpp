@@ -27,7 +27,7 @@ void DeviceHoming::step(Drive& drive, Objects& objects) {
   if (!running_ || (drive.state() == PowerState::operation_enabled && drive.homing_running())) return;
   running_ = false;
   drive.command(start_bit(objects.controlword, false));
-  // Unless the bus has chosen another mode meanwhile.
+  // Restores the mode, unless the bus has selected another one meanwhile.
   if (objects.modes_of_operation == homing_mode) objects.modes_of_operation = mode_before_;
 }
 

@@ -6,13 +6,13 @@ namespace servodrome::drive {
 
 class Drive;
 
-// Homing that the device starts itself, because of an input or its parameters: homing mode until home is found or
-// homing has failed, then the mode before. It writes the objects a bus master would write.
+// Homing that the device starts itself, by an input or a parameter: homing mode until homing succeeds or fails, then
+// the mode before. It writes the same objects as a bus master would.
 class DeviceHoming {
  public:
-  // Only while the drive is enabled.
+  // Has an effect only while the drive is enabled.
   void start(Drive& drive, Objects& objects);
-  // Once per position-loop cycle. Ends it as well when the drive is not enabled any more.
+  // Once per position-loop cycle. Also ends the homing when the drive is no longer enabled.
   void step(Drive& drive, Objects& objects);
   bool running() const { return running_; }
 

@@ -42,8 +42,8 @@ HomingCommand Homing::step(const HomingInputs& inputs) {
   switch (phase_) {
     case Phase::idle: break;
     case Phase::begin:
-      // Edges met while a ramp still carries the axis the other way would be taken for those of this leg, and where it
-      // comes to rest the switch may be another one.
+      // Waits for standstill: edges on a ramp in the other direction would count as edges of this leg, and the level of
+      // the switches may change until the axis stops.
       if (!inputs.standing) return std::exchange(stops_first_, true) ? HomingCommand{} : HomingCommand{Kind::stop};
       leg_ = first_leg(inputs);
       return begin_leg(inputs);
@@ -82,7 +82,7 @@ std::uint8_t Homing::first_leg(const HomingInputs& inputs) const {
   return is_active(Signal::home, inputs) ? method_.start_active : std::uint8_t{0};
 }
 
-// A home offset may lie beyond a limit switch; the way back to a latch at the switch itself does not.
+// The position at the home offset may be beyond a limit switch. The way back to a latch at the switch itself is not.
 bool Homing::offset_leads_into_limit(const HomingInputs& inputs) const {
   if (end_ == latch_ || (end_ > latch_) != (end_ > inputs.position)) return false;
   return is_active(limit_ahead(), inputs);
@@ -107,13 +107,13 @@ bool Homing::meets(const SignalEdge& edge) const {
     case Until::index: return edge.signal == Signal::index && edge.rising;
     case Until::limit_reached:
     case Until::stalled:
-    case Until::retracted: return false;  // not by an edge
+    case Until::retracted: return false;  // not an edge
   }
   return false;
 }
 
-// An axis that lags its demand still runs on a little when the leg back begins: what it meets there, beyond the point
-// it turned at, is not of this leg.
+// An axis that lags behind its demand still runs on a little when the leg in the other direction begins. Edges beyond
+// the turning point do not belong to this leg.
 bool Homing::lies_ahead(Counts position) const {
   return travel() == Direction::positive ? position >= leg_start_ : position <= leg_start_;
 }
@@ -132,7 +132,7 @@ Counts Homing::boundary(const SignalEdge& edge) const {
   return edge.signal == Signal::index ? edge.position + 1 - config_.index_width : edge.position + 1;
 }
 
-// A hard stop throws the axis back first: it has to stand as well.
+// The axis must stand as well, because it first rebounds from a hard stop.
 bool Homing::stalls(const HomingInputs& inputs) {
   const float along = travel() == Direction::positive ? inputs.torque : -inputs.torque;
   stall_count_ = along >= config_.stall_torque && !inputs.moves ? stall_count_ + 1 : 0;
@@ -167,7 +167,7 @@ HomingCommand Homing::run_leg(const HomingInputs& inputs) {
     }
     if (leg().then == Then::latch) return take_latch(boundary(edge));
     if (leg().then == Then::stop) return stop_before(leg().next);
-    leg_ = leg().next;  // the edges that follow in this cycle are already the next leg's
+    leg_ = leg().next;  // further edges of this cycle belong to the next leg
     next_leg = true;
   }
   if (next_leg) return begin_leg(inputs);

@@ -7,29 +7,28 @@
 #include "drive/io/signals.hpp"
 #include "drive/units.hpp"
 
-// The executor of homing methods. It decides where to go and when home is found; the motion itself is the caller's:
-// ramps with the homing acceleration, and a profiled move for `position`.
+// Executes homing methods. It decides where to move and when home is found. The caller makes the motion: ramps with the
+// homing acceleration, and a profiled move for `position`.
 //
-// Positions, speeds and the two limit signals are those of the encoder: the negative limit switch is the one at the end
-// of small counts. An edge carries the first count, in the direction of motion, at which the new level holds. Home is
-// the boundary itself: the first count on its positive side, so that the same edge of a switch is the same home
-// whichever way it is crossed. For the index it is the boundary on its negative side, in both directions (methods 33
-// and 34 agree).
+// Positions, speeds and limit signals are in encoder direction: the negative limit switch is at the end of small
+// counts. An edge carries the first count, in the direction of motion, at which the new level holds. Home is the first
+// count on the positive side of the boundary, so that an edge of a switch gives the same home in both directions. For
+// the index, home is the boundary on its negative side in both directions (methods 33 and 34 agree).
 namespace servodrome::drive {
 
 enum class HomingError : std::uint8_t {
   none,
   unsupported_method,
   wrong_limit,     // a limit switch ahead that the method does not turn round at
-  home_not_found,  // the other limit switch, after the method had turned round at the first
+  home_not_found,  // the axis met the other limit switch after turning round at the first
   timed_out,
   internal,  // the method is not well formed
 };
 
-// Where the axis ends after the latch.
+// The final position after the latch.
 enum class HomingEnd : std::uint8_t {
-  as_method,  // back at home if the method says so, else where the ramp to rest ends
-  home,       // back at home, where it was latched
+  as_method,  // back at home if the method says so, else at the end of the ramp to rest
+  home,       // back at home, the latched position
   offset,     // at HomingConfig::end_offset from home
 };
 
@@ -37,33 +36,33 @@ struct HomingConfig {
   double fast = 0.0;                 // counts/s, > 0 (6099h sub 1)
   double slow = 0.0;                 // counts/s, > 0 (6099h sub 2)
   double acceleration = 0.0;         // counts/s^2, > 0 (609Ah): for the caller's ramps, not used here
-  float stall_torque = 1.0F;         // fraction of rated torque, in the direction of travel, that is a hard stop ...
-  std::uint32_t stall_cycles = 1;    // ... when it lasts so many cycles
+  float stall_torque = 1.0F;         // torque in the direction of travel that means a hard stop, fraction of rated ...
+  std::uint32_t stall_cycles = 1;    // ... if it lasts for this many cycles
   Counts retraction = 0;             // >= 0, distance from a hard stop to home
   std::uint32_t timeout_cycles = 0;  // until the latch; 0: none
   HomingEnd end = HomingEnd::as_method;
   Counts end_offset = 0;
-  Counts blind_window = 0;  // an index so close behind the edge of a switch is passed by
+  Counts blind_window = 0;  // an index within this distance behind the edge of a switch is ignored
   Counts index_width = 1;   // from the rising to the falling edge of the index in positive direction
-  bool reversed = false;    // 607Eh bit 7: a method's positive direction is that of falling counts
+  bool reversed = false;    // 607Eh bit 7: the positive direction of a method is towards smaller counts
 };
 
 struct HomingInputs {
   std::uint32_t signals = 0;            // levels, bit(Signal)
-  std::span<const SignalEdge> edges{};  // since the last cycle, in the order they happened
+  std::span<const SignalEdge> edges{};  // since the last cycle, in order of time
   bool standing = true;                 // the demand is at rest; false as soon as a command moves it
   float torque = 0.0F;                  // fraction of rated torque, positive towards larger counts
   Counts position = 0;                  // actual position
-  bool moves = false;                   // the shaft does
+  bool moves = false;                   // the shaft moves
 };
 
 struct HomingCommand {
   enum class Kind : std::uint8_t {
-    keep,      // nothing new
-    velocity,  // ramp to `velocity` and stay there
+    keep,      // no change
+    velocity,  // ramp to `velocity` and keep it
     position,  // profiled move to `position` at the speed |velocity|, ending at rest
     stop,      // ramp to zero
-    hold,      // `position` is the demand from now on, at zero speed, without a ramp
+    hold,      // the demand is `position` from now on, at zero speed, without a ramp
   };
   Kind kind = Kind::keep;
   double velocity = 0.0;  // counts/s, signed
@@ -72,33 +71,33 @@ struct HomingCommand {
 
 class Homing {
  public:
-  // Begins, unless the method is idle; the first command comes from the next step. What ran before is forgotten.
+  // Begins, unless the method is idle; the next step returns the first command. A homing before is discarded.
   void start(const Method& method, const HomingConfig& config, const HomingInputs& inputs);
 
   // The same by number; error() is unsupported_method if the table has none.
   void start(std::span<const Method> methods, std::int8_t number, const HomingConfig& config,
              const HomingInputs& inputs);
 
-  // Once per position-loop cycle, but not while the axis is halted (605Dh): standstill is taken for the end of a ramp.
-  // Answers `keep` while not active.
+  // Once per position-loop cycle, but not while the axis is halted (605Dh), because standstill means the end of a ramp
+  // here. Returns `keep` while not active.
   HomingCommand step(const HomingInputs& inputs);
-  // In place of it, while the axis is halted: what it meets on the way to rest counts, and the command is for the end
-  // of the halt.
+  // Instead of step() while the axis is halted: edges on the ramp to rest count, and the command is for the end of the
+  // halt.
   HomingCommand step_halted(HomingInputs inputs);
 
-  // Forgets everything; stopping the axis is the caller's.
+  // Discards the homing; the caller must stop the axis.
   void abort() { *this = Homing{}; }
 
   bool active() const { return phase_ != Phase::idle; }  // from start until finished or failed
   bool latched() const { return latched_; }              // home is known (statusword bit 12); the axis may still move
-  Counts latch() const { return latch_; }                // where home is, if latched()
+  Counts latch() const { return latch_; }                // position of home, if latched()
   bool finished() const { return finished_; }            // latched and at rest (bit 10)
-  // From the edge of the switch to the index that was latched, >= 0; -1: the method has no switch before its index.
+  // Distance from the edge of the switch to the latched index, >= 0; -1: the method has no switch before its index.
   Counts index_distance() const { return index_distance_; }
   HomingError error() const { return error_; }  // after `stop` was commanded
-  Signal limit_ahead() const;                   // that of the present leg, or of the one that failed
+  Signal limit_ahead() const;                   // for the present leg, or the one that failed
 
-  // The present leg looks for a hard stop: the following error is no fault, and the caller limits the torque.
+  // The present leg searches for a hard stop: the caller must ignore the following error and limit the torque.
   bool pressing() const;
 
  private:
@@ -134,7 +133,7 @@ class Homing {
   Phase phase_ = Phase::idle;
   HomingError error_ = HomingError::none;
   std::uint8_t leg_ = 0;
-  bool stops_first_ = false;  // what moved before homing began comes to rest
+  bool stops_first_ = false;  // the axis moved when homing began, and comes to rest first
   bool limit_seen_ = false;
   bool latched_ = false;
   bool finished_ = false;
@@ -142,7 +141,7 @@ class Homing {
   std::uint32_t stall_count_ = 0;
   Counts leg_start_ = 0;
   Counts latch_ = 0;
-  Counts end_ = 0;  // of the way after it
+  Counts end_ = 0;  // target of the way after the latch
   Counts switch_edge_ = 0;
   bool switch_seen_ = false;
   Counts index_distance_ = -1;

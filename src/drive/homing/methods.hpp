@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <span>
 
-// What a homing method is: a short list of legs. A leg runs in one direction at one speed until something happens.
-// Directions are those of the user (607Eh may turn them round, see HomingConfig::reversed); "ahead" is the limit switch
-// in the direction of travel, "behind" the other one, so that a method and its mirror image differ in direction only.
+// A homing method is a short list of legs. A leg runs in one direction at one speed until an event. Directions are
+// those of the user (607Eh may reverse them, see HomingConfig::reversed). The limit switch in the direction of travel
+// is "ahead", the other one "behind", so that a method and its mirror image differ in direction only.
 namespace servodrome::drive {
 
 enum class Direction : std::int8_t { negative = -1, positive = 1 };
@@ -24,7 +24,7 @@ enum class Until : std::uint8_t {
   limit_reached,   // the limit switch ahead is active, by level: also when it already was at the start of the leg
   limit_released,  // the limit switch behind becomes inactive, by its edge
   index,           // the encoder's index, by its edge
-  stalled,         // torque in the direction of travel over the threshold for the set time
+  stalled,         // torque in the direction of travel above the threshold for the set time
   retracted,       // the retraction distance is travelled
 };
 
@@ -53,12 +53,12 @@ struct Method {
   std::uint8_t leg_count = 0;     // 0: no motion, the present position is home
   std::uint8_t start_active = 0;  // first leg if the home switch is active at the start; otherwise it is leg 0
   bool returns_to_latch = false;  // after the ramp to zero the axis moves back to the latched position
-  bool idle = false;              // may be chosen, and nothing happens: reserved numbers of some products
+  bool idle = false;              // may be chosen but does nothing: reserved numbers of some products
   bool offset_applies = true;     // 607Ch
   std::array<Leg, max_legs> legs{};
 };
 
-// Every leg leads onwards only and each path ends with a latch, so no method runs in circles.
+// Every leg leads to a later leg only, and each path ends with a latch, so a method cannot loop.
 constexpr bool is_well_formed(const Method& method) {
   if (method.leg_count > max_legs) return false;
   if (method.leg_count == 0) return method.start_active == 0 && !method.returns_to_latch;
@@ -71,7 +71,7 @@ constexpr bool is_well_formed(const Method& method) {
     if (leg.on_limit != no_leg && (leg.until == Until::limit_reached || !leads_on(leg.on_limit))) return false;
     if ((leg.until == Until::stalled) != (leg.then == Then::hold)) return false;
     if (leg.until == Until::retracted && leg.then != Then::latch) return false;
-    // A latch is taken at an edge; a level has no position.
+    // A latch needs an edge; a level has no position.
     if (leg.until == Until::limit_reached && leg.then == Then::latch) return false;
     // `keep` goes on without stopping: in the same direction.
     if (leg.then == Then::keep && method.legs[leg.next].direction != leg.direction) return false;
@@ -79,7 +79,7 @@ constexpr bool is_well_formed(const Method& method) {
   return true;
 }
 
-// All well formed, each number once.
+// All methods are well formed, and each number is unique.
 constexpr bool are_well_formed(std::span<const Method> methods) {
   for (std::size_t i = 0; i < methods.size(); ++i) {
     if (!is_well_formed(methods[i])) return false;
@@ -90,7 +90,7 @@ constexpr bool are_well_formed(std::span<const Method> methods) {
   return true;
 }
 
-// The method of that number, or nullptr: not supported.
+// The method with that number; nullptr: not supported.
 constexpr const Method* find_method(std::span<const Method> methods, std::int8_t number) {
   for (const Method& method : methods) {
     if (method.number == number) return &method;
@@ -105,7 +105,7 @@ constexpr bool uses_index(const Method& method) {
   return false;
 }
 
-// Whether a leg runs at that speed. A retraction that is not set (`retracts`) is not run.
+// Whether a leg runs at that speed. Without a retraction distance (`retracts`) its leg does not run.
 constexpr bool uses_speed(const Method& method, HomingSpeed speed, bool retracts) {
   for (std::size_t i = 0; i < method.leg_count; ++i) {
     if (method.legs[i].speed == speed && (retracts || method.legs[i].until != Until::retracted)) return true;
@@ -129,9 +129,9 @@ constexpr bool needs_home_switch(const Method& method) {
   return false;
 }
 
-// --- How tables are written
+// --- Functions to write tables of methods
 
-// A leg that leads to the following one; `make_method` fills in which that is.
+// A leg; unless `next` is given, make_method() sets it to the following leg.
 constexpr Leg leg(Direction direction, HomingSpeed speed, Until until, Then then, std::uint8_t next = no_leg,
                   std::uint8_t on_limit = no_leg) {
   return {direction, speed, until, then, next, on_limit};
@@ -157,10 +157,10 @@ constexpr Method make_method(std::int8_t number, const Leg (&legs)[count], std::
 // A method without motion: the present position is home.
 constexpr Method present_position(std::int8_t number) { return Method{.number = number}; }
 
-// A number that may be chosen and does nothing.
+// A number that may be chosen but does nothing.
 constexpr Method no_homing(std::int8_t number) { return Method{.number = number, .idle = true}; }
 
-// The same method, home being 0 whatever 607Ch says.
+// The same method without the home offset: home is 0 whatever 607Ch says.
 constexpr Method without_offset(Method method) {
   method.offset_applies = false;
   return method;
@@ -173,13 +173,13 @@ constexpr Method mirrored(std::int8_t number, Method method) {
   return method;
 }
 
-// The same method, coming to rest wherever the ramp after the latch ends.
+// The same method without a way back: the axis rests where the ramp after the latch ends.
 constexpr Method without_return(Method method) {
   method.returns_to_latch = false;
   return method;
 }
 
-// The same method without its last leg, the one to the index: the edge before it is home.
+// The same method without its last leg, the one to the index: the edge before is home.
 constexpr Method without_index(std::int8_t number, Method method) {
   method.number = number;
   --method.leg_count;

@@ -36,8 +36,8 @@ void InputCommands::step(const InputFunctions& inputs, const Settings& settings,
   homing(drive, objects);
 }
 
-// An input that is assigned acts at once as if it had just been switched to where it is; later its changes act, so
-// that a master may set the other bits of the controlword meanwhile.
+// When an input gets its function, its level acts at once, like a change. Afterwards only changes act, so that a master
+// may set the other bits of the controlword.
 void InputCommands::control(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects) {
   const auto changed = [&](InputAction action) { return (changed_ & bit(action)) != 0; };
   if (changed(InputAction::mode_control) && inputs.has(InputAction::mode_control)) {
@@ -56,7 +56,7 @@ void InputCommands::control(const InputFunctions& inputs, const Settings& settin
   }
 }
 
-// The table stands in for the target and the profile velocity, whether an input or the bus starts the motion.
+// The table replaces target and profile velocity, whether an input or the bus starts the motion.
 void InputCommands::position_table(const InputFunctions& inputs, const Settings& settings, Drive& drive,
                                    Objects& objects) {
   const bool indexed = inputs.has_index(InputAction::position_index_0, index_bits);

@@ -12,8 +12,8 @@ namespace servodrome::drive {
 
 class Drive;
 
-// What inputs command, as a bus master would: controlwords, modes, targets out of tables. It writes the same objects,
-// so that the bus sees what the inputs did, and the last write counts.
+// Commands of inputs: controlwords, modes, targets from tables. It writes the same objects as a bus master would, so
+// that the bus sees the effect of the inputs, and the last write counts.
 class InputCommands {
  public:
   // The product's and the user's values; all of them may change while running.
@@ -23,9 +23,9 @@ class InputCommands {
     std::int8_t mode_off = 0;                  // 6060h while "mode control" is off
     std::int8_t mode_on = 0;                   // ... and on
     std::span<const std::int32_t> positions;   // 607Ah by index
-    std::span<const std::int32_t> speeds;      // 60FFh by speed index; its amount is 6081h by position index
-    std::span<const std::int8_t> speed_modes;  // where the speed table stands in for 60FFh
-    bool speeds_valid = true;                  // what else the speed table depends on
+    std::span<const std::int32_t> speeds;      // 60FFh by speed index; 6081h, without sign, by position index
+    std::span<const std::int8_t> speed_modes;  // modes in which the speed table replaces 60FFh
+    bool speeds_valid = true;                  // further condition for the speed table
   };
 
   void reset() { *this = {}; }
@@ -33,7 +33,7 @@ class InputCommands {
   // Once per position-loop cycle, after the drive's own.
   void step(const InputFunctions& inputs, const Settings& settings, Drive& drive, Objects& objects);
 
-  // The index of the table's position where the axis has arrived and stands.
+  // The index of the position that the axis has reached; empty: none.
   std::optional<std::uint8_t> reached() const { return reached_; }
 
  private:
@@ -42,12 +42,12 @@ class InputCommands {
   void homing(Drive& drive, Objects& objects);
 
   std::uint32_t active_ = 0;    // actions in the last cycle
-  std::uint32_t assigned_ = 0;  // likewise
+  std::uint32_t assigned_ = 0;  // assigned actions in the last cycle
   std::uint32_t rising_ = 0;
-  std::uint32_t changed_ = 0;       // switched, or assigned only now
-  bool start_bit_is_ours_ = false;  // controlword bit 4 was set by a change of an index
+  std::uint32_t changed_ = 0;       // switched or newly assigned in this cycle
+  bool start_bit_is_ours_ = false;  // a change of an index set controlword bit 4
   bool start_bit_was_ = false;
-  DeviceHoming homing_{};  // begun by an input
+  DeviceHoming homing_{};  // started by an input
   std::optional<std::uint8_t> going_to_;
   std::optional<std::uint8_t> reached_;
 };

@@ -7,7 +7,7 @@
 
 namespace servodrome::drive {
 
-// A wire's new level counts when it has lasted for some position-loop cycles without a break.
+// Debounces inputs: a new level counts after it has lasted for a number of position-loop cycles.
 class InputFilter {
  public:
   // Begins with these levels.
@@ -16,7 +16,7 @@ class InputFilter {
     lasting_ = {};
   }
 
-  // One cycle; answers the accepted levels.
+  // One cycle; returns the accepted levels.
   std::uint32_t update(std::uint32_t wires, std::uint32_t cycles) {
     const std::uint32_t differing = wires ^ accepted_;
     for (std::size_t i = 0; i < max_inputs; ++i) {

@@ -5,16 +5,15 @@
 
 #include "drive/io/signals.hpp"
 
-// What the terminals of a drive are told to do, for products whose inputs carry a function code each. Functions that
-// the drive itself acts on are signals; those that write what a bus master would write are actions
-// (input_commands.hpp).
+// Functions of the input terminals, for products whose inputs have a function code each. A function for the drive
+// itself is a signal; a function that writes objects as a bus master would is an action (input_commands.hpp).
 namespace servodrome::drive {
 
 enum class InputAction : std::uint8_t {
   none,
   enable,            // on: a controlword is written; off: shutdown
   reset_errors,      // controlword bit 7
-  mode_control,      // chooses between two modes of operation
+  mode_control,      // selects one of two modes of operation
   quick_stop,        // controlword bit 2
   start_homing,      // homing mode until home is found, then the mode before
   activate,          // controlword bit 4
@@ -29,7 +28,7 @@ enum class InputAction : std::uint8_t {
   gear_index_2,      //
   gain_index_0,      // bits of the index into the sets of gains
   gain_index_1,      //
-  current_switch,    // the other current limit
+  current_switch,    // selects the second current limit
   count_of_actions
 };
 
@@ -52,8 +51,8 @@ constexpr const InputFunctionRow* find_function(std::span<const InputFunctionRow
   return nullptr;
 }
 
-// The terminals and their functions. A terminal is on when its wire is high (low where its polarity bit is 0), or when
-// it is simulated.
+// The terminals and their functions. A terminal is on if its wire is high (low if its polarity bit is 0), or if it is
+// simulated.
 class InputFunctions {
  public:
   // `codes`: one function word for each terminal from the first on. Polarity and simulation: bit n for terminal n.
@@ -64,14 +63,14 @@ class InputFunctions {
   // For Configuration::inputs.
   const InputMap& map() const { return map_; }
 
-  // The levels of the wires now. Answers which terminals are on.
+  // Evaluates the levels of the wires. Returns the terminals that are on.
   std::uint16_t update(std::uint32_t wires);
 
   std::uint32_t actions() const { return active_; }     // bit(InputAction) of terminals that are on
-  std::uint32_t assigned() const { return assigned_; }  // ... of those that some terminal has
+  std::uint32_t assigned() const { return assigned_; }  // ... of all assigned terminals
   bool has(InputAction action) const { return (assigned_ & bit(action)) != 0; }
   bool active(InputAction action) const { return (active_ & bit(action)) != 0; }
-  // The number that `bits` terminals make, the first of them its bit 0. Bits that no terminal has are 0.
+  // The binary number of `bits` terminals; `first` is bit 0. Bits without a terminal are 0.
   std::uint8_t index(InputAction first, unsigned bits) const {
     return static_cast<std::uint8_t>(active_ >> static_cast<unsigned>(first) & ((1u << bits) - 1u));
   }

@@ -44,7 +44,7 @@ std::uint32_t OutputConditions::update(const Drive& drive, const Settings& setti
   if (settings.reached_index) {
     conditions |= std::uint32_t{*settings.reached_index} << static_cast<unsigned>(OutputCondition::reached_index_0);
   }
-  return conditions;  // no safe_torque_off: no drive here has that input
+  return conditions;  // without safe_torque_off, because no drive here has that input
 }
 
 }  // namespace servodrome::drive

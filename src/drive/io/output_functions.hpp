@@ -7,7 +7,7 @@
 #include "drive/modes/windows.hpp"
 #include "drive/units.hpp"
 
-// What the outputs of a drive can show, for products whose outputs carry a function code each.
+// Conditions that outputs can show, for products whose outputs have a function code each.
 namespace servodrome::drive {
 
 class Drive;
@@ -20,13 +20,13 @@ enum class OutputCondition : std::uint8_t {
   zero_speed,
   brake_released,
   speed_reached,  // in the modes with a target velocity
-  index,          // the encoder's index passes by
+  index,          // the encoder's index is passed
   speed_limit,    // torque mode runs at its greatest speed
   enabled,
   position_limit,  // at a limit switch or software limit
   home_found,
   torque_reached,
-  reached_index_0,  // bits of the index of the position that has been reached
+  reached_index_0,  // bits of the index of the reached position
   reached_index_1,  //
   reached_index_2,  //
   safe_torque_off,
@@ -49,20 +49,20 @@ constexpr const OutputFunctionRow* find_function(std::span<const OutputFunctionR
   return nullptr;
 }
 
-// Watches the drive for the conditions that take time.
+// Evaluates the conditions, including those that need time.
 class OutputConditions {
  public:
   struct Settings {
-    Counts zero_speed_counts_per_ms = 0;  // at most this fast
-    std::uint32_t zero_speed_ms = 0;      // for so long
-    float torque_current_a = 0.0F;        // at least this much torque-producing current, amplitude; 0: not watched
-    std::uint32_t torque_ms = 0;          // for so long
+    Counts zero_speed_counts_per_ms = 0;  // greatest speed
+    std::uint32_t zero_speed_ms = 0;      // least time
+    float torque_current_a = 0.0F;        // least torque-producing current, amplitude; 0: not evaluated
+    std::uint32_t torque_ms = 0;          // least time
     std::optional<std::uint8_t> reached_index{};
   };
 
   void reset() { *this = {}; }
 
-  // Once per position-loop cycle, after the drive's own: the conditions that hold, as bit(OutputCondition).
+  // Once per position-loop cycle, after the drive's own. Returns the true conditions, as bit(OutputCondition).
   std::uint32_t update(const Drive& drive, const Settings& settings);
 
  private:

@@ -5,7 +5,7 @@
 
 #include "drive/units.hpp"
 
-// What the wires mean. Inputs carry signals by a table that a product fills and may change at run time.
+// The meaning of the wires: a table maps inputs to signals. A product fills it and may change it at run time.
 namespace servodrome::drive {
 
 enum class Signal : std::uint8_t {
@@ -20,9 +20,9 @@ enum class Signal : std::uint8_t {
   motor_temperature,  // contact in the motor winding
   quick_stop,
   interlock,
-  enable_refused,    // something outside is not ready: the motor must not be enabled
-  invert_direction,  // velocity and torque modes turn the other way
-  integral_off,      // the velocity loop works without its integral
+  enable_refused,    // external equipment is not ready: the motor must not be enabled
+  invert_direction,  // reverses the direction in velocity and torque modes
+  integral_off,      // switches the integral of the velocity loop off
   count_of_signals
 };
 

@@ -12,38 +12,39 @@ namespace {
 constexpr float pi = 3.14159265358979F;
 constexpr float tick_s = static_cast<float>(tick_seconds);
 
-// Below this share of one count per period the filtered velocity of a standing encoder is called 0.
+// The filtered velocity of a standing encoder is set to 0 below this fraction of one count per period.
 constexpr float standstill_share = 1.0e-3F;
 
-// Rest rule: this long without a count is standing; an axis off the target is pushed with another rated torque in
+// Rest rule: an axis without a count for this time stands; off its target, the torque rises by the rated one within
 // push_s.
 constexpr float standstill_s = 5.0e-3F;
 constexpr float push_s = 1.0F;
 
 // The speed limiter of the torque loop: its gain has at least this bandwidth on the bare rotor, less where the velocity
-// is measured late, so that it takes torque back only near the limit even where the velocity loop is soft. It finds its
-// load with this share of velocity_ki, so that running up to the limit leaves little in the integral to overshoot with.
+// is measured late, so that it reduces the torque only near the limit, even with a soft velocity loop. It finds its
+// load with this fraction of velocity_ki, so that the integral is still small when the axis reaches the limit, and the
+// speed hardly overshoots.
 constexpr float limiter_hz = 100.0F;
 constexpr float limiter_share = 0.25F;
-constexpr float held_load_hz = 20.0F;  // of what the load takes in the torque loop
+constexpr float held_load_hz = 20.0F;  // filter of the load torque in the torque loop
 
-// Second-order velocity feedback: the flattest pass band.
+// Second-order velocity feedback: maximally flat (Butterworth).
 constexpr float velocity_low_pass_damping = 0.70710678F;
 
-// What changed gains would have made the torque jump by fades with this time constant, and is gone below that share of
-// rated torque.
+// When gains change, the step that they would cause in the torque fades with this time constant. It is dropped below
+// `handover_end` of rated torque.
 constexpr float handover_s = 5.0e-3F;
 constexpr float handover_end = 1.0e-5F;
-// No more than that is kept back of errors: of an axis that rings, one moment's torque would be a blow.
+// The greatest such torque: on an axis that oscillates, the torque of a single moment can be high.
 constexpr float most_handover = 0.3F;
 
-// A braking current keeps so much of the DC link's voltage for its control, and is at least such a share of the peak
+// A braking current may use up to this fraction of the DC link's voltage, and is at least this fraction of the peak
 // current.
 constexpr float braking_voltage_share = 0.95F;
 constexpr float least_braking_share = 0.1F;
-constexpr float rounding_margin = 1.001F;  // of the first look at whether there is too little voltage
+constexpr float rounding_margin = 1.001F;  // of the first, quick check for too little voltage
 
-// As far as the position loop looks; beyond, it saturates.
+// The position error saturates at this value.
 constexpr Counts largest_position_error = Counts{1} << 30;
 
 float clip(float value, float low, float high) { return std::min(std::max(value, low), high); }
@@ -58,7 +59,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   rests_ = false;
   const bool controlling = enabled_ && (demand_.loop == Loop::velocity || demand_.loop == Loop::position);
   const float proportional_before = controlling ? proportional_torque() : 0.0F;
-  // With the phases reversed the electrical angle runs against the counts, and so does the torque of a q current.
+  // With reversed phases the electrical angle and the torque of a q current have the opposite sign of the counts.
   const float sense = motor.phase_order_reversed ? -1.0F : 1.0F;
   sense_ = sense;
   const float velocity_period_s = static_cast<float>(rates.velocity_loop_ticks) * tick_s;
@@ -130,7 +131,7 @@ void Cascade::configure(const MotorData& motor, const Gains& gains, Rates rates)
   if (feedback != velocity_feedback_) {
     velocity_feedback_ = feedback;
     settle_velocity(state_.velocity_counts_per_s);
-    observer_.disturbance = -observer_.acceleration * state_.torque;  // as if the load held the torque
+    observer_.disturbance = -observer_.acceleration * state_.torque;  // as if the load balanced the torque
   }
   const float filter_lags = feedback == VelocityFeedback::second_order  ? 2.0F * velocity_low_pass_damping
                             : feedback == VelocityFeedback::first_order ? 1.0F
@@ -166,8 +167,8 @@ float Cascade::proportional_torque() const {
   return velocity_kp_ * error + feed_forward_ + compensation_;
 }
 
-// The torque that the gains of before gave, and those of now do not, is kept aside and fades. So does an integral that
-// has no gain any more to be taken back by.
+// Stores the torque that the old gains gave and the new gains do not, so that it fades. The same for an integral whose
+// gain is now 0, because nothing would reduce it.
 void Cascade::hand_over(float proportional_before) {
   feed_forward_ = demand_.torque + forward_acceleration_ * inertia_torque_;
   compensation_ = disturbance_share_ * disturbance_.load;
@@ -243,8 +244,9 @@ void Cascade::set_demand(const LoopDemand& demand) {
   feed_forward_ = feed_forward;
   if (demand.loop == previous) return;
   velocity_forward_.settle(demand.velocity);
-  // The velocity controller's integral takes over what the load takes of the torque loop's torque, not what accelerates
-  // the axis: that would go on. The torque loop's speed limiter starts from nothing.
+  // After the torque loop the integral of the velocity controller starts with the load's part of the torque. The part
+  // that accelerated the axis is dropped, else the axis would go on accelerating. The speed limiter of the torque loop
+  // starts from 0.
   const auto has_controllers = [](Loop loop) { return loop != Loop::off && loop != Loop::locked; };
   if (!has_controllers(demand.loop) || !has_controllers(previous)) clear_controllers();
   feed_forward_ = feed_forward;
@@ -296,7 +298,7 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
     state_.following_error_counts = demand_.position - feedback.position_counts;
     run_locked<Phases>(feedback, phase, actuation);
   } else if (active) {
-    // The voltage acts for a tick: turn it to where the rotor is in the middle of that.
+    // The voltage acts for one tick, so it is rotated to the rotor angle in the middle of the tick.
     const SinCos ahead{angle.sine * ahead_.cosine + angle.cosine * ahead_.sine,
                        angle.cosine * ahead_.cosine - angle.sine * ahead_.sine};
     run_current_loop<Phases>(current, {0.0F, current_reference_a_}, electrical_rad_per_s_, ahead, feedback.dc_link_v,
@@ -317,8 +319,9 @@ bool Cascade::at_rest(Counts position) const {
 template void Cascade::run_tick<2>(const Feedback&, Actuation&);
 template void Cascade::run_tick<3>(const Feedback&, Actuation&);
 
-// The encoder tells the shaft's place within one count. The edge crossed last is where it was exactly, so differences
-// of edges give the velocity without the count of play that a change of direction, or standing on an edge, would add.
+// The encoder shows the shaft's position to one count only, but its position at the last crossed edge is exact.
+// Differences of edges therefore give the velocity without the error of one count that a change of direction, or
+// standing on an edge, would cause.
 void Cascade::measure_velocity(Counts position) {
   if (!measuring_) {
     edge_position_ = position;
@@ -373,7 +376,7 @@ void Cascade::run_position_loop(Counts position) {
   position_velocity_ = position_kp_ * error + velocity_feed_forward_ * forward_velocity_;
 }
 
-// While the axis rests, friction takes what torque there is: that says nothing of the load.
+// While the axis rests, friction absorbs the torque, so it says nothing about the load.
 void Cascade::observe_disturbance() {
   const float velocity = state_.velocity_counts_per_s;
   if (rest_.at_rest()) {
@@ -384,9 +387,9 @@ void Cascade::observe_disturbance() {
   compensation_ = disturbance_share_ * disturbance_.load;
 }
 
-// The torque that brakes is what the DC link can hold: a turning motor drives a braking current by itself, and the
-// current loop needs voltage against it, (w L i)^2 + (w psi)^2 within that of the DC link. Without that a hard stop
-// from a high speed ends in overcurrent.
+// Limits the braking torque to what the DC link's voltage can control. A turning motor drives a braking current by
+// itself, and the current loop needs voltage against it: (w L i)^2 + (w psi)^2 must stay within that of the DC link.
+// Without this limit a hard stop from a high speed ends in overcurrent.
 [[gnu::noinline]] void Cascade::limit_braking(float dc_link_v) {
   const float available = braking_voltage_share * voltage_share_ * dc_link_v;
   const float emf = electrical_rad_per_s_ * flux_linkage_vs_;
@@ -424,8 +427,8 @@ void Cascade::run_velocity_loop(const Feedback& feedback) {
   current_reference_a_ = torque * ampere_per_torque_;
 }
 
-// PI. The integral waits while the error would only drive the torque further into its limit, or the current into a
-// voltage that is not there.
+// PI with anti-windup: the integral stops while the error would drive the torque further into its limit, or the current
+// beyond the available voltage.
 float Cascade::velocity_controller() {
   const float wanted = demand_.loop == Loop::position ? position_velocity_ : demand_.velocity;
   float reference = clip(wanted, -demand_.velocity_limit_negative, demand_.velocity_limit_positive);
@@ -456,14 +459,14 @@ float Cascade::velocity_controller() {
   } else if (!winding_up) {
     integral_ = rest_.integrate(integral_, velocity_ki_ * error, moved_);
   }
-  // A limit that is lowered takes the integral along, but leaves it room to make up for a wrong feed-forward.
+  // The integral is clipped to a lowered limit, but may exceed it to compensate a wrong feed-forward.
   integral_ = clip(integral_, std::max(low - std::max(feed_forward_, 0.0F), -integral_limit_),
                    std::min(high + std::max(-feed_forward_, 0.0F), integral_limit_));
   return torque;
 }
 
-// The demanded torque, between two velocity controllers that hold the axis at its speed limits: each takes torque back
-// in proportion as its limit comes near. They share one integral, which finds the load at the limit and fades
+// The demanded torque, limited by two velocity controllers for the two speed limits: each reduces the torque in
+// proportion to the distance from its limit. They share one integral, which finds the load at the limit and fades
 // otherwise.
 float Cascade::torque_controller() {
   const float low = torque_low_;
@@ -492,7 +495,7 @@ float Cascade::torque_controller() {
   return torque;
 }
 
-// Apart from the tick, whose registers it would take.
+// Not inlined, to save registers in the tick.
 template <unsigned Phases>
 [[gnu::noinline]] void Cascade::run_locked(const Feedback& feedback, Phase phase, Actuation& actuation) {
   if (!locked_) lock_phase_ = phase;
@@ -511,7 +514,8 @@ void Cascade::run_current_loop(DirectQuadrature current, DirectQuadrature refere
   const float wanted_q = quadrature_.kp * error_q + (rad_per_s * direct_.inductance_h * current.d +
                                                      (quadrature_.integral_v + rad_per_s * flux_linkage_vs_));
 
-  // A sinusoidal phase voltage of what the DC link gives; d first, which keeps the field where it belongs.
+  // Limits to a sinusoidal phase voltage that the DC link allows; d has priority, because it keeps the field's
+  // orientation.
   const float available = dc_link_v * voltage_share(Phases);
   DirectQuadrature voltage{wanted_d, wanted_q};
   state_.voltage_limited = wanted_d * wanted_d + wanted_q * wanted_q > available * available;

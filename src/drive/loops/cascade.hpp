@@ -16,11 +16,11 @@ namespace servodrome::drive {
 
 class ResonanceAnalysis;
 
-// locked: a direct current in the direction that the rotor has now holds it, as a stepper motor's does.
+// locked: a direct current at the rotor's present angle holds the rotor, as in a stepper motor.
 enum class Loop : std::uint8_t { off, torque, velocity, position, locked };
 
-// What the mode of operation asks for, set once per position-loop cycle and held until the next.
-// Torques are fractions of the motor's rated torque; velocities counts/s.
+// The demand of the mode of operation, set once per position-loop cycle and held until the next. Torques are fractions
+// of the motor's rated torque; velocities counts/s.
 struct LoopDemand {
   Loop loop = Loop::off;
   Counts position = 0;
@@ -31,8 +31,8 @@ struct LoopDemand {
   float lock_current_a = 0.0F;     // amplitude, of the locked loop
   float torque_limit_positive = 0.0F;  // >= 0
   float torque_limit_negative = 0.0F;  // >= 0
-  // >= 0. Position and velocity loop clip the velocity reference to it. The torque loop takes torque back, and brakes,
-  // so that the axis does not run faster.
+  // >= 0. Position and velocity loop clip the velocity reference to it. The torque loop reduces the torque, or brakes,
+  // to keep to it.
   float velocity_limit_positive = 0.0F;
   float velocity_limit_negative = 0.0F;
   bool integral_off = false;  // the velocity controller is proportional only
@@ -43,23 +43,23 @@ struct CascadeState {
   float velocity_reference_counts_per_s = 0.0F;  // after the clip
   float torque_reference = 0.0F;                 // fraction of rated, after limits and filters
   float torque = 0.0F;                           // fraction of rated, from the measured currents
-  float mean_torque = 0.0F;                      // likewise, mean of the position-loop cycle just over
+  float mean_torque = 0.0F;                      // the same, mean over the last position-loop cycle
   float current_d_a = 0.0F;                      // measured, amplitude
-  float current_q_a = 0.0F;                      // positive with the torque
+  float current_q_a = 0.0F;                      // same sign as the torque
   Counts following_error_counts = 0;             // position demand minus actual position; 0 without a position demand
   bool torque_limited = false;
   bool velocity_limited = false;  // the velocity reference is clipped, or the torque loop's speed limiter acts
-  bool voltage_limited = false;   // the DC link does not give the voltage the current loop asks for
+  bool voltage_limited = false;   // the DC link's voltage is too low for the current loop
 };
 
-// At rest see RestRule. The velocity is measured between the edges of counts, not between counts, so that an axis
-// standing on an edge does not seem to move.
+// For the axis at rest see RestRule. The velocity is measured between edges of counts, so that an axis that stands on
+// an edge shows no velocity.
 class Cascade {
  public:
-  // Takes the data over and keeps the loops' state: gains may change while the axis moves. The torque goes on without a
-  // step: what other gains would have made it jump by fades out over some 15 ms. `motor` and `gains` must be
-  // positive where they divide (resistance, inductances, torque constant, rated torque, current bandwidth, counts per
-  // revolution 1 .. 2^24).
+  // Adopts the data and keeps the state of the loops: gains may change while the axis moves. The torque has no step:
+  // the difference that the new gains cause fades over about 15 ms. `motor` and `gains` must be positive where they
+  // divide (resistance, inductances, torque constant, rated torque, current bandwidth, counts per revolution 1 ..
+  // 2^24).
   void configure(const MotorData& motor, const Gains& gains, Rates rates);
 
   // Clears the controllers and the demand (Loop::off until set_demand). The measured velocity and the cycle carry on if
@@ -67,7 +67,7 @@ class Cascade {
   void enable(const Feedback& feedback);
   void disable();
   bool enabled() const { return enabled_; }
-  // The encoder was put somewhere else: what was measured before says nothing about the velocity now.
+  // To be called when the encoder's position was set anew: discards the measured velocity.
   void forget_motion() {
     measuring_ = false;
     rests_ = false;
@@ -75,23 +75,23 @@ class Cascade {
     state_.velocity_counts_per_s = 0.0F;
   }
 
-  // Adds the analysis' excitation to the torque and shows it the answer, once per velocity period, while the velocity
-  // loop runs. nullptr: no more.
+  // Adds the excitation of the analysis to the torque and passes the response to it, once per velocity period, while
+  // the velocity loop runs. nullptr: ends that.
   void set_analysis(ResonanceAnalysis* analysis) { analysis_ = analysis; }
 
   void set_demand(const LoopDemand& demand);
   const LoopDemand& demand() const { return demand_; }
 
-  // Whether the next tick runs the position loop: the time to call set_demand.
+  // Whether the next tick runs the position loop, so that set_demand is due.
   bool position_loop_due() const { return (tick_ & position_mask_) == 0; }
-  // Ticks until that is so: 0 when it is now.
+  // Ticks until then; 0: now.
   std::uint32_t ticks_to_position_loop() const { return (0u - tick_) & position_mask_; }
 
-  // Once per base tick, also while disabled (the measurements go on). Writes actuation.phase_voltage_v and nothing
-  // else: zero unless enabled with a loop other than off.
+  // Once per base tick, also while disabled, because measuring continues. Writes only actuation.phase_voltage_v: zero
+  // unless enabled with a loop other than off.
   void tick(const Feedback& feedback, Actuation& actuation) {
     if (rests_ && !enabled_ && feedback.position_counts == rest_position_ && !carries_current(feedback)) {
-      ++tick_;  // what was measured last is so still
+      ++tick_;  // the last measurement is still valid
       actuation.phase_voltage_v = {};
     } else if (two_phases_) [[unlikely]] {
       run_tick<2>(feedback, actuation);
@@ -109,7 +109,7 @@ class Cascade {
     const auto& [u, v, w] = feedback.phase_current_a;
     return u != 0.0F || v != 0.0F || w != 0.0F;
   }
-  // Whether another tick at this position, without power and current, would change nothing; true only if that is sure.
+  // Whether another tick at this position, without power and current, would certainly change nothing.
   bool at_rest(Counts position) const;
   void clear_controllers();
   void measure_velocity(Counts position);
@@ -118,7 +118,7 @@ class Cascade {
   void limit_braking(float dc_link_v);
   float filtered_velocity(float measured);
   void settle_velocity(float velocity);
-  // What the present gains make of the present errors, without the integral.
+  // The torque of the present gains for the present errors, without the integral.
   float proportional_torque() const;
   void observe_disturbance();
   void forget_disturbance();
@@ -129,12 +129,12 @@ class Cascade {
   void run_tick(const Feedback& feedback, Actuation& actuation);
   template <unsigned Phases>
   void run_locked(const Feedback& feedback, Phase phase, Actuation& actuation);
-  // In a frame that turns with `rad_per_s`; the voltage is applied at `angle` of that frame.
+  // In a frame that rotates at `rad_per_s`; the voltage is applied at `angle` of that frame.
   template <unsigned Phases>
   void run_current_loop(DirectQuadrature current, DirectQuadrature reference, float rad_per_s, SinCos angle,
                         float dc_link_v, Actuation& actuation);
 
-  // One axis of the current loop: a discrete PI whose zero lies on the winding's pole.
+  // One axis of the current loop: a discrete PI whose zero cancels the winding's pole.
   struct CurrentController {
     float kp = 0.0F;                // V/A
     float ki = 0.0F;                // V/A per tick
@@ -151,7 +151,7 @@ class Cascade {
   bool measuring_ = false;      // edge_position_ is valid
   std::uint8_t notch_end_ = 0;  // behind the last notch that is on
   bool moved_ = false;          // the encoder counted in the last velocity period
-  bool rests_ = false;          // nothing moved, and while the encoder is at rest_position_ nothing will
+  bool rests_ = false;          // nothing moves as long as the encoder is at rest_position_
   Counts rest_position_ = 0;
   Counts edge_position_ = 0;  // the edge of a count last crossed
   float torque_sum_ = 0.0F;   // of the measured torque in this position-loop cycle
@@ -171,7 +171,7 @@ class Cascade {
   float feed_forward_ = 0.0F;       // torque, fraction of rated
   float current_reference_a_ = 0.0F;
   float electrical_rad_per_s_ = 0.0F;
-  SinCos ahead_{0.0F, 1.0F};  // what the rotor turns by until the middle of the voltage
+  SinCos ahead_{0.0F, 1.0F};  // rotation of the rotor until the middle of the voltage's tick
   Phase phase_ = 0;           // the electrical angle, with its sine and cosine
   SinCos angle_{0.0F, 1.0F};
   CurrentController direct_;
@@ -194,10 +194,11 @@ class Cascade {
   float torque_per_ampere_ = 0.0F;  // fraction of rated per A, with its sense
   float ampere_per_torque_ = 0.0F;
   float peak_torque_ = 0.0F;  // fraction of rated at the peak current
-  float torque_low_ = 0.0F;   // what the loops may ask for in this velocity period, fractions of rated
+  float torque_low_ = 0.0F;   // limits of the torque in this velocity period, fractions of rated
   float torque_high_ = 0.0F;
-  float voltage_share_ = 0.0F;              // of the DC link, amplitude of a phase
-  float braking_v_per_rad_s_ = 0.0F;        // of the DC link per electrical rad/s, with which the peak current brakes
+  float voltage_share_ = 0.0F;  // of the DC link, amplitude of a phase
+  // DC link voltage per electrical rad/s that braking with the peak current needs
+  float braking_v_per_rad_s_ = 0.0F;
   float velocity_periods_per_s_ = 8000.0F;  // also: the velocity of one count per period
   float electrical_rad_per_count_ = 0.0F;
   float ahead_turns_ = 0.0F;  // electrical turns until then per counts/s
@@ -219,7 +220,7 @@ class Cascade {
   Biquad velocity_low_pass_{};                  // VelocityFeedback::second_order
   VelocityObserver observer_{};
   DisturbanceObserver disturbance_{};
-  DisturbanceObserver held_load_{};  // in the torque loop, for the loop after it
+  DisturbanceObserver held_load_{};  // observes the load in the torque loop, for the next loop
   ResonanceAnalysis* analysis_ = nullptr;
 };
 

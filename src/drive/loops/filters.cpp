@@ -33,7 +33,7 @@ Biquad make_notch(float frequency_hz, float width_hz, float depth, float period_
                            1.0F + width + k * k, middle, 1.0F - width + k * k);
 }
 
-// w^2 / (s^2 + 2 damping w s + w^2), likewise.
+// The same transform for w^2 / (s^2 + 2 damping w s + w^2).
 Biquad make_low_pass(float corner_hz, float damping, float period_s, const Biquad& previous) {
   const float k = std::tan(pi * corner_hz * period_s);
   const float width = 2.0F * damping * k;

@@ -32,7 +32,7 @@ struct Biquad {
     state2 = b2 * input - a2 * output;
     return output;
   }
-  // The state that a long constant `input` would have left.
+  // Sets the state that a long constant `input` leaves.
   void settle(float input) {
     const float output = input * ((b0 + b1 + b2) / (1.0F + a1 + a2));
     state2 = b2 * input - a2 * output;
@@ -45,12 +45,12 @@ struct Biquad {
 Biquad make_notch(float frequency_hz, float width_hz, float depth, float period_s, const Biquad& previous = {});
 Biquad make_low_pass(float corner_hz, float damping, float period_s, const Biquad& previous = {});
 
-// A low pass that may be switched off: then it passes everything, to the bit.
+// A low pass that may be switched off; then its output is exactly the input.
 struct OptionalLowPass {
   LowPass filter{};
   bool on = false;
 
-  // Goes on from `present`, its output up to now, when it is switched on.
+  // When switched on, it starts from `present`, the output so far.
   void configure(float corner_hz, float period_s, float present) {
     if (!on) filter.value = present;
     on = corner_hz > 0.0F;
@@ -60,25 +60,25 @@ struct OptionalLowPass {
   void settle(float value) { filter.value = value; }
 };
 
-// Disturbance observer: the torque that does not go into acceleration is the load's. Torques as fractions of rated,
-// velocities in counts/s.
+// Disturbance observer: the load torque is the torque that does not accelerate the inertia. Torques as fractions of
+// rated, velocities in counts/s.
 struct DisturbanceObserver {
   float inertia = 0.0F;  // torque by counts/s per period
   float gain = 1.0F;     // of the low pass
   float velocity = 0.0F;
   float load = 0.0F;
 
-  // One period: the torque that acted in it, and the velocity after it.
+  // One period, with its torque and the velocity at its end.
   void update(float torque, float velocity_now) {
     load += gain * (torque - inertia * (velocity_now - velocity) - load);
     velocity = velocity_now;
   }
 };
 
-// Velocity observer: what the torque makes of the inertia, corrected by what was measured. It lags behind only what it
-// does not know, a load torque or a wrong inertia, which it learns as a disturbance. Velocities in counts/s.
+// Velocity observer: computes the velocity from torque and inertia, and corrects it by the measured velocity. It lags
+// only for an unknown load torque or a wrong inertia, which it estimates as a disturbance. Velocities in counts/s.
 struct VelocityObserver {
-  float acceleration = 0.0F;   // counts/s per period that a torque of 1 makes
+  float acceleration = 0.0F;   // counts/s per period for a torque of 1
   float velocity_gain = 1.0F;  // of the error, per period
   float disturbance_gain = 0.0F;
   float velocity = 0.0F;

@@ -15,11 +15,11 @@ constexpr float tick_s = static_cast<float>(tick_seconds);
 // Corners of the filters, in multiples of the crossover: far enough to cost little phase.
 constexpr float velocity_filter_ratio = 12.0F;
 constexpr float torque_filter_ratio = 16.0F;
-// Of the 90 degrees that a double integrator with a velocity loop leaves.
+// Phase margin, and limits of the integral's phase lag at the crossover.
 constexpr float phase_margin = 55.0F * degree;
 constexpr float least_integral_lag = 10.0F * degree;
 constexpr float most_integral_lag = 14.0F * degree;
-// What one count may make of torque through velocity_kp, as a fraction of rated.
+// Greatest torque for one count through velocity_kp, fraction of rated.
 constexpr float torque_per_count = 0.1F;
 
 }  // namespace
@@ -27,8 +27,9 @@ constexpr float torque_per_count = 0.1F;
 Gains default_gains(const MotorData& motor, Rates rates, const Bandwidths& bandwidths) {
   const float count_rad = 2.0F * pi / static_cast<float>(motor.counts_per_revolution);
 
-  // The current loop's first order as its delay. Half a velocity period each for the difference and the hold is what
-  // the two filters, exact for held inputs, are quicker than their continuous prototypes.
+  // The delay of the current loop as a first-order system. The delays of the difference and the hold, half a velocity
+  // period each, cancel against the two filters, which are exact for held inputs and so faster than their continuous
+  // prototypes.
   const float current_pole = std::exp(-2.0F * pi * bandwidths.current_hz * tick_s);
   const float delay_s = tick_s * (1.0F / (1.0F - current_pole) - 0.5F + static_cast<float>(motor.voltage_delay_ticks));
   const float filter_lag = std::atan(1.0F / velocity_filter_ratio) + std::atan(1.0F / torque_filter_ratio);

@@ -4,8 +4,8 @@
 
 namespace servodrome::drive {
 
-// What a drive knows of its motor: the nameplate and the identified electrical data. Phase values are line to neutral,
-// with two phases those of one winding; currents are peak values of the phase current.
+// The drive's data of its motor: nameplate and identified electrical data. Phase values are line to neutral, with two
+// phases those of one winding; currents are peak values of the phase current.
 struct MotorData {
   std::uint32_t counts_per_revolution = 131072;
   std::uint8_t phases = 3;  // 3 in star on three half bridges; 2 windings in quadrature, each on its own full bridge
@@ -19,11 +19,11 @@ struct MotorData {
   float resistance_ohm = 0.55F;
   float inductance_d_h = 2.25e-3F;
   float inductance_q_h = 2.25e-3F;
-  float inertia_kgm2 = 0.28e-4F;          // rotor and load together, as the drive was told
+  float inertia_kgm2 = 0.28e-4F;          // configured inertia of rotor and load together
   float commutation_offset_turns = 0.0F;  // electrical angle at encoder single-turn position 0, within +-2^31
   std::uint32_t index_width_counts = 1;   // of the encoder's index pulse
   bool phase_order_reversed = false;      // the encoder counts down while the phases turn U, V, W
-  // How late the power stage acts: from the sampling of the currents to the begin of the voltage, base ticks.
+  // Delay of the power stage from the sampling of the currents to the beginning of the voltage, base ticks.
   std::uint8_t voltage_delay_ticks = 0;
 };
 

@@ -6,16 +6,15 @@
 
 namespace servodrome::drive {
 
-// Rest rule of the position loop: what keeps an axis with friction and an encoder of finite resolution from hunting
-// around a position demand that stands.
+// Rest rule of the position loop: prevents an axis with friction and an encoder of finite resolution from hunting
+// around a standing position demand.
 //
-// - An error of up to the window (one count unless told otherwise) counts as none, so that the integral of the velocity
-//   loop is not fed any more.
-// - An integral that has to push a standing axis loose is larger than the sliding axis needs, and would throw it past
-//   the target, from where the same begins anew. So as soon as the axis moves, the integral goes back to where it was
-//   when the axis came to stand. The axis steps towards the target, and friction stops each step.
-// - A step that ends on the other side, no further away, shows that friction lets the axis come no nearer: it rests
-// there.
+// - An error within the window (one count by default) counts as zero, so that the integral of the velocity loop stops.
+// - An integral that has grown until a standing axis breaks loose is larger than the sliding axis needs. It would move
+//   the axis past the target, where the same begins again. So as soon as the axis moves, the integral returns to its
+//   value at the last standstill. The axis moves towards the target in steps, and friction ends each step.
+// - If a step ends on the other side of the target and no nearer to it, friction allows no smaller error: the axis
+//   rests there.
 struct RestRule {
   float window_counts = 1.0F;
   std::uint16_t still_periods = 40;  // velocity periods without a count until the axis stands
@@ -58,7 +57,7 @@ struct RestRule {
     return integral + step;
   }
 
-  // The demand stands, and so does the axis.
+  // Demand and axis stand.
   bool at_rest() const { return demand_stands_ && still_ == still_periods; }
 
   void leave() { position_error(0.0F, false); }
