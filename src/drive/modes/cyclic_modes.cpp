@@ -14,7 +14,7 @@ void CyclicSyncPosition::enter(Axis& axis) {
   resume(axis);
 }
 
-// After a halt, whose end is no command: what a limit holds stays held.
+// After a halt. The end of a halt is no command, so an axis that a limit holds stays held.
 void CyclicSyncPosition::resume(Axis& axis) {
   axis.commanded.reset();
   axis.come_to_rest(RampShape::linear);
@@ -26,7 +26,7 @@ void CyclicSyncPosition::step(Axis& axis) {
   const Objects& objects = axis.objects;
   if (objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
   const std::int64_t user = std::int64_t{objects.target_position} + objects.position_offset;
-  // A SYNC takes over a changed offset; without anything new it leaves the line alone.
+  // A SYNC applies a changed offset. Without a change the line continues.
   if (axis.new_set_point || (axis.synchronised && follower_.following() && user != given_)) {
     given_ = within_change(axis, user);
     follower_.follow(axis, given_);
@@ -41,9 +41,8 @@ void CyclicSyncPosition::step(Axis& axis) {
   axis.demand.torque = static_cast<float>(objects.torque_offset) * (axis.units.velocity_inverted ? -0.001F : 0.001F);
 }
 
-// 60B1h goes to the velocity loop as it is, up to the greatest speed. It does not push the axis, which the position
-// loop holds, towards an active limit switch or beyond a software limit. There 60B1h is left out until it has another
-// value.
+// 60B1h goes directly to the velocity loop, up to the greatest speed. It must not move the axis towards an active limit
+// switch or beyond a software limit, so there it is ignored until it changes.
 void CyclicSyncPosition::add_velocity_offset(Axis& axis) {
   const double offset = axis.units.velocity_to_counts(axis.objects.velocity_offset);
   const bool at_switch = axis.active(offset < 0.0 ? Signal::negative_limit : Signal::positive_limit);
@@ -63,13 +62,13 @@ void CyclicSyncPosition::add_velocity_offset(Axis& axis) {
   axis.demand.velocity = static_cast<float>(std::clamp(sum, -axis.greatest_velocity, axis.greatest_velocity));
 }
 
-// Of products that limit how far a target may be from the one before.
+// For products that limit the change from one target to the next.
 std::int64_t CyclicSyncPosition::within_change(Axis& axis, std::int64_t user) const {
   const Configuration::PositionChange& limits = axis.configuration.position_change;
   if (!limits.limited || limits.least > limits.greatest) return user;
   const std::int64_t base = follower_.following() ? given_ : axis.units.to_user(axis.generator.nearest_position());
   const std::int64_t change = wrap_to_32_bits(user - base);
-  // A target that stays where it is always may: no limit moves the axis.
+  // A change of 0 is always allowed, so that the limits never move the axis.
   const std::int64_t allowed =
       std::clamp<std::int64_t>(change, std::min(limits.least, 0), std::max(limits.greatest, 0));
   axis.position_change_clipped = allowed != change;
@@ -77,7 +76,7 @@ std::int64_t CyclicSyncPosition::within_change(Axis& axis, std::int64_t user) co
 }
 
 std::uint16_t CyclicSyncPosition::status(const Axis& axis) const {
-  // Drive follows the command value: not yet while it catches up with it, nor while a limit holds it.
+  // Drive follows the command value: 0 while it catches up with it, and while a limit holds it.
   std::uint16_t bits = follower_.on_line() ? statusword::mode_bit_12 : std::uint16_t{0};
   if (axis.policy.cyclic_modes_show_reached && axis.generator.standing()) {
     const std::int64_t error = axis.units.to_user(axis.loops->following_error_counts);
@@ -107,7 +106,7 @@ void CyclicSyncVelocity::step(Axis& axis) {
 }
 
 std::uint16_t CyclicSyncVelocity::status(const Axis& axis) const {
-  // Drive follows the command value: not while a limit holds it.
+  // Drive follows the command value: 0 while a limit holds it.
   std::uint16_t bits = held_ ? std::uint16_t{0} : statusword::mode_bit_12;
   const double error = std::abs(axis.shown_velocity() - (held_ ? wanted_ : axis.generator.velocity()));
   if (axis.policy.cyclic_modes_show_reached && error < axis.configuration.speed_windows.reached_counts_per_s) {
@@ -161,7 +160,7 @@ std::size_t InterpolatedPosition::buffer_size(const Axis& axis) {
 // Buffer organisation 60C4h sub 3: 0 = FIFO, a full one refuses the newest record; 1 = ring, the oldest is lost.
 bool InterpolatedPosition::takes_record(const Axis& axis, std::int32_t record) {
   if (axis.objects.interpolation_buffer_organisation != 0 || count_ < buffer_size(axis)) return true;
-  // Process data that say the same again lose nothing.
+  // Process data that repeat the newest record lose nothing.
   if (buffer_[(head_ + count_ - 1) % capacity] != record) lost_record_ = true;
   return false;
 }
@@ -175,7 +174,7 @@ void InterpolatedPosition::data_record(Axis& axis) {
   record_age_ = 0.0;
 }
 
-// The line to the next record, from where the axis is.
+// Begins the line from the axis' position to the next record.
 void InterpolatedPosition::take_record(Axis& axis) {
   const std::int64_t user = buffer_[head_];
   head_ = (head_ + 1) % capacity;
@@ -188,8 +187,8 @@ void InterpolatedPosition::take_record(Axis& axis) {
     demand_.begin(axis, line_, target, period);
     line_.go(target, period);
   } else if (!line_.ends_in_next_cycle()) {
-    // Of a bridge: the one that was missing, there as soon as it would have been, and a little later for those that
-    // follow. On the way back from one: as after any pause.
+    // If a bridge runs, this is the missing record: the axis reaches it in the time that was left, plus a small share
+    // of the period for the records after it. On the way back after a bridge: as after any pause.
     line_.go(target, bridging_ ? line_.remaining() + late_share * (period - line_.remaining()) : period);
   } else {
     line_.chain(target, period);
@@ -202,8 +201,8 @@ void InterpolatedPosition::take_record(Axis& axis) {
   waited_ = bridging_ = false;
 }
 
-// The line has come to its end, and no record is there. In a stream of records that come one at a time the axis goes on
-// for one period in place of the one that is missing; one that works off its buffer is at its end.
+// The line has ended without a next record. If records come one at a time, the axis runs on for one period in place of
+// the missing one. If a buffer was worked off, the motion ends.
 void InterpolatedPosition::await_record(Axis& axis) {
   const double period = period_.cycles(axis);
   const bool one_at_a_time = record_age_ < 1.5 * period + 1.0;
@@ -222,7 +221,7 @@ void InterpolatedPosition::await_record(Axis& axis) {
 void InterpolatedPosition::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
   record_age_ += 1.0;
-  if (std::exchange(given_up_, false)) {  // here, so that a halt or another stop keeps its own ramp
+  if (std::exchange(given_up_, false)) {  // done here, so that a halt or another stop keeps its own ramp
     stop();
     axis.come_to_rest(RampShape::linear);
   }
@@ -235,7 +234,7 @@ void InterpolatedPosition::step(Axis& axis) {
     if (line_.arrived()) waited_ = true;
   }
   if (following_) {
-    // At the very end of a line the axis goes on when the next record is there or, in a stream, expected this instant.
+    // At the end of a line the axis runs on if the next record is there or, in a stream, due now.
     demand_.follow(axis, line_, [&] {
       line_.step();
       return !line_.arrived() || (!waited_ && (regular_ || count_ > 0));
@@ -257,8 +256,8 @@ std::uint16_t InterpolatedPosition::status(const Axis& axis) const {
 
 namespace {
 
-// The digest's reading of A 69 (ProNet manual, ch. 7.5.4): one SYNC period without a set-point is tolerated, the end of
-// the second raises it. A SYNC is told from a late one by a base tick.
+// How this project reads A 69 (ProNet manual, ch. 7.5.4): one SYNC period without a set-point is tolerated, the end of
+// the second raises it. The slack is one base tick, within which a late SYNC still counts as in time.
 constexpr double sync_slack_cycles = 0.125;
 constexpr unsigned tolerated_stale_syncs = 1;
 
@@ -299,7 +298,7 @@ void SynchronousInterpolation::follow_target(Axis& axis) {
 
 void SynchronousInterpolation::step(Axis& axis) {
   if (axis.objects.interpolation_time_period_value == 0) axis.raise(Cause::interpolation_period_zero);
-  // Here, so that a halt or another stop keeps its own ramp.
+  // Done here, so that a halt or another stop keeps its own ramp.
   if (std::exchange(given_up_, false)) axis.come_to_rest(RampShape::linear);
   if (axis.policy.interpolation == Interpolation::target) {
     follow_target(axis);

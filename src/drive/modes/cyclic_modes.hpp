@@ -7,7 +7,7 @@
 
 namespace servodrome::drive {
 
-// Cyclic synchronous position mode (CiA 402-2): targets of any regular time, see SetPointFollower.
+// Cyclic synchronous position mode (CiA 402-2): targets with any regular period, see SetPointFollower.
 class CyclicSyncPosition {
  public:
   static constexpr Loop loop = Loop::position;
@@ -27,7 +27,7 @@ class CyclicSyncPosition {
 
   SetPointFollower follower_{};
   std::int64_t given_ = 0;        // the last target, with its offset
-  std::int32_t held_offset_ = 0;  // the 60B1h that a limit switch held back
+  std::int32_t held_offset_ = 0;  // the 60B1h that a limit switch blocked
 };
 
 // Cyclic synchronous velocity and torque modes (CiA 402-2).
@@ -46,7 +46,7 @@ class CyclicSyncVelocity {
 
  private:
   double wanted_ = 0.0;  // 60FFh with its offset, counts/s
-  bool held_ = false;    // a limit ended it: the axis waits for another target
+  bool held_ = false;    // a limit ended the motion: the axis waits for another target
 };
 
 class CyclicSyncTorque {
@@ -63,8 +63,8 @@ class CyclicSyncTorque {
   std::uint16_t status(const Axis&) const;
 };
 
-// Interpolated position mode (CiA 402-2), linear interpolation 60C0h = 0, with the buffer of 60C4h. One record that
-// does not come is bridged, as SetPointFollower does.
+// Interpolated position mode (CiA 402-2), linear interpolation 60C0h = 0, with the buffer of 60C4h. One missing record
+// is bridged, as in SetPointFollower.
 class InterpolatedPosition {
  public:
   static constexpr Loop loop = Loop::position;
@@ -75,10 +75,10 @@ class InterpolatedPosition {
   bool takes_record(const Axis& axis, std::int32_t record);  // false: the buffer is full
   void data_record(Axis& axis);                              // 60C1h sub 1 was written
   void clear_buffer() { count_ = 0, lost_record_ = false; }
-  bool lost_record() const { return lost_record_; }  // one was refused, since the buffer was cleared
+  bool lost_record() const { return lost_record_; }  // a record was refused since the buffer was cleared
   void step(Axis& axis);
   void halt(Axis&) {}
-  // The end of a halt is no command: what a limit holds stays held.
+  // The end of a halt is no command: an axis that a limit holds stays held.
   void resume(Axis&) { following_ = bridging_ = false, demand_.restart(); }
   void interrupt(Axis&, int direction);
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
@@ -98,22 +98,22 @@ class InterpolatedPosition {
   std::size_t count_ = 0;
   Line line_{};
   LineDemand demand_{};
-  Counts target_ = 0;       // the last record that was taken
+  Counts target_ = 0;       // the last record that was used
   bool enabled_ = false;    // controlword bit 4
   bool given_up_ = false;   // it was taken away: ramp to rest
-  bool following_ = false;  // a record was taken since the mode was entered
-  bool waited_ = false;     // the line's end has passed without another record
-  bool regular_ = false;    // the last record came before the end of the line before
-  bool bridging_ = false;   // the line stands for a record that did not come
+  bool following_ = false;  // a record was used since the mode was entered
+  bool waited_ = false;     // the line ended without another record
+  bool regular_ = false;    // the last record came before the previous line ended
+  bool bridging_ = false;   // the line replaces a missing record
   bool lost_record_ = false;
   double bridge_ = 0.0;      // counts per cycle: see bridging_rate
-  double record_age_ = 0.0;  // cycles since the last one was written
+  double record_age_ = 0.0;  // cycles since the last record was written
   InterpolationPeriod period_{};
 };
 
-// Interpolated position without a buffer: every SYNC takes the set-point over that the bus has brought, and the axis is
-// there one period later. A SYNC that finds none leaves the axis with the last one; at the second in a row, or when as
-// much time has gone without a SYNC, Cause::interpolation_late is raised.
+// Interpolated position without a buffer: every SYNC adopts the set-point that the bus has written, and the axis
+// reaches it one period later. At a SYNC without a new set-point the axis keeps the last one. The second in a row, or
+// the same time without a SYNC, raises Cause::interpolation_late.
 class SynchronousInterpolation {
  public:
   static constexpr Loop loop = Loop::position;
@@ -139,7 +139,7 @@ class SynchronousInterpolation {
   bool fresh_ = false;           // a set-point waits for the SYNC
   bool armed_ = false;           // a SYNC has come since bit 4
   unsigned stale_syncs_ = 0;     // SYNCs without a set-point since the last one
-  double waiting_cycles_ = 0.0;  // since the last set-point was taken over
+  double waiting_cycles_ = 0.0;  // since the last set-point was adopted
 };
 
 }  // namespace servodrome::drive

@@ -8,7 +8,7 @@ namespace servodrome::drive {
 
 namespace {
 
-// A shaft that turns faster than this does not stand. Ripple and the end of a rebound from a hard stop are slower.
+// A shaft that turns faster than this moves. Ripple and the end of a rebound from a hard stop are slower.
 constexpr double moving_share = 0.1;  // of 6099h:01
 constexpr double moving_rpm = 10.0;
 
@@ -22,7 +22,7 @@ Cause cause_of(HomingError error) {
   }
 }
 
-// Whether the switches that the method looks for have an input.
+// Whether the switches that the method needs are assigned to inputs.
 bool has_inputs_for(const Axis& axis, const Method& method) {
   const auto has = [&axis](Signal signal) {
     const InputMap& inputs = axis.configuration.inputs;
@@ -38,7 +38,7 @@ bool has_inputs_for(const Axis& axis, const Method& method) {
   return !needs_home_switch(method) || has(Signal::home);
 }
 
-// The speeds that the method uses and the ramp are set. The way back to home is run at the slow speed.
+// Whether the ramp and the speeds that the method uses are set. The way back to home uses the slow speed.
 bool can_run(const Method& method, const HomingConfig& config) {
   const bool retracts = config.retraction != 0;
   const bool returns = method.returns_to_latch || config.end != HomingEnd::as_method;
@@ -149,13 +149,13 @@ void HomingMode::start(Axis& axis) {
   homing_.start(*method, config, inputs(axis));
 }
 
-// Goes on with what the halt interrupted, unless homing was given up meanwhile.
+// Resumes the interrupted motion, unless homing was aborted meanwhile.
 void HomingMode::resume(Axis& axis) {
   halted_ = false;
   if (active_) carry_out(axis, last_);
 }
 
-// Edges that are met on the ramp of a halt belong to the leg as well.
+// Edges on the ramp of a halt belong to the leg as well.
 void HomingMode::observe(Axis& axis) {
   if (!halted_ || !active_) return;
   const bool had_latch = homing_.latched();
@@ -182,7 +182,7 @@ void HomingMode::carry_out(Axis& axis, const HomingCommand& command) {
   last_ = command;
 }
 
-// To rest from where the shaft is: pressed against a stop, or out of torque, it does not follow the demand.
+// Stops from the actual position of the shaft, because it does not follow the demand while it presses against a stop.
 void HomingMode::give_up(Axis& axis) {
   if (std::exchange(pressed_, false)) {
     axis.take_over_actual();
@@ -203,7 +203,7 @@ void HomingMode::step(Axis& axis) {
   }
   if (active_) {
     const bool had_latch = homing_.latched();
-    if (const double allowed = axis.max_velocity(false); allowed != allowed_) {  // 6080h was changed under way
+    if (const double allowed = axis.max_velocity(false); allowed != allowed_) {  // 6080h was changed in motion
       allowed_ = allowed;
       carry_out(axis, last_);
     }
@@ -220,7 +220,7 @@ void HomingMode::step(Axis& axis) {
 
 void HomingMode::take_results(Axis& axis, bool had_latch) {
   if (homing_.latched() && !had_latch) {
-    // The machine's home is at the latch: there the position is the home offset with the product's sign.
+    // Home is at the latch: the position there becomes the home offset with the product's sign.
     const std::int64_t at_home =
         offset_applies_ ? std::int64_t{axis.policy.home_offset_sign} * axis.objects.home_offset : 0;
     const Counts home = axis.units.to_counts(at_home);

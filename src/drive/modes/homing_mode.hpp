@@ -5,7 +5,7 @@
 
 namespace servodrome::drive {
 
-// Homing mode (CiA 402-2): runs the executor of homing methods, moves the coordinates when home is found.
+// Homing mode (CiA 402-2): executes a homing method and shifts the coordinates when home is found.
 class HomingMode {
  public:
   static constexpr Loop loop = Loop::position;
@@ -13,16 +13,16 @@ class HomingMode {
   void enter(Axis& axis);
   void controlword(Axis&, std::uint16_t before, std::uint16_t now);
   void step(Axis& axis);
-  void observe(Axis& axis);  // while a stop runs instead of `step`
+  void observe(Axis& axis);  // called instead of `step` while a stop runs
   void halt(Axis&) { halted_ = true; }
   void resume(Axis& axis);
   void interrupt(Axis&, int) {}
   void abort() {
-    if (active_) attained_ = false;  // the way to home is part of it
+    if (active_) attained_ = false;  // a latch alone is not enough: the way back to home is part of homing
     homing_.abort();
     active_ = start_requested_ = halted_ = false;
   }
-  // A fault ends it: that is a homing error.
+  // A fault ends homing with a homing error.
   void fault() {
     error_ = error_ || active_ || start_requested_;
     abort();
@@ -30,7 +30,8 @@ class HomingMode {
   void forget_error(Axis& axis);
   double deceleration(const Axis& axis) const { return homing_acceleration(axis); }
   std::uint16_t status(const Axis& axis) const;
-  bool running() const { return start_requested_ || active_ || !standing_; }  // until it stands, found or not
+  // until the axis stands, whether home was found or not
+  bool running() const { return start_requested_ || active_ || !standing_; }
   bool pressing() const { return homing_.pressing(); }
   bool active() const { return active_; }
   Counts index_distance() const { return homing_.index_distance(); }
@@ -58,7 +59,7 @@ class HomingMode {
   bool halted_ = false;
   bool attained_ = false;
   bool error_ = false;
-  std::uint16_t shown_code_ = 0;  // in 603Fh: see HomingErrorCodes
+  std::uint16_t shown_code_ = 0;  // shown in 603Fh, see HomingErrorCodes
   bool standing_ = true;          // bit 10
 };
 

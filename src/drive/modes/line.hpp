@@ -6,8 +6,8 @@
 namespace servodrome::drive {
 
 // A straight line between two cyclic set-points, one step per position-loop cycle. Its end is an integer and its
-// duration a real number of cycles, so that set-points whose period is no multiple of the cycle lie where they belong
-// in time: of such a line the axis sees the points that its cycles fall on.
+// duration a real number of cycles, so that the timing is exact even if the set-point period is no multiple of the
+// cycle. The axis gets the points of the line at its cycles.
 class Line {
  public:
   void stand(Counts position, double fraction = 0.0) {
@@ -15,27 +15,27 @@ class Line {
     from_ = to_ = position;
     place_ = start_ = fraction;
   }
-  // Leads from the present place to `to`, to be there `cycles` >= 1 cycles from now.
+  // From the present position to `to`, in `cycles` >= 1 cycles from now.
   void go(Counts to, double cycles) {
     const Counts whole = floor_to_integer(place_);
     from_ += whole;
     start_ = place_ -= static_cast<double>(whole);
     begin(to, cycles, 0.0);
   }
-  // Leads from the end of this line, at the time of that end, to `to`.
+  // From the end of this line, at the time of that end, to `to`.
   void chain(Counts to, double cycles) {
     place_ -= static_cast<double>(to_ - from_);
     from_ = to_;
     start_ = 0.0;
     begin(to, cycles, elapsed_ - duration_);
   }
-  // From the present place on at another speed, without an end: steps `run_on`.
+  // From the present position at another speed, without an end: call step() with `run_on`.
   void run_at(double counts_per_cycle) {
     go(now(), 1.0);
     rate_ = counts_per_cycle;
     duration_ = 0.0;
   }
-  // One cycle on. At its end the line waits, or, if it is to `run_on`, goes on straight ahead.
+  // Advances one cycle. At its end the line waits or, with `run_on`, continues straight ahead.
   void step(bool run_on = false) {
     elapsed_ += 1.0;
     if (elapsed_ >= duration_ && !run_on) elapsed_ = duration_;

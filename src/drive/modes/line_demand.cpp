@@ -8,7 +8,7 @@ namespace servodrome::drive {
 
 namespace {
 
-// What is left of the greatest speed beside that of the line, at least.
+// Least speed for catching up, as a fraction of the greatest speed, if the line's speed leaves less.
 constexpr double least_share = 0.1;
 
 }  // namespace
@@ -27,8 +27,9 @@ void LineDemand::begin(const Axis& axis, Line& line, Counts target, double cycle
   if (!catching_up_) line.stand(generator.position(), generator.fraction());
 }
 
-// The line, `distance` away, was as fast as `before`, as far as the axis may be, and slows down: the demand slows down
-// as much, if it is too fast now for its own ramp to end at the line, or has passed it, as at the end of a bridge.
+// If the line slows down from the speed `before` (clipped to the axis' greatest speed), the demand slows down by as
+// much, provided that it is too fast for its own ramp to end at the line at `distance`, or has already passed the line,
+// as at the end of a bridge.
 void LineDemand::slow_with_line(double distance, double line_velocity, double before, double deceleration) {
   const double closes = velocity_ - line_velocity;
   if (closes * velocity_ <= 0.0 || before * velocity_ <= 0.0) return;
@@ -42,8 +43,8 @@ void LineDemand::slow_with_line(double distance, double line_velocity, double be
 void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
   Generator& generator = axis.generator;
   const double line_before = std::exchange(line_velocity_, line_velocity);
-  // From where the line would have been a cycle ago, had it always been as fast as it is now: a line that ends in this
-  // cycle stands, so that its last step belongs to the distance.
+  // The distance is relative to the line's position one cycle ago at its present speed. A line that ends in this cycle
+  // has speed 0, so that its last step is part of the distance.
   const double step = -distance_to(axis, line);
   const double distance = line_velocity * axis.cycle_s - step;
   if (held_ != 0) {
@@ -67,8 +68,8 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
   if (!catching_up_) {
     generator.place(line.now(), line.fraction(), line_velocity);
   } else {
-    // Planned anew in each cycle, in coordinates that move with the line, so that a line whose speed changes is caught
-    // all the same.
+    // Planned anew in each cycle, in coordinates that move with the line, so that the demand also reaches a line whose
+    // speed changes.
     MotionLimits limits = axis.catch_up_limits();
     limits.deceleration = axis.deceleration_before_limit(limits.deceleration);
     const double recedes = distance > 0.0 ? -line_velocity : line_velocity;  // speed of the line away from the axis
@@ -80,9 +81,9 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     catching_up_ = way.duration_s() > axis.cycle_s;
     const double before = std::exchange(velocity_, line_velocity + next.velocity);
     double from = line.fraction() + next.position;
-    // Neither faster than the axis may be, which the line itself may be, nor than it can brake before a software limit
-    // at which the line ends. Away from the line, which may end where it is, or from the target, at which it ends, the
-    // demand only brakes: it waits till a line that comes towards it is a cycle away.
+    // The demand is limited to the greatest speed, which the line may exceed, and to the speed from which it can brake
+    // before a software limit. While it moves away from the line or from the line's target, it only brakes, until the
+    // line is one cycle away.
     const double steepest = std::max(limits.deceleration, axis.quick_stop_ramp());
     const double approach = axis.approach_velocity(velocity_, steepest);
     const double braked = before * velocity_ > 0.0 ? std::max(0.0, std::abs(before) - steepest * axis.cycle_s) : 0.0;
@@ -98,7 +99,7 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     }
     const Counts was_at = generator.position();
     generator.place(line.now(), from, velocity_);
-    // A line may end at a software limit while the axis catches up with it: the demand stops at the limit.
+    // If the demand crosses a software limit while it catches up with a line, it stops at the limit.
     if (!axis.within_software_limits(generator.position()) && axis.within_software_limits(was_at)) {
       generator.place(axis.nearest_within_software_limits(generator.position()), 0.0, velocity_ = 0.0);
       catching_up_ = true;

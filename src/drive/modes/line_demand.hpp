@@ -7,28 +7,28 @@ namespace servodrome::drive {
 
 // The demand of a mode that follows a line of cyclic set-points.
 //
-// As a rule it is the line. A line that begins far away (the mode was entered with an old target, or a halt or a limit
-// held the axis while the master went on), or that is faster than the axis may be, is caught up with: the demand is the
-// line plus a distance, which goes to zero within Axis::catch_up_limits. If the line slows down by a steeper ramp
-// meanwhile, the demand slows down with it, so as not to pass it. After a limit ended the motion, the demand stands
-// until the line lies on the side of it that leads away from the limit, whether the limit is still there or not.
+// Normally the demand is the line. The demand catches up with a line that begins far away (the mode was entered with an
+// old target, or a halt or a limit held the axis while the master went on) or that is faster than the axis may be: the
+// demand is then the line plus a distance, which decreases to zero within Axis::catch_up_limits. If the line slows down
+// by a steeper ramp meanwhile, the demand slows down with it and does not pass it. After a limit ended the motion, the
+// demand stands until the line is on its free side, away from the limit, even if the limit is gone by then.
 class LineDemand {
  public:
   void stop() { *this = {}; }
   // A limit in the direction of `held`, -1 or +1, ended the motion.
   void hold(int held) { *this = {}, held_ = held; }
-  // Begins anew, and keeps to a limit that holds it.
+  // Begins anew, but a limit goes on holding the demand.
   void restart() { hold(held_); }
-  // The demand is the line's, neither on its way there nor held at a limit.
+  // The demand is on the line: it neither catches up with it nor is held at a limit.
   bool on_line() const { return !catching_up_ && held_ == 0; }
 
-  // Whether such a step of the speed, counts/s, is a jump rather than a motion that begins.
+  // Whether a step of the speed, counts/s, is a jump and not the beginning of a motion.
   static bool jumps(const Axis& axis, double step) {
     return step != 0.0 && std::abs(step) > jump_share * axis.max_velocity(false);
   }
-  // Puts `line` where it begins: at the axis, or, if `target` is too far to be reached in `cycles`, at the target.
+  // Sets the beginning of `line`: at the axis or, if `target` is too far to be reached in `cycles`, at the target.
   void begin(const Axis& axis, Line& line, Counts target, double cycles);
-  // One cycle: puts the generator and the loops' demand where they belong. `step` takes the line one cycle on and tells
+  // One cycle: sets the generator and the demand of the loops. `step` advances the line by one cycle and returns
   // whether it moves.
   template <typename Step>
   void follow(Axis& axis, Line& line, Step&& step) {
@@ -39,7 +39,7 @@ class LineDemand {
  private:
   static constexpr double jump_share = 0.1;  // of the greatest speed
 
-  // Of the demand from the line, counts.
+  // Distance of the demand from the line, counts.
   static double distance_to(const Axis& axis, const Line& line);
   void lead(Axis& axis, const Line& line, double line_velocity);
   void slow_with_line(double distance, double line_velocity, double before, double deceleration);
@@ -47,7 +47,7 @@ class LineDemand {
   int held_ = 0;
   bool catching_up_ = false;
   double velocity_ = 0.0;       // of the demand while it catches up, counts/s
-  double line_velocity_ = 0.0;  // in the cycle before, counts/s
+  double line_velocity_ = 0.0;  // in the previous cycle, counts/s
 };
 
 }  // namespace servodrome::drive

@@ -6,12 +6,12 @@ namespace servodrome::drive {
 
 namespace {
 
-// 60F2h bits 0 and 1: what a relative set-point is relative to.
+// 60F2h bits 0 and 1: the reference of a relative set-point.
 constexpr std::uint16_t relative_to_demand = 1;
 constexpr std::uint16_t relative_to_actual = 2;
 
-// Between set-points, for products that come to rest there: the shaft stands when it is so slow for so long; where
-// something keeps it moving the next one begins after the wait.
+// For products that come to rest between set-points: the shaft stands when it has been slower than this for this time.
+// If it keeps moving, the next set-point begins after `rest_wait_ms`.
 constexpr double standing_rpm = 1.0;
 constexpr std::uint32_t standing_ms = 2;
 constexpr std::uint32_t rest_wait_ms = 2000;
@@ -20,7 +20,7 @@ constexpr std::uint32_t rest_wait_ms = 2000;
 
 void ProfilePosition::enter(Axis& axis) {
   axis.commanded.reset();
-  axis.new_set_point = false;  // a target of before is no command of this mode
+  axis.new_set_point = false;  // a target written before is no command for this mode
   head_ = count_ = 0;
   immediate_pending_ = false;
   running_ = false;
@@ -28,12 +28,12 @@ void ProfilePosition::enter(Axis& axis) {
   braking_ = false;
   acknowledge_ = false;
   given_ = false;
-  interrupted_ = !axis.generator.standing();  // the axis rests elsewhere than here
+  interrupted_ = !axis.generator.standing();  // the axis moves on, so it will not rest at its present position
   target_reached_ = !interrupted_;
   window_.reset();
   target_ = axis.generator.nearest_position();
   target_user_ = axis.units.to_user(target_);
-  axis.come_to_rest(axis.shape());  // whatever moved the axis before, this mode has no target yet
+  axis.come_to_rest(axis.shape());  // this mode has no target yet, so any motion ends
 }
 
 ProfilePosition::SetPoint ProfilePosition::capture(const Axis& axis, std::uint16_t word) const {
@@ -67,7 +67,7 @@ void ProfilePosition::controlword(Axis& axis, std::uint16_t before, std::uint16_
   } else if (room(axis)) {
     queue_[(head_ + count_++) % capacity] = capture(axis, now);
   } else {
-    return;  // no room: not taken over, statusword bit 12 has been set all along
+    return;  // the queue is full: the set-point is ignored, and statusword bit 12 stays set
   }
   acknowledge_ = true;
   target_reached_ = false;
@@ -80,7 +80,7 @@ ProfilePosition::SetPoint ProfilePosition::pop() {
   return set_point;
 }
 
-// Whether the set-point that waits may follow the one whose demand has just ended.
+// Whether the waiting set-point may begin after the one whose demand has just ended.
 bool ProfilePosition::may_chain(const Axis& axis) {
   if (!axis.policy.set_points_start_from_rest || running_set_point_.end_velocity > 0.0 || passing_) return true;
   const bool slow = std::abs(axis.velocity()) < axis.rpm_to_counts_per_s(standing_rpm);
@@ -119,9 +119,9 @@ Cause ProfilePosition::planning_fault(const Axis& axis, const SetPoint& set_poin
 
 bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Counts& target) {
   std::int64_t user = set_point.target;
-  Counts base_remainder = 0;  // what a base in counts leaves over in user units
+  Counts base_remainder = 0;  // remainder of a reference in counts, because of user units
   if (set_point.relative) {
-    // A motion that was broken off has not made its target the one to count from.
+    // The target of an interrupted motion is not the reference of a relative set-point.
     const std::uint16_t asked = set_point.option & 3u;
     const std::uint16_t relative_to = interrupted_ && asked != relative_to_actual ? relative_to_demand : asked;
     if (relative_to == relative_to_demand || relative_to == relative_to_actual) {
@@ -133,7 +133,7 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
       user += target_user_;
     }
   } else if (const std::int64_t range = axis.position_range(); range != 0) {
-    // A target beyond one end of the range comes in at the other; the way there is that of 60F2h bits 6 and 7.
+    // A target beyond one end of the range wraps to the other; 60F2h bits 6 and 7 select the direction.
     const std::int64_t low = axis.objects.min_position_range_limit;
     const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
     const auto wrapped = [low, range](std::int64_t value) {
@@ -148,10 +148,10 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
       if (2 * distance > range) distance -= range;
       if (2 * distance <= -range) distance += range;
     }
-    // Round the other way lies what 607Dh forbids.
+    // The other direction leads through positions that 607Dh forbids.
     user = axis.limits_bound_range() ? axis.turn_of_demand() + wrapped(user) : now + distance;
   } else {
-    // 6064h shows 32 bits of the position: an absolute target means the turn of that counter the axis is in.
+    // 6064h shows 32 bits of the position: an absolute target is in the present turn of that counter.
     const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
     user += now - wrap_to_32_bits(now);
   }
@@ -175,8 +175,8 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
 }
 
 void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained) {
-  // What a product does not call a fault is no reason to refuse the set-point: an end velocity above the profile
-  // velocity is clipped, limits that contradict each other are off.
+  // Only causes that the product has as faults refuse the set-point. Otherwise an end velocity above the profile
+  // velocity is clipped, and contradicting limits are off.
   if (const Cause cause = planning_fault(axis, set_point); axis.monitors(cause)) {
     axis.raise(cause);
     running_ = false;
@@ -199,7 +199,7 @@ void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained)
   plan(axis, set_point, target, chained);
 }
 
-// Puts an axis at rest at its start speed, or at less where the way is too short to stop from it.
+// Starts an axis at rest with its start speed, or with less if the way is too short to stop from it.
 bool ProfilePosition::start_at_speed(Axis& axis, const SetPoint& set_point, Counts target, const MotionLimits& limits) {
   if (set_point.start_velocity <= 0.0 || !axis.generator.standing()) return false;
   const Counts from = axis.generator.nearest_position();
@@ -224,8 +224,8 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   const Trajectory::Result result = chained && !from_rest
                                         ? axis.generator.continue_to(target, end_velocity, limits, set_point.shape)
                                         : axis.generator.move_to(target, end_velocity, limits, set_point.shape);
-  // A profile without velocity or acceleration leads nowhere: what was running is broken off, and the axis rests short
-  // of its target until it is given a usable one.
+  // A profile without velocity or acceleration cannot run: the present motion is aborted, and the axis rests before its
+  // target until it gets a usable set-point.
   running_ = result != Trajectory::Result::bad_limits && result != Trajectory::Result::bad_state;
   if (!running_) axis.come_to_rest(axis.shape());
   target_ = target;
@@ -240,7 +240,7 @@ void ProfilePosition::plan(Axis& axis, const SetPoint& set_point, Counts target,
   rest_wait_cycles_ = 0;
 }
 
-// A manufacturer's bit of the controlword: with it an absolute target is followed whenever it is written.
+// With a manufacturer's bit of the controlword, every write of an absolute target is a new set-point.
 void ProfilePosition::track(Axis& axis) {
   const std::uint16_t word = axis.controlword;
   const std::uint16_t needed = axis.policy.target_tracking | controlword::mode_bit_4;
@@ -297,7 +297,7 @@ void ProfilePosition::halt(Axis& axis) {
   }
 }
 
-// 607Dh was changed under way: the motion ends at the limit, or, where that is too near or behind, as soon as it can.
+// 607Dh was changed in motion: the motion ends at the limit or, if that is too near or behind, as early as possible.
 void ProfilePosition::keep_to_limits(Axis& axis) {
   if (!axis.software_limits_active()) return;
   if (!running_) return axis.rest_within_limits();
@@ -317,9 +317,9 @@ void ProfilePosition::keep_to_limits(Axis& axis) {
   interrupt(axis, 0);
 }
 
-// A set-point with an end velocity, or one whose way leads past the limit and back as it was given under way: the axis
-// brakes as late as it can by the steeper of the motion's ramp and the quick stop's. From rest it goes on to its
-// target, or to the next one where it only had to pass that; an end velocity ends here.
+// For a set-point with an end velocity, or one given in motion whose way would cross the limit and come back: the axis
+// brakes as late as possible, by the steeper of the motion's ramp and the quick stop's. From rest it continues to its
+// target, or to the next one if it only had to pass the first. An end velocity is dropped.
 void ProfilePosition::brake_before_limit(Axis& axis) {
   if (!running_ || axis.generator.standing() || !axis.software_limits_active()) return;
   const double own = axis.ramp(running_set_point_.deceleration, axis.objects.max_deceleration);
@@ -334,7 +334,7 @@ void ProfilePosition::brake_before_limit(Axis& axis) {
   braking_ = true;
 }
 
-// The rest of that: true while the axis brakes. A set-point that is to act at once does.
+// Continues that braking; true while the axis brakes. A set-point with immediate effect ends it.
 bool ProfilePosition::brakes_before_limit(Axis& axis) {
   if (!braking_) return false;
   if (!immediate_pending_ && !axis.generator.standing()) {
@@ -353,7 +353,7 @@ bool ProfilePosition::brakes_before_limit(Axis& axis) {
   return false;
 }
 
-// 607Fh or 6080h was changed under way: the motion goes on with the speed that is allowed now.
+// 607Fh or 6080h was changed in motion: the motion continues with the speed that is allowed now.
 void ProfilePosition::keep_to_speed(Axis& axis) {
   const double allowed = axis.max_velocity(true);
   if (!running_ || allowed == allowed_) return;
@@ -373,14 +373,14 @@ void ProfilePosition::interrupt(Axis&, int) {
   interrupted_ = true;
 }
 
-// A set-point whose demand had ended counts as well: the shaft was not there yet, and the halt began with the shaft.
+// A set-point whose demand had ended is resumed as well, because the halt began from the shaft, which had not arrived.
 void ProfilePosition::resume(Axis& axis) {
   const bool left = given_ && !interrupted_ && axis.generator.nearest_position() != target_;
   if (!running_ && !left) return;
   const SetPoint rest = running_set_point_;
   const auto way = static_cast<double>(target_ - axis.generator.nearest_position());
   if (rest.end_velocity <= 0.0 || way * direction_ > 0.0) return plan(axis, rest, target_, false);
-  // The halt came to rest beyond a target that is passed with a velocity: on with that.
+  // The halt ended beyond a target that is passed with a velocity: the axis continues with that velocity.
   allowed_ = axis.max_velocity(true);
   axis.generator.run_at(std::copysign(std::min(rest.end_velocity, allowed_), direction_),
                         axis.limits(allowed_, rest.acceleration, rest.deceleration, rest.jerk), rest.shape);

@@ -25,8 +25,8 @@ class ProfilePosition {
   struct SetPoint {
     std::int64_t target = 0;  // user units
     bool relative = false;
-    bool pass_previous = false;  // change on set-point: the set-point before is passed at its profile velocity
-    double velocity = 0.0;       // counts/s and so on, as they stood when the set-point was given
+    bool pass_previous = false;  // change on set-point: the previous set-point is passed at its profile velocity
+    double velocity = 0.0;       // counts/s; this and the next members have the values of when the set-point was given
     double end_velocity = 0.0;
     double start_velocity = 0.0;     // from rest
     std::uint32_t acceleration = 0;  // user units
@@ -61,19 +61,19 @@ class ProfilePosition {
   SetPoint running_set_point_{};
   SetPoint immediate_{};
   bool immediate_pending_ = false;
-  bool given_ = false;  // a set-point, since the mode was entered
+  bool given_ = false;  // a set-point was given since the mode was entered
   bool running_ = false;
-  bool braking_ = false;      // before a software limit, to go on from rest
-  bool passing_ = false;      // the running motion ends at profile velocity because the next set-point asked for it
+  bool braking_ = false;      // brakes before a software limit, and continues from rest
+  bool passing_ = false;      // the running motion ends at profile velocity, as the next set-point requires
   bool acknowledge_ = false;  // from the accepted edge of bit 4 until bit 4 falls
   bool interrupted_ = false;
   bool target_reached_ = true;
   Counts target_ = 0;  // of the running or last motion, application counts
   std::int64_t target_user_ = 0;
-  double direction_ = 1.0;  // in which that leads
+  double direction_ = 1.0;  // direction of that target
   double allowed_ = 0.0;    // the greatest speed when the motion was planned, counts/s
   Dwell window_{};
-  Dwell rest_{};  // of the shaft, between two set-points
+  Dwell rest_{};  // standstill of the shaft between two set-points
   std::uint32_t rest_wait_cycles_ = 0;
 };
 

@@ -12,7 +12,7 @@ void InterpolationPeriod::update(const Axis& axis) {
     cycles_ = std::clamp(set_s_ / axis.cycle_s, 1.0, 1e6);
     return;
   }
-  double scale = 1.0;  // powers of ten are exact as far as they matter
+  double scale = 1.0;  // the powers of ten that occur are exact
   for (int n = std::abs(int{index_}); n > 0; --n) scale *= 10.0;
   const double cycles = value_ * (1000.0 * axis.cycles_per_ms);
   cycles_ = std::clamp(index_ < 0 ? cycles / scale : cycles * scale, 1.0, 1e6);
@@ -20,34 +20,34 @@ void InterpolationPeriod::update(const Axis& axis) {
 
 namespace {
 
-// How early or late a cyclic target may be, in cycles. A target is on time in the first cycle at or after it is due.
+// Tolerance of a cyclic target's time, in cycles. A target is on time in the first cycle at or after its due time.
 constexpr double jitter = 1.0;
 constexpr bool too_late(double due) { return due <= -jitter - 1.0; }
-// Of the mean time of the targets: how far it may be off, in cycles (a period that is no multiple of the cycle makes up
-// to a half), and what one target counts for it.
+// Mean deviation of the targets' times: its tolerance in cycles (a period that is no multiple of the cycle causes up to
+// a half), and the weight of one target.
 constexpr double phase_slack = 0.6;
 constexpr double phase_share = 1.0 / 32.0;
-// What one SYNC counts for the time base that is locked to it, unless it is further off than the jitter of a bus.
+// Weight of one SYNC for the time base that is locked to it, unless its deviation exceeds the jitter of a bus.
 constexpr double lock_share = 1.0 / 8.0;
 constexpr double lock_range = 1.0;      // cycles
 constexpr double shortest_line = 0.25;  // cycles
 
 }  // namespace
 
-// The counts of a target in user units. `last` is the target before.
+// Converts a target in user units to counts. `last` is the previous target.
 Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
   axis.limited = false;
   axis.commanded = user;
   const bool limits = axis.software_limits_active();
-  if (limits) {  // as positions in the range 607Bh, if there is one
+  if (limits) {  // within the range 607Bh, if it is set
     const Axis::UserLimits bounds = axis.software_limits();
     const std::int64_t clipped = std::clamp(user, bounds.least, bounds.greatest);
     if (clipped != user && axis.policy.out_of_limits == OutOfLimits::fault) axis.raise(Cause::position_limit);
     axis.limited = clipped != user;
     user = clipped;
   }
-  // A cyclic target never asks for half a turn in one cycle: the nearer of the two ways round the range 607Bh, from the
-  // target before, or round the 32 bits of the object, from where the axis is sent now.
+  // A cyclic target never means half a turn in one cycle, so the shorter way applies: around the range 607Bh, from the
+  // previous target, or around the 32 bits of the object, from the present demand.
   if (const std::int64_t range = axis.position_range(); range != 0) {
     const std::int64_t now = axis.units.to_user(last);
     std::int64_t distance = (user - now) % range;
@@ -55,7 +55,7 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
     if (distance < -(range / 2)) distance += range;
     // Round the other way lies what 607Dh forbids.
     user = axis.limits_bound_range() ? axis.turn_of(last) + user : now + distance;
-  } else if (limits) {  // the limits forbid the way round the 32 bits
+  } else if (limits) {  // the limits forbid wrapping around the 32 bits
     user += axis.turn_of_demand();
   } else {
     const std::int64_t now = axis.units.to_user(axis.generator.nearest_position());
@@ -64,7 +64,7 @@ Counts resolve_cyclic_target(Axis& axis, std::int64_t user, Counts last) {
   return axis.units.to_counts(user);
 }
 
-// Before the first target of a mode just entered the axis comes to rest from whatever it was doing.
+// Before the first target of a mode, any earlier motion of the axis comes to rest.
 void await_target(Axis& axis) {
   axis.rest_within_limits();
   axis.generator.step(axis.cycle_s);
@@ -105,15 +105,16 @@ bool runs_beyond_limits(const Axis& axis, Line line) {
   return user < bounds.least || user > bounds.greatest;
 }
 
-// 607Dh was set so that the last target lies outside: the axis comes to rest, and the next target is a first one.
+// If 607Dh was changed so that it excludes the last target, the axis comes to rest, and the next target counts as the
+// first.
 void SetPointFollower::keep_to_limits(Axis& axis) {
   if (following_ && given_up_at_limits(axis, target_)) stop();
 }
 
-// Whether the line leads on to the target from the one before; false: it begins with it, to be there in `cycles`.
+// Whether the line continues from the previous target; false: a new line begins, to reach the target in `cycles`.
 bool SetPointFollower::begin(Axis& axis, std::int64_t user, double cycles) {
   keep_to_limits(axis);
-  // One that comes long before the next is due is the lost one, late.
+  // A target that comes long before the next one is due is the missing one, late.
   const bool lost_one = std::exchange(bridging_, false) && due_ > 2.0 * jitter;
   if (following_) return !too_late(due_) && !lost_one;
   following_ = true;
@@ -138,12 +139,12 @@ void SetPointFollower::follow_sync(Axis& axis, std::int64_t user, double age) {
 void SetPointFollower::follow(Axis& axis, std::int64_t user) {
   const double period = period_.cycles(axis);
   regular_ = begin(axis, user, period);
-  if (!regular_) {  // the first after a pause: due one period from now
+  if (!regular_) {  // the first target after a pause is due one period from now
     due_ = period;
     phase_ = 0.0;
-  } else {  // due one period after the one before
+  } else {  // due one period after the previous one
     due_ = std::min(due_, 2.0 * jitter);
-    // The master's clock is not this one. Targets that are always early or late pull the time base along.
+    // The clocks of master and drive differ. The time base follows targets that are always early or late.
     phase_ += (due_ - phase_) * phase_share;
     if (std::abs(phase_) > phase_slack) due_ -= phase_ * phase_share;
     due_ = std::max(1.0, due_ + period);
@@ -151,7 +152,7 @@ void SetPointFollower::follow(Axis& axis, std::int64_t user) {
   lead_to(axis, user);
 }
 
-// A line whose speed has nothing to do with that of the one before is a jump, not a stream that would go on.
+// A line whose speed differs widely from that of the previous line is a jump, not a stream that would continue.
 void SetPointFollower::lead_to(Axis& axis, std::int64_t user) {
   const double before = line_.rate();
   target_ = resolve_cyclic_target(axis, user, target_);
@@ -160,7 +161,7 @@ void SetPointFollower::lead_to(Axis& axis, std::int64_t user) {
   bridge_ = streams_ ? bridging_rate(before, line_.rate()) : 0.0;
 }
 
-// The axis ran on for the time that the next target might have been late.
+// The axis ran on for the tolerance of a late target.
 void SetPointFollower::await_late_target(const Axis& axis) {
   bridging_ = !bridging_ && bridge_ != 0.0;
   streams_ = bridging_;

@@ -6,14 +6,14 @@ namespace servodrome::drive {
 
 namespace {
 
-// Plans the way to a speed. A ramp of 0 lets the axis become no faster: false. It always lets it become slower: with
-// `quick_stop` (counts/s^2) where the deceleration is 0, and at once where that is 0 as well.
+// Plans the ramp to a speed. Returns false if the axis would have to accelerate with a ramp of 0. Slowing down is
+// always possible: with `quick_stop` (counts/s^2) if the deceleration is 0, and at once if that is 0 as well.
 bool plan_velocity(Axis& axis, double target, MotionLimits limits, double quick_stop, RampShape shape) {
   Generator& generator = axis.generator;
   const double shaft = axis.velocity();
   const bool slows = std::abs(target) < std::abs(generator.velocity()) || target * generator.velocity() < 0.0;
   if (slows && std::abs(shaft) < std::abs(generator.velocity()) && !axis.follows_demand()) {
-    generator.start_from(axis.position(), shaft);  // braking begins with the speed that there is
+    generator.start_from(axis.position(), shaft);  // braking begins with the actual speed
   }
   const double velocity = generator.velocity();
   const bool turns = target * velocity < 0.0;
@@ -55,7 +55,7 @@ Cause ProfileVelocity::planning_fault(const Axis& axis, RampShape shape) const {
     }
     if (shape == RampShape::jerk_limited && objects.profile_jerk[0] == 0) return Cause::profile_value_zero;
   }
-  // A stop begins in motion by its nature: that one may be jerk-limited.
+  // A stop always begins in motion, so it may be jerk-limited.
   if (axis.policy.jerk_limited_only_from_standstill && shape == RampShape::jerk_limited &&
       objects.target_velocity != 0 && !axis.generator.standing()) {
     return Cause::jerk_limited_while_moving;
@@ -73,12 +73,12 @@ void ProfileVelocity::step(Axis& axis) {
                         axis.max_velocity(true),
                         axis.active(Signal::invert_direction)};
   const bool same_target = planned_ && request.target == request_.target && request.inverted == request_.inverted;
-  // A target that was given up stays so, but a limit that is lowered is obeyed.
+  // A dropped target stays dropped, but a lowered speed limit is obeyed.
   const bool keeps_given_up = given_up_ && same_target;
   const bool obeys = std::abs(axis.generator.velocity()) <= request.allowed;
   if (!planned_ || (request != request_ && !(keeps_given_up && obeys))) {
     const RampShape shape = request.target == 0 ? axis.velocity_stop_shape() : axis.shape();
-    // Standing still with nothing asked for is no motion that could be planned wrongly.
+    // Standing still with target 0 needs no plan, so it cannot be a planning fault.
     if (request.target != 0 || !axis.generator.standing()) {
       if (const Cause cause = planning_fault(axis, shape); cause != Cause::none) axis.raise(cause);
     }
@@ -93,7 +93,8 @@ void ProfileVelocity::step(Axis& axis) {
     windows_.changed();
   }
   request_ = request;
-  if (given_up_ && wanted_ == 0.0) axis.limited = false;  // a switch holds nothing back that stands as it is told to
+  // an axis that is commanded to stand is not limited by a switch
+  if (given_up_ && wanted_ == 0.0) axis.limited = false;
   if (clipped_) axis.exceed_velocity(Mode::profile_velocity);
   axis.generator.step(axis.cycle_s);
   axis.follow_generator(loop);
@@ -103,7 +104,7 @@ void ProfileVelocity::step(Axis& axis) {
 void ProfileVelocity::observe(Axis& axis) {
   windows_.update(axis, wanted_, axis.generator.finished() && !given_up_);
   if (!axis.policy.slippage_supported) return;
-  // Of a ramp, against the demand as it was when what is shown now was measured.
+  // On a ramp the shown velocity is compared with the demand at the time of its measurement.
   const double shown_goal = axis.generator.velocity() - axis.generator.acceleration() * axis.shown_velocity_lag_s();
   slipping_ = std::abs(axis.shown_velocity() - shown_goal) > axis.objects.max_slippage * axis.units.velocity;
 }
@@ -118,7 +119,7 @@ void VelocityWindows::update(const Axis& axis, double goal, bool arrived) {
   const double error = std::abs(velocity - goal);
   const SpeedWindows& own = axis.configuration.speed_windows;
   if (own.used) {
-    target_reached_ = error < own.reached_counts_per_s;  // 60FFh less actual, and nothing else
+    target_reached_ = error < own.reached_counts_per_s;  // 60FFh less actual velocity only
     speed_zero_ = axis.lasts(std::abs(axis.counts_per_ms) <= own.zero_counts_per_ms, zero_, own.zero_ms);
     return;
   }
@@ -183,7 +184,7 @@ double velocity_unit(const Axis& axis) {
 }
 
 double ramp(const Axis& axis, std::uint32_t delta_speed, std::uint16_t delta_time_s) {
-  // Delta time 0: as fast as the motor can.
+  // Delta time 0: as fast as possible.
   const double speed = std::abs(delta_speed * velocity_unit(axis));
   return delta_time_s == 0 ? speed * 1e4 : speed / delta_time_s;
 }
@@ -214,8 +215,8 @@ void VelocityMode::enter(Axis& axis) {
 void VelocityMode::step(Axis& axis) {
   const Objects& objects = axis.objects;
   // Controlword bit 4: the ramp function generator runs, else the demand ramps down to zero; bit 5: its output follows,
-  // else it is locked; bit 6: its input is the set-point, else zero. There is nothing to lock before this mode has
-  // commanded a velocity: what the axis still does with another mode comes to rest.
+  // else it is locked; bit 6: its input is the set-point, else zero. Until this mode has commanded a velocity there is
+  // no output to lock, and the motion of an earlier mode comes to rest.
   const bool runs = (word_ & controlword::mode_bit_4) != 0;
   const bool locks = runs && (word_ & controlword::mode_bit_5) == 0;
   const bool locked = locks && ramped_;
@@ -269,7 +270,8 @@ void ProfileTorque::step(Axis& axis) {
   const float target = axis.active(Signal::invert_direction) ? -wanted : wanted;
   const float slope = static_cast<float>(objects.torque_slope) * 0.001F;
   const auto cycle = static_cast<float>(axis.cycle_s);
-  if (objects.torque_profile_type != 0) axis.raise(Cause::torque_profile_type);  // where it is a fault: linear only
+  // if the product has this fault; only the linear type exists
+  if (objects.torque_profile_type != 0) axis.raise(Cause::torque_profile_type);
   if (slope <= 0.0F) {
     demand_ = target;  // no slope set: a step
   } else if (objects.torque_profile_type == 1) {

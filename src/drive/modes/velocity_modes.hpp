@@ -5,17 +5,17 @@
 
 namespace servodrome::drive {
 
-// What the statusword shows of a velocity: target reached (bit 10) and speed zero (bit 12), by the windows 606Dh to
-// 6070h or by those of the device (Configuration::speed_windows).
+// Target reached (bit 10) and speed zero (bit 12) of the statusword, by the windows 606Dh to 6070h or those of the
+// device (Configuration::speed_windows).
 class VelocityWindows {
  public:
   void restart() {
     target_reached_ = false;
     window_.reset();
   }
-  // The demand has changed: what was reached counts no more.
+  // To be called when the demand changes: restarts "target reached".
   void changed() { window_.reset(); }
-  // `goal` in counts/s; `arrived`: it is no longer on its way there.
+  // `goal` in counts/s; `arrived`: the demand has reached it.
   void update(const Axis& axis, double goal, bool arrived);
   std::uint16_t status() const;
 
@@ -23,7 +23,7 @@ class VelocityWindows {
   bool target_reached_ = false;
   bool speed_zero_ = true;
   Dwell window_{};
-  Dwell zero_{};  // how long the axis has been moving or, by the device's windows, standing
+  Dwell zero_{};  // time that the axis has moved or, with the device's windows, stood
 };
 
 // Profile velocity mode (CiA 402-2).
@@ -34,7 +34,7 @@ class ProfileVelocity {
   void enter(Axis& axis);
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
-  void observe(Axis& axis);  // what the statusword shows; also while a stop runs instead of `step`
+  void observe(Axis& axis);  // updates the statusword's bits; also called while a stop runs instead of `step`
   void halt(Axis&) {}
   void resume(Axis& axis) {
     if (!given_up_) enter(axis);
@@ -51,14 +51,14 @@ class ProfileVelocity {
     std::uint32_t jerk = 0;
     std::int16_t shape = 0;
     double allowed = 0.0;   // the greatest speed, counts/s
-    bool inverted = false;  // by an input
+    bool inverted = false;  // reversed by an input
     friend bool operator==(const Request&, const Request&) = default;
   };
   Cause planning_fault(const Axis& axis, RampShape shape) const;
 
   Request request_{};
   bool planned_ = false;
-  // Ended by a limit, or without a ramp to begin with: the axis waits for another target, whatever else changes.
+  // A limit ended the motion, or it could not start without a ramp: the axis waits for another target.
   bool given_up_ = false;
   double wanted_ = 0.0;  // the request in counts/s
   bool slipping_ = false;
@@ -66,7 +66,7 @@ class ProfileVelocity {
   VelocityWindows windows_{};
 };
 
-// A manufacturer's mode: the target velocity at once, without ramps.
+// A manufacturer's mode: the target velocity without ramps.
 class ImmediateVelocity {
  public:
   static constexpr Loop loop = Loop::velocity;
@@ -106,7 +106,7 @@ class VelocityMode {
   double quick_stop_deceleration(const Axis& axis) const;
   std::uint16_t status(const Axis&) const { return 0; }
 
-  // A velocity as 6043h and 6044h show it: in the unit of the set-point 6042h.
+  // A velocity in the unit of the set-point 6042h, for 6043h and 6044h.
   static double to_vl(const Axis& axis, double counts_per_s);
 
  private:
@@ -118,7 +118,7 @@ class VelocityMode {
   bool blocked_ = false;  // as ProfileVelocity::given_up_
 };
 
-// Torque-controlled modes share the slope; profile torque mode (CiA 402-2).
+// Profile torque mode (CiA 402-2).
 class ProfileTorque {
  public:
   static constexpr Loop loop = Loop::torque;

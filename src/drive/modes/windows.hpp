@@ -4,7 +4,7 @@
 
 namespace servodrome::drive {
 
-// "For a time in a window": true once the condition has held for `needed` cycles without interruption.
+// Debounce for windows: true once the condition has held for `needed` cycles without interruption.
 class Dwell {
  public:
   bool update(bool condition, std::uint32_t needed) {
