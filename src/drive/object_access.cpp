@@ -4,7 +4,7 @@
 #include "drive/rounding.hpp"
 #include "drive/with_mode.hpp"
 
-// The drive as owner of dictionary objects: what a write means, and values computed when they are read.
+// The drive as owner of dictionary objects: effects of writes, and values computed for reads.
 namespace servodrome::drive {
 
 namespace {
@@ -17,7 +17,7 @@ using Value = std::span<const std::byte>;
 
 bool allowed(std::uint32_t values, std::int64_t code) { return code >= 0 && code < 32 && (values >> code & 1u) != 0; }
 
-// The signal that stands for `signal` in 60FDh.
+// The signal that 60FDh shows for `signal`.
 std::uint8_t shown_limit(std::uint8_t signal, bool exchanged) {
   constexpr auto negative = static_cast<std::uint8_t>(Signal::negative_limit);
   constexpr auto positive = static_cast<std::uint8_t>(Signal::positive_limit);
@@ -38,14 +38,14 @@ std::int64_t number(const Entry& entry, Value value) { return dictionary::decode
 
 AbortCode legal(bool is) { return is ? AbortCode::none : AbortCode::value_invalid; }
 
-// Of 605Ah and 605Dh, which have codes for stopping at once.
+// For 605Ah and 605Dh, which have codes for stopping at once.
 bool allowed_stop(const OptionCodes& codes, std::uint32_t values, std::int64_t code) {
   return allowed(values, code) || (codes.at_once_from != 0 && code >= codes.at_once_from);
 }
 
 double sign(const Units& units) { return units.velocity_inverted ? -1.0 : 1.0; }
 
-// Handlers that act on the drive they are called with.
+// Handlers that call `act` with their drive.
 template <auto act>
 constexpr auto check_by =
     [](Listener& drive, const Entry& entry, Value value) { return act(static_cast<Drive&>(drive), entry, value); };
@@ -53,7 +53,7 @@ template <auto act>
 constexpr auto written_by = [](Listener& drive, const Entry& entry) { act(static_cast<Drive&>(drive), entry); };
 template <auto act>
 constexpr auto refresh_by = [](Listener& drive, const Entry& entry) {
-  if constexpr (requires(Drive & its) { act(its, entry); }) {  // of a range of objects
+  if constexpr (requires(Drive & its) { act(its, entry); }) {  // for a range of objects
     act(static_cast<Drive&>(drive), entry);
   } else {
     act(static_cast<Drive&>(drive));
@@ -72,7 +72,7 @@ struct Drive::OwnObjects {
       : first(from), last(to), handlers(their_handlers) {}
 };
 
-// Apart, since it alone needs room for all objects.
+// Not inlined, because only this function needs stack for all objects.
 [[gnu::noinline]] AbortCode Drive::check_units(const Entry& entry, std::span<const std::byte> value) const {
   if (energised()) return AbortCode::device_state;
   if (entry.offset < objects_base_ || entry.offset + value.size() > objects_base_ + sizeof(Objects)) {
@@ -85,10 +85,10 @@ struct Drive::OwnObjects {
   return possible ? AbortCode::none : AbortCode::parameter_incompatible;
 }
 
-// By index.
+// Sorted by index.
 std::span<const Drive::OwnObjects> Drive::own_objects() {
-  // The axis would jump in its own units, so they change only without power; then it is where it stands in the new
-  // ones.
+  // Changing units would make the axis jump, so it needs power off. Afterwards the position is that of the shaft in
+  // the new units.
   static constexpr Handlers unit{
       .check = check_by<[](Drive& drive, const Entry& entry, Value value) { return drive.check_units(entry, value); }>,
       .written = written_by<[](Drive& drive, const Entry&) {

@@ -3,8 +3,8 @@
 #include <array>
 #include <cstdint>
 
-// The values of the CiA 402-2 objects, by the standard's names. Units are the device's user units unless a comment says
-// otherwise; the object tables (cia402_section.hpp, products) give index, range and unit.
+// The values of the CiA 402-2 objects, by the standard's names. Units are the device's user units unless a comment
+// says otherwise. The object tables (cia402_section.hpp, products) have index, range and unit.
 namespace servodrome::drive {
 
 struct Objects {

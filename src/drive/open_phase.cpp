@@ -8,18 +8,18 @@ namespace servodrome::drive {
 
 namespace {
 
-// Currents below this share of the rated one tell nothing.
+// Currents below this fraction of the rated one are not evaluated.
 constexpr float least_share = 0.005F;
-// A phase carries nothing beside one that carries this many times as much.
+// A phase counts as without current below this fraction of another phase's current.
 constexpr float none_share = 0.1F;
-// Turning: in so many sixteenths of a turn, and in this share of those that were passed, the current must have had to
-// do without the phase. Each zero of a whole phase takes a few degrees, so that is a quarter of them at most; of a
-// current that hardly flows the looks that tell something are few, and may meet such zeros by chance.
+// Turning: the least number of sixteenths of a turn without current in the phase, and their least fraction of all
+// sixteenths passed. The zero crossings of an intact phase take a few degrees each, at most a quarter of the
+// sixteenths. With a very low current there are few valid samples, which may hit zero crossings by chance.
 constexpr int least_without = 6;
 constexpr int share_numerator = 2;
 constexpr int share_denominator = 3;
-// Standing: over a window of 50 ms the voltage must be a multiple of what the least current needs, and as much more
-// as the rotor induces in a quarter of a turn, and as a bridge may be wrong by.
+// Standing: over a window of 50 ms the voltage must exceed a multiple of what the least current needs, plus the
+// voltage that the rotor induces in a quarter of a turn, plus the error of a bridge.
 constexpr std::uint32_t window_samples = 25;
 constexpr float window_s = 0.05F;
 constexpr float resistance_margin = 4.0F;

@@ -9,8 +9,8 @@
 
 namespace servodrome::drive {
 
-// Finds a wire to the motor that is cut, from what a current must do where it has its way, whatever the controllers ask
-// for and the DC link can give. Two signs:
+// Detects an open wire to the motor from the currents, independently of the controllers and of the DC link's voltage.
+// Two criteria:
 //
 // - Turning: the current of a whole winding system turns with the rotor. Where it flows in two phases only and never in
 //   the third, while the rotor passes most of an electrical turn, the third is open.
@@ -21,11 +21,12 @@ class OpenPhase {
  public:
   struct Sample {
     std::array<float, 3> current_a{};
-    std::array<float, 3> voltage_v{};  // that was applied when the current was measured
+    std::array<float, 3> voltage_v{};  // applied while the current was measured
     Phase angle = 0;                   // electrical
     Counts position = 0;
     float dc_link_v = 0.0F;
-    bool field_turns = true;  // the current is meant to turn with the rotor: not while it is held by current
+    // the current should rotate with the rotor; false while a constant current holds the rotor
+    bool field_turns = true;
   };
 
   void configure(const MotorData& motor);
@@ -33,7 +34,7 @@ class OpenPhase {
     if (looked_) forget();
   }
   void look(const Sample& sample);
-  // Ticks from one look to the next.
+  // Ticks until the next sample.
   std::uint32_t next_look() { return pattern[turn_++ % pattern.size()]; }
   bool open() const { return open_; }
 
@@ -41,10 +42,10 @@ class OpenPhase {
   static constexpr std::array<std::uint8_t, 8> pattern{25, 37, 31, 43, 22, 34, 27, 37};
 
   struct Watched {
-    std::uint16_t passed = 0;   // sixteenths of the electrical turn, since the phase last carried its share
-    std::uint16_t without = 0;  // ... where the others carried current and this one none
-    float most_a = 0.0F;        // of the window
-    float volts = 0.0F;         // sum over it
+    std::uint16_t passed = 0;   // sixteenths of the electrical turn passed since the phase last carried its current
+    std::uint16_t without = 0;  // ... of them those in which the other phases carried current and this one none
+    float most_a = 0.0F;        // greatest current in the window
+    float volts = 0.0F;         // sum of the voltage over the window
   };
   void forget();
   void look_turning(const Sample& sample);
@@ -60,8 +61,8 @@ class OpenPhase {
   Counts lowest_ = 0;
   Counts highest_ = 0;
 
-  float least_a_ = 0.0F;        // that tells anything
-  float least_v_ = 0.0F;        // across a phase that stands
+  float least_a_ = 0.0F;        // least current that is evaluated
+  float least_v_ = 0.0F;        // least voltage across a phase at standstill
   Counts standing_counts_ = 0;  // a quarter of an electrical turn
 };
 

@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-// Whole numbers of a double within +-2^63, as std::floor and std::llround have them, to the last bit. Those are calls
-// where the processor is not known to have an instruction for them, several in each cycle.
+// Conversions of a double within +-2^63 to integers, with exactly the results of std::floor and std::llround. Those
+// are library calls unless the compiler may use an instruction for them, and each cycle needs several.
 namespace servodrome::drive {
 
 constexpr std::int64_t floor_to_integer(double value) {
@@ -18,7 +18,7 @@ constexpr std::int64_t round_to_integer(double value) {
   return whole + (rest >= 0.5 ? 1 : 0) - (rest <= -0.5 ? 1 : 0);
 }
 
-// What floor_to_integer leaves out, 0 to 1.
+// The part that floor_to_integer omits, 0 to 1.
 constexpr double fraction_of(double value) { return value - static_cast<double>(floor_to_integer(value)); }
 
 }  // namespace servodrome::drive

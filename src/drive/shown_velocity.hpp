@@ -10,22 +10,22 @@
 
 namespace servodrome::drive {
 
-// The velocity that is shown (606Ch) and that the statusword's windows look at. The loops' own estimate is quick, and
-// jumps by what one count makes of a period; this one is quiet, and late by a time that is known: the mean of the last
-// N positions less the mean of the N before, by N cycles. One count shows as at most 1 / N of it per cycle, standing is
-// exactly 0, and a constant velocity is exact in the mean.
+// The velocity for 606Ch and the statusword's windows. The estimate of the loops is fast, but one count changes it by
+// a whole count per period. This one is smooth, with a known delay: the mean of the last N positions less the mean of
+// the N before, divided by N cycles. One count changes it by at most 1 / N of a count per cycle; standstill is exactly
+// 0, and a constant velocity is exact on average.
 class ShownVelocity {
  public:
   static constexpr std::size_t longest = 32;
 
-  // The lag that shows one count as no more than 0.1 % of the rated speed, within 4 to 16 ms.
+  // The lag with which one count is at most 0.1 % of the rated speed, within 4 to 16 ms.
   static float needed_ms(const MotorData& motor) {
     const float rated_counts_per_ms = motor.rated_speed_rpm / 60.0e3F * static_cast<float>(motor.counts_per_revolution);
     return std::clamp(std::ceil(1.0e3F / std::max(rated_counts_per_ms, 1.0F)), 4.0F, 16.0F);
   }
 
   // `lag_ms` becomes a whole number of cycles, 1 to `longest`. `filter_ms`: time constant of a low pass after it; 0:
-  // none. What was measured is kept unless the lag changes.
+  // none. Measured values are kept unless the lag changes.
   void configure(float lag_ms, float filter_ms, double cycle_s) {
     const double cycles = std::round(1.0e-3 * static_cast<double>(lag_ms) / cycle_s);
     const auto window = static_cast<std::size_t>(std::clamp(cycles, 1.0, static_cast<double>(longest)));
@@ -42,7 +42,7 @@ class ShownVelocity {
   void update(Counts position) {
     if (!measuring_) [[unlikely]]
       begin(position);
-    // The edge of a count that was crossed last, as the loops measure it: an axis that stands on an edge stands.
+    // Uses the last crossed edge of a count, as the loops do, so that an axis standing on an edge shows 0.
     edge_ = std::clamp(edge_, position, position + 1);
     const std::size_t middle = next_ < window_ ? next_ + window_ : next_ - window_;
     difference_ += edge_ - 2 * edges_[middle] + edges_[next_];
@@ -66,7 +66,8 @@ class ShownVelocity {
   }
   void filter() {
     filtered_ += filter_gain_ * (measured() - filtered_);
-    const double smallest = 1.0 / static_cast<double>(window_ * window_);  // not 0 that can be measured
+    // smallest velocity other than 0 that can be measured
+    const double smallest = 1.0 / static_cast<double>(window_ * window_);
     if (difference_ == 0 && std::abs(filtered_) < 0.5 * smallest) filtered_ = 0.0;
   }
 

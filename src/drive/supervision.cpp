@@ -33,7 +33,7 @@ constexpr auto hardware_causes = std::to_array<FlagCause>({
     {flag(HardwareFault::internal), Cause::internal_hardware},
 });
 
-// Dips shorter than this are ridden through.
+// Shorter dips of the voltage are ignored.
 constexpr std::uint32_t under_voltage_ms = 5;
 
 }  // namespace
@@ -87,8 +87,8 @@ void Supervision::cycle(Axis& axis, const Feedback& feedback, const Situation& s
   last_signals_ = axis.signals;
 }
 
-// Meeting the switch is the fault, not standing on it: else it could not be reset before the axis was moved by hand. As
-// a warning it goes with its level.
+// Reaching the switch is the fault, not standing on it; otherwise it could not be reset before the axis was moved by
+// hand. As a warning it follows the level.
 void Supervision::limit_switches(const Axis& axis, const Situation& situation) {
   const bool levels = axis.configuration.monitors.limit_switch_levels;
   if ((!axis.homed && !levels) || situation.homing) return;
@@ -152,8 +152,8 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   if (objects.max_motor_speed_rpm != 0 && monitors.over_speed_by_object) {
     over_speed_rpm = std::min(over_speed_rpm, 1.2F * static_cast<float>(objects.max_motor_speed_rpm));
   }
-  // A lower one is watched once the shaft has kept well below it, ripple included, and longer than it takes to swing
-  // through zero; till then that of before.
+  // A lowered limit is monitored once the shaft has stayed well below it, ripple included, for longer than a swing
+  // through zero takes. Until then the limit before applies.
   constexpr float well_below = 0.9F;
   constexpr std::uint32_t kept_ms = 100;
   const auto above = [&axis](float speed_rpm) {
@@ -161,7 +161,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   };
   const bool kept = axis.lasts(!above(well_below * over_speed_rpm), kept_below_, kept_ms);
   if (over_speed_rpm >= over_speed_rpm_ || kept) over_speed_rpm_ = over_speed_rpm;
-  // An encoder that was away shows the way of meanwhile as a speed.
+  // After its connection was lost, an encoder shows the motion of that time as a speed.
   if (above(over_speed_rpm_) && encoder_cycles_ == 0) present_.set(Cause::over_speed);
 
   const bool position_loop = situation.energised && !situation.pressing &&
@@ -208,7 +208,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
   if (axis.lasts(slow, velocity_, monitors.velocity_error_ms)) present_.set(Cause::velocity_error);
 
   if (axis.policy.out_of_limits == OutOfLimits::fault && situation.energised && axis.software_limits_active()) {
-    // A target at the limit may be overshot by some counts: in the position loop the demand decides.
+    // The shaft may overshoot a target at the limit by some counts, so in the position loop the demand is checked.
     const bool demanded = situation.loop == Loop::position;
     const std::int64_t user = axis.to_user_position(demanded ? axis.generator.nearest_position() : axis.position());
     const double direction = axis.units.position_inverted ? -axis.generator.velocity() : axis.generator.velocity();
@@ -218,7 +218,7 @@ void Supervision::motion(Axis& axis, const Situation& situation) {
     }
   }
 
-  // A closed brake holds: an axis that moves by more than a hundredth of a turn behind it has lost its brake.
+  // An axis that moves by more than a hundredth of a turn with the brake closed has lost its brake.
   if (situation.brake_closed) {
     if (!brake_was_closed_) brake_position_ = axis.encoder_position;
     const Counts slipped = std::abs(axis.encoder_position - brake_position_);

@@ -8,17 +8,17 @@
 
 namespace servodrome::drive {
 
-// The monitors of one axis, once per position-loop cycle: which causes are present now, and which warnings.
+// The monitors of one axis, run once per position-loop cycle: the causes and warnings that are present.
 class Supervision {
  public:
   struct Situation {
-    std::uint32_t hardware_faults = 0;  // since the last cycle, where a comparator speaks for a tick only
-    bool energised = false;             // the power stage works
+    std::uint32_t hardware_faults = 0;  // since the last cycle, because a comparator may be active for one tick only
+    bool energised = false;             // the power stage is on
     bool dc_link_expected = false;      // the DC link should have its voltage
     bool brake_closed = false;          // engaged for longer than its delay
     bool homing = false;
     bool profiled = false;  // operation is enabled in a mode with ramps 6083h, 6084h
-    bool pressing = false;  // homing against a hard stop: following error and torque limit are meant
+    bool pressing = false;  // homing against a hard stop: following error and torque limit are intended
     Loop loop = Loop::off;
   };
 
@@ -26,9 +26,9 @@ class Supervision {
   static std::uint32_t comparator_of(Cause cause);
 
   void reset() { *this = {}; }
-  void configure(const Axis& axis);  // takes the configuration over and keeps what has been measured
+  void configure(const Axis& axis);  // adopts the configuration and keeps measured values
   void cycle(Axis& axis, const Feedback& feedback, const Situation& situation);
-  OpenPhase& open_phase() { return open_phase_; }  // which looks at ticks of its own
+  OpenPhase& open_phase() { return open_phase_; }  // it samples at its own ticks
 
   const CauseSet& present() const { return present_; }
   bool warning() const { return warning_; }
@@ -42,10 +42,10 @@ class Supervision {
   void motion(Axis& axis, const Situation& situation);
   void limit_switches(const Axis& axis, const Situation& situation);
 
-  static constexpr std::uint32_t encoder_return_ms = 20;  // until the speed that is measured is the shaft's again
+  static constexpr std::uint32_t encoder_return_ms = 20;  // until the measured speed is valid again
 
   CauseSet present_{};
-  std::uint32_t encoder_cycles_ = 0;  // still to go of that
+  std::uint32_t encoder_cycles_ = 0;  // remaining cycles of that time
   I2t i2t_{};
   I2t stage_i2t_{};
   bool warning_ = false;
@@ -58,10 +58,10 @@ class Supervision {
   Dwell brake_resistor_{};
   OpenPhase open_phase_{};
   std::uint32_t last_signals_ = 0;
-  float over_speed_rpm_ = 0.0F;  // that is watched
-  Dwell kept_below_{};           // ... what is set
+  float over_speed_rpm_ = 0.0F;  // limit in force
+  Dwell kept_below_{};           // time below the limit that is set
   Counts brake_position_ = 0;
-  Counts index_position_ = 0;  // where the last index pulse was
+  Counts index_position_ = 0;  // position of the last index pulse
   bool brake_was_closed_ = false;
 };
 

@@ -60,7 +60,7 @@ void TouchProbe::write_function(std::uint16_t function) {
       arm(probe);
     } else {
       for (std::size_t edge = 0; edge < 2; ++edge) {
-        // Switched off it holds nothing any more; switched on it waits for its next first event.
+        // Switching an edge off clears its stored flag; switching it on arms it for the next event.
         if (((before ^ now) & edge_enable[edge]) != 0) probe.status = byte(probe.status & ~edge_stored[edge]);
       }
     }
@@ -107,7 +107,7 @@ bool TouchProbe::capture(Probe& probe, const SignalEdge& edge) {
     probe.index_known = true;
     probe.last_index = edge.position;
     if (first) return false;
-    // Also right when the axis turned round and met the same index again: no revolution, no deviation.
+    // Also right if the axis reversed and met the same index again: no revolution, no deviation.
     const Counts distance = travelled < 0 ? -travelled : travelled;
     const Counts revolutions = (distance + counts_per_revolution_ / 2) / counts_per_revolution_;
     value = distance - revolutions * counts_per_revolution_;

@@ -11,10 +11,10 @@
 // the probe inputs or of the encoder's index. Positions are encoder counts; the drive converts them.
 namespace servodrome::drive {
 
-// What a product's probes can do. Bits of 60B8h for something a product does not have are accepted and never latch.
+// The capabilities of a product's probes. Bits of 60B8h for missing capabilities are accepted but never latch.
 struct TouchProbeCapability {
   enum class IndexValue : std::uint8_t {
-    position,   // where the index was
+    position,   // position of the index
     deviation,  // successive indexes: their distance less the nearest whole number of revolutions
   };
   std::uint8_t probes = 0;     // 0, 1 or 2
@@ -22,7 +22,7 @@ struct TouchProbeCapability {
   bool input_falling = false;  //
   bool index_rising = false;   // edges of the index that latch
   bool index_falling = false;  //
-  bool source_object = false;  // trigger source 10b of 60B8h: 60D0h decides
+  bool source_object = false;  // with trigger source 10b of 60B8h, 60D0h selects the source
   bool source_status = false;  // status bit 6 (14) mirrors the source: 1 = index
   bool toggle_status = false;  // status bit 6 (14), 7 (15) change with every rising, falling edge in continuous mode
   IndexValue index_value = IndexValue::position;
@@ -45,8 +45,8 @@ class TouchProbe {
 
   explicit TouchProbe(const TouchProbeCapability& capability) : capability_(capability) {}
 
-  // 60B8h. Switching a probe on (bit 0, 8) arms both its edges; an edge is armed anew when its enable bit changes to 1.
-  // A change of mode or source of a probe that is on arms it anew, as if switched off and on.
+  // 60B8h. Switching a probe on (bit 0, 8) arms both its edges; an edge is armed anew when its enable bit changes to
+  // 1. Changing mode or source of a probe that is on re-arms it, as switching it off and on does.
   void write_function(std::uint16_t function);
 
   // 60D0h sub `probe` + 1: 1, 2 = probe input 1, 2; 5, 6 = index. Others never latch.
@@ -56,7 +56,8 @@ class TouchProbe {
   // supervised.
   void set_deviation_supervision(Counts counts_per_revolution, Counts threshold);
 
-  // Every captured edge, in the order they happened. True: a deviation beyond the threshold has been latched.
+  // To be called for every captured edge, in order of time. Returns true if a deviation beyond the threshold was
+  // latched.
   bool on_edge(const SignalEdge& edge);
 
   const TouchProbeCapability& capability() const { return capability_; }

@@ -1,19 +1,19 @@
 #include "drive/with_mode.hpp"
 
-// The drive's side of the power state machine: what transitions do to the motor, the brake and the faults.
+// The effects of the power state machine's transitions on motor, brake and faults.
 namespace servodrome::drive {
 
 namespace {
 
-// The shaft stands when it has been slower than this for so long ...
+// The shaft stands if it has been slower than this for this time ...
 constexpr double standing_rpm = 5.0;
 constexpr std::uint32_t standing_ms = 2;
-// ... and, while its windings are shorted, has had less than this share of the rated current.
+// ... and, while its windings are shorted, its current is below this fraction of the rated one.
 constexpr float standing_current = 0.05F;
-// A stop ends without the shaft's rest when its ramp has been over for so long: something keeps the axis moving.
+// A stop also ends this long after its ramp if the shaft still does not stand, because something keeps moving it.
 constexpr std::uint32_t rest_wait_ms = 2000;
-// A DC link is charged when it is above its under-voltage and grows no faster than this share of it in a millisecond:
-// the precharge resistor, behind which a motor would starve, is bridged then.
+// A DC link is charged if it is above its under-voltage and rises by no more than this fraction of it in a
+// millisecond. The precharge resistor, through which a motor could not be supplied, is bridged by then.
 constexpr double charged_rise_per_ms = 0.001;
 
 // Whether an option code is in a set of them (OptionCodes).
@@ -25,11 +25,12 @@ bool has(std::uint32_t codes, std::int16_t code) {
 
 void Drive::handle_controlword(std::uint16_t before, std::uint16_t now) {
   controlword_ = now;
-  change_mode();  // a mode that was written before acts with this controlword, not only from the next cycle on
+  // a mode that was written before must be in force for this controlword, not only from the next cycle on
+  change_mode();
   if ((now & controlword::fault_reset) != 0) {
-    awaits_dc_link_ = false;  // what was commanded before is no longer
+    awaits_dc_link_ = false;  // a new word cancels the earlier command
     // A word with bit 7 resets faults and commands nothing: in the table of commands bit 7 is 0 (CiA 402-2 table 9).
-    // Halt is no bit of that table: it stops whatever stands beside it.
+    // Halt is not in that table, so it acts beside any other bits.
     const bool resets = (before & controlword::fault_reset) == 0 && reset_faults();
     if (!resets || !policy_.reset_word_is_a_command) {
       axis_.controlword |= now & controlword::halt;
@@ -49,7 +50,7 @@ bool Drive::accepts(const Transition& transition) const {
   if (transition.from != state_) return false;
   switch (transition.number) {
     case 3: return transition.command != Command::enable_operation || policy_.direct_enable;
-    case 16:  // not while the stop leads to Switch on disabled by itself
+    case 16:  // not during a stop that ends in Switch on disabled
       return policy_.transition_16 && !pending_.active && !axis_.active(Signal::quick_stop) &&
              has(policy_.option_codes.quick_stop_continues, axis_.objects.quick_stop_option_code);
     case release_quick_stop: return !pending_.active;
@@ -60,14 +61,14 @@ bool Drive::accepts(const Transition& transition) const {
 void Drive::handle_command(Command command) {
   if (command != Command::switch_on && command != Command::enable_operation) awaits_dc_link_ = false;
   if (state_ == PowerState::operation_enabled && pending_.active && command == Command::enable_operation) {
-    // The operation that was being ended is wanted again: take over the axis as it moves.
+    // Operation is enabled again during its end: continue from the present motion.
     pending_ = {};
     enter_state(PowerState::operation_enabled);
     return;
   }
   const Transition* transition = transitions_.find(state_, command);
   if (transition == nullptr || !accepts(*transition)) return;
-  // On the way already; but disable voltage does not wait for a ramp to end.
+  // The transition is under way already. Only disable voltage does not wait for the end of a ramp.
   if (pending_.active && pending_.to == transition->to && command != Command::disable_voltage) return;
   switch (transition->number) {
     case 3:
@@ -86,7 +87,7 @@ void Drive::handle_command(Command command) {
       leave_operation(stop_of(code), PowerState::switch_on_disabled);
       if (has(policy_.option_codes.quick_stop_stays, code)) {
         pending_.active = false;
-        if (stage_ == Stage::engaging_brake) switch_power(true);  // it was on its way to another state
+        if (stage_ == Stage::engaging_brake) switch_power(true);  // the brake was closing for another state
       }
       break;
     }
@@ -101,20 +102,20 @@ void Drive::handle_command(Command command) {
   }
 }
 
-// Of a drive that does not watch its DC link, any voltage is enough.
+// For a drive that does not monitor its DC link, any voltage is enough.
 bool Drive::dc_link_charged() const {
   const FaultRow* fault = row(Cause::under_voltage);
   const bool watched =
       fault != nullptr && fault->reaction != Reaction::none && !axis_.configuration.ignored.test(Cause::under_voltage);
   if (!watched) return true;
-  constexpr std::uint32_t least_cycles = 2;  // for `dc_link_rise_v_` to be that of a link that is connected
+  constexpr std::uint32_t least_cycles = 2;  // until `dc_link_rise_v_` is valid for a connected link
   const double greatest_rise_v = charged_rise_per_ms / axis_.cycles_per_ms * static_cast<double>(dc_link_v_);
   return dc_link_cycles_ >= least_cycles && dc_link_v_ >= axis_.configuration.monitors.under_voltage_v &&
          static_cast<double>(dc_link_rise_v_) <= greatest_rise_v;
 }
 
-// Transition 3 when the DC link has its voltage; the controlword that is there then says whether transition 4 follows.
-// A bit of the mode that was set meanwhile, as of a set-point, is an edge now.
+// Makes transition 3 when the DC link has its voltage. The present controlword then decides whether transition 4
+// follows. A mode bit that was set meanwhile, e.g. for a set-point, counts as an edge now.
 void Drive::step_dc_link() {
   if (!awaits_dc_link_ || !dc_link_charged()) return;
   enter_state(PowerState::switched_on);
@@ -124,7 +125,7 @@ void Drive::step_dc_link() {
   }
 }
 
-// Of 605Ah and 605Dh.
+// For 605Ah and 605Dh.
 Stop Drive::stop_of(std::int16_t code) const {
   const std::int16_t at_once = policy_.option_codes.at_once_from;
   return at_once != 0 && code >= at_once ? Stop::current_limit : stop_of_option_code(code);
@@ -137,7 +138,7 @@ bool Drive::has_power_in(PowerState state) const {
 
 void Drive::leave_operation(Stop stop, PowerState to) {
   if (stop == Stop::power_off && has_power_in(to)) {
-    enter_state(to);  // held there as it moves
+    enter_state(to);  // the axis is held in this state
   } else if (stop == Stop::power_off && hold_for_brake()) {
     pending_ = {true, to};
   } else if (stop == Stop::power_off || !energised()) {
@@ -149,11 +150,11 @@ void Drive::leave_operation(Stop stop, PowerState to) {
   }
 }
 
-// Zero speed at once, and the brake closes meanwhile. False: the product does not, or there is nothing to hold.
+// Zero speed at once, while the brake closes. Returns false if the product does not do so, or nothing needs holding.
 bool Drive::hold_for_brake() {
   if (!policy_.brake_engages_before_power_off || !axis_.configuration.has_brake() || !energised()) return false;
   if (too_fast_for_brake()) return false;
-  if (zero_speed_ && stage_ == Stage::engaging_brake) return true;  // a master that says it with every cycle
+  if (zero_speed_ && stage_ == Stage::engaging_brake) return true;  // a master that repeats the command in every cycle
   stopping_ = short_circuit_ = false;
   zero_speed_ = true;
   engage_brake();
@@ -187,10 +188,10 @@ void Drive::enter_state(PowerState to) {
   identification_.abort();
   if (power != energised()) {
     switch_power(power);
-    // An axis that stands, by the measure of its stops, is held where it is, whatever it drifts.
+    // An axis that stands by the criterion of stops is held at its position, whatever its slow drift.
     if (power) shaft_stands_ ? axis_.generator.reset(axis_.position()) : axis_.take_over_actual();
   } else if (stage_ == Stage::engaging_brake) {
-    switch_power(true);  // enabled again while the brake was closing
+    switch_power(true);  // enabled again while the brake closes
     axis_.take_over_actual();
   } else if (power && axis_.demand.loop != Loop::position) {
     axis_.take_over_lagging();
@@ -215,8 +216,9 @@ void Drive::switch_power(bool on) {
   }
 }
 
-// What follows begins with what the shaft does, unless it does what is demanded of it: not under torque, not while it
-// is stopped without a ramp, and not after a demand that no motor follows, such as a cyclic set-point that jumps.
+// The next motion begins from the actual motion of the shaft, unless the shaft follows its demand. It does not follow
+// it under torque control, in a stop without a ramp, or after a demand that no motor can follow, such as a cyclic
+// set-point that jumps.
 void Drive::take_over_shaft() {
   const Loop loop = axis_.demand.loop;
   if (loop == Loop::off) return;
@@ -224,7 +226,7 @@ void Drive::take_over_shaft() {
   const bool without_ramp = stopping_ && (stop_ == Stop::current_limit || stop_ == Stop::voltage_limit);
   const bool follows = !without_ramp && axis_.follows_demand();
   if (follows && !(smoothing_pending_ && smoothed_loop_ == loop)) return;
-  if (follows) {  // the smoothed demand, which is behind the generator
+  if (follows) {  // the smoothed demand, which lags behind the generator
     const Counts place =
         loop == Loop::position ? (smoothed_value_ >> 16) + axis_.offset : axis_.generator.nearest_position();
     axis_.generator.start_from(place, static_cast<double>(smoothed_velocity_));
@@ -235,11 +237,11 @@ void Drive::take_over_shaft() {
   smoothed_loop_ = Loop::off;
 }
 
-// An axis that cannot brake as its ramp asks for goes past the demand. It is not pulled back afterwards. On a way back
-// the demand does not go along: from there on it holds the axis, which may swing about it.
+// An axis that cannot brake as its ramp demands runs past the demand. The demand then follows the shaft, so that the
+// axis is not pulled back. If the shaft turns back, the demand stays and holds the axis, which may swing about it.
 void Drive::keep_near_shaft() {
   if (axis_.velocity() * stop_direction_ < 0.0 && axis_.generator.standing()) stop_direction_ = 0.0;
-  if (moved_demand_) return;  // what the loops saw is not where the demand is now
+  if (moved_demand_) return;  // the following error belongs to an earlier demand
   const auto error = static_cast<double>(cascade_.state().following_error_counts);
   const double most = axis_.lag(axis_.velocity());
   if (std::abs(error) <= most || error * stop_direction_ >= 0.0) return;
@@ -258,10 +260,10 @@ void Drive::begin_stop(Stop stop) {
   braked_to_rest_ = false;
   rest_wait_cycles_ = 0;
   begin_ramp();
-  axis_.follow_generator(stop_loop_);  // already in this cycle
+  axis_.follow_generator(stop_loop_);  // takes effect in this cycle
 }
 
-// Of the ramp of a stop, counts/s^2; 0: it has none.
+// The deceleration of a stop's ramp, counts/s^2; 0: it has none.
 double Drive::deceleration_of(Stop stop) const {
   double deceleration = 0.0;
   if (stop == Stop::slow_down_ramp) {
@@ -273,7 +275,7 @@ double Drive::deceleration_of(Stop stop) const {
   return greatest != 0 ? std::min(deceleration, greatest * axis_.units.acceleration) : deceleration;
 }
 
-// The ramp to rest of `stop_`, or what stands for it, from where the generator is.
+// Begins the ramp of `stop_`, or its replacement, from the generator's state.
 void Drive::begin_ramp() {
   const Objects& objects = axis_.objects;
   const double deceleration = deceleration_of(stop_);
@@ -283,7 +285,7 @@ void Drive::begin_ramp() {
   }
   const double jerk = objects.profile_jerk[0] * axis_.units.jerk;
   if (jerk <= 0.0 && shape == RampShape::jerk_limited) shape = RampShape::linear;
-  // A ramp without a slope: as hard as the current limit lets.
+  // A ramp without a slope: the current limit decides.
   if (stop_ != Stop::voltage_limit && deceleration <= 0.0) stop_ = Stop::current_limit;
   const Loop loop = axis_.demand.loop;  // off: enabled since the last cycle
   stop_loop_ = loop == Loop::torque ? Loop::velocity : loop == Loop::off ? Loop::position : loop;
@@ -294,7 +296,7 @@ void Drive::begin_ramp() {
   }
   stop_direction_ = axis_.generator.velocity();
   stop_deceleration_ = deceleration;
-  // A shaft that is faster than it may be comes down with the ramp: the loops follow it from there.
+  // For a shaft above the speed limit the ramp begins at its actual speed, so the limit must not clip it.
   axis_.greatest_velocity = std::max(axis_.greatest_velocity, std::abs(stop_direction_));
   axis_.generator.run_at(0.0, {axis_.max_velocity(false), deceleration, deceleration, std::max(1.0, jerk)}, shape);
 }
@@ -303,9 +305,9 @@ double Drive::quick_stop_deceleration() const {
   return mode_ == Mode::velocity ? velocity_mode_.quick_stop_deceleration(axis_) : axis_.quick_stop_ramp();
 }
 
-// The slow-down ramp of a halt or of the end of operation may be too gentle for the way to a limit, or have a shape
-// that needs more of it: a linear one takes over, of the quick stop's deceleration where that is steeper. What 605Ah
-// and 605Eh choose for a quick stop and a fault stays.
+// The slow-down ramp of a halt or of the end of operation may need more way than there is before a limit, by its slope
+// or its shape. A linear ramp then replaces it, with the deceleration of the quick stop if that is steeper. The ramps
+// of 605Ah and 605Eh for quick stop and fault stay.
 void Drive::keep_stop_within_limits() {
   const bool operating = state_ == PowerState::operation_enabled && !homes();
   if (!operating || stop_ != Stop::slow_down_ramp) return;
@@ -337,7 +339,7 @@ void Drive::watch_standstill() {
 
 void Drive::step_stop() {
   if (stop_ == Stop::voltage_limit) {
-    // The windings tell as well as the encoder that the axis turns, and they do without one.
+    // The current in the shorted windings shows that the axis turns, also without an encoder.
     const CascadeState& loops = cascade_.state();
     const float square = loops.current_d_a * loops.current_d_a + loops.current_q_a * loops.current_q_a;
     const float least = standing_current * axis_.configuration.motor.rated_current_a;
@@ -354,7 +356,7 @@ void Drive::step_stop() {
   axis_.follow_generator(stop_loop_);
 }
 
-// Brake and power stage, and the end of stops that lead to another state.
+// Steps brake and power stage, and completes stops that lead to another state.
 void Drive::step_power() {
   if (coasting_cycles_ != 0 && (--coasting_cycles_ == 0 || !too_fast_for_brake())) coasting_cycles_ = 0;
   if (stage_ == Stage::releasing_brake && stage_cycles_-- == 0) {
@@ -364,7 +366,7 @@ void Drive::step_power() {
   if (!pending_.active) return;
   if (stage_ == Stage::on && stop_finished()) {
     if (has_power_in(pending_.to)) return enter_state(pending_.to);
-    // Held in the position loop where it is; the demand of a velocity loop need not be there.
+    // The position loop holds the present position; the demand of a velocity loop may be elsewhere.
     if (axis_.demand.loop != Loop::position) axis_.generator.reset(axis_.position());
     engage_brake();
   }
@@ -390,7 +392,8 @@ void Drive::raise(Cause cause) {
   if (fault->reset == ResetRule::clear_multi_turn) multi_turn_cleared_ = false;
   if (fault->reset == ResetRule::power_off) latched_.set(cause);
   if (shown_fault_ == nullptr || !policy_.first_fault_is_shown) show_fault(*fault);
-  if (events_ != nullptr) events_->fault_raised(*fault);  // as the drive is when it happens
+  // the callback sees the drive's state at the time of the fault
+  if (events_ != nullptr) events_->fault_raised(*fault);
   react_to_fault(*fault);
 }
 
@@ -413,7 +416,7 @@ void Drive::react_to_fault(const FaultRow& fault) {
   identification_.abort();
   const bool controlled = fault.reaction == Reaction::option_code;
   if (stop == Stop::power_off && controlled && hold_for_brake()) {
-    // the brake takes the axis over
+    // the brake holds the axis
   } else if (stop == Stop::power_off || !energised()) {
     switch_power(false);
   } else if (!reacting) {
@@ -453,7 +456,7 @@ CauseSet Drive::present_causes() const {
   return present;
 }
 
-// The bits of 1001h of all that is present.
+// The bits of 1001h of all faults and warnings that are present.
 std::uint8_t Drive::error_register() const {
   std::uint8_t bits = 0;
   for (const FaultRow& fault : policy_.faults) {
@@ -462,7 +465,7 @@ std::uint8_t Drive::error_register() const {
   return bits;
 }
 
-// Whether faults were there, and none is left.
+// Returns whether faults were present and all are reset.
 bool Drive::reset_faults() {
   if (state_ != PowerState::fault) return false;
   const CauseSet present = present_causes();
@@ -470,7 +473,7 @@ bool Drive::reset_faults() {
     if (!active_.test(fault.cause)) continue;
     if (fault.reset == ResetRule::clear_multi_turn && multi_turn_cleared_ && !present.test(fault.cause)) continue;
     if (fault.reset != ResetRule::when_cause_gone || present.test(fault.cause)) {
-      if (policy_.first_fault_is_shown) show_fault(fault);  // what stands in the way
+      if (policy_.first_fault_is_shown) show_fault(fault);  // the fault that prevents the reset
       return false;
     }
   }

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <span>
 
-// The power drive system's finite state automaton (CiA 402-2): states, commands, transitions. Pure data and
-// functions; what a transition does to the motor is the drive's business.
+// The power drive system's finite state automaton (CiA 402-2): states, commands, transitions. Data and functions only;
+// the drive implements the effects of a transition on the motor.
 namespace servodrome::drive {
 
 enum class PowerState : std::uint8_t {
@@ -72,7 +72,7 @@ struct Transition {
   PowerState from;
   Command command;
   PowerState to;
-  std::uint8_t number;  // as the standard counts them
+  std::uint8_t number;  // number in the standard
 };
 // A transition of some manufacturers: shutdown releases an axis that is held in Quick stop active.
 inline constexpr std::uint8_t release_quick_stop = 17;
@@ -95,7 +95,7 @@ inline constexpr auto transitions = std::to_array<Transition>({
     {PowerState::quick_stop_active, Command::enable_operation, PowerState::operation_enabled, 16},
 });
 
-// Transitions by state and command; of several for the same the first. Refers to the rows, fewer than 256.
+// Transitions by state and command; the first row wins. Refers to the rows, fewer than 256.
 class TransitionTable {
  public:
   constexpr explicit TransitionTable(std::span<const Transition> rows) : rows_(rows) {
