@@ -12,11 +12,12 @@ namespace servodrome::drive {
 // Detects an open wire to the motor from the currents, independently of the controllers and of the DC link's voltage.
 // Two criteria:
 //
-// - Turning: the current of a whole winding system turns with the rotor. Where it flows in two phases only and never in
-//   the third, while the rotor passes most of an electrical turn, the third is open.
-// - Standing: a voltage across a resistance drives a current. Where it lasts and none flows, the phase is open.
+// - Turning: the current of an intact motor rotates with the rotor. If it flows in two phases but never in the third
+//   while the rotor passes most of an electrical turn, the third phase is open.
+// - Standing: a voltage across a winding's resistance drives a current. If the voltage lasts and no current flows, the
+//   phase is open.
 //
-// It looks at moments that no speed keeps step with, on average once in 2 ms.
+// Samples are taken at irregular intervals, on average every 2 ms, so that no speed is synchronous with them.
 class OpenPhase {
  public:
   struct Sample {

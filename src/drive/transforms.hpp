@@ -4,9 +4,9 @@
 #include <concepts>
 #include <cstdint>
 
-// Clarke and Park transforms, amplitude-invariant, and the sine they need. Angles are electrical: 0 is the d axis on
-// phase U. Of two windings in quadrature the first is U, the second V, and there is no W: they are the axes of the
-// stationary frame themselves.
+// Amplitude-invariant Clarke and Park transforms, and the sine they need. Angles are electrical: at 0 the d axis is
+// aligned with phase U. In a two-phase motor (two windings in quadrature) U and V are the axes of the stationary frame
+// themselves, and there is no W.
 namespace servodrome::drive {
 
 struct SinCos {
@@ -14,22 +14,23 @@ struct SinCos {
   float cosine;
 };
 
-// An angle in 2^-32 turns: what exceeds a turn falls off by itself, and below zero is the end of the turn before.
+// An angle in 2^-32 turns. Overflow wraps around by whole turns, in both directions.
 using Phase = std::uint32_t;
 
-// For |turns| < 2^31; towards 0.
+// For |turns| < 2^31; rounds towards 0.
 template <std::floating_point Real>
 constexpr Phase phase_of(Real turns) {
   return static_cast<Phase>(static_cast<std::int64_t>(turns * Real{0x1p32}));
 }
 
-// Absolute error below 2e-7. Folded to an eighth of a turn and evaluated as a polynomial: no branch, the same bits on
-// every machine with IEEE floats. Its powers are formed side by side, since a tick waits for it.
+// Absolute error below 2e-7. The angle is reduced to +-1/8 turn and evaluated as a polynomial without branches, with
+// identical bits on every machine with IEEE floats. Independent partial products keep the latency low, as this runs in
+// every tick.
 constexpr SinCos sin_cos(Phase phase) {
   const std::uint32_t quadrant = (phase + 0x2000'0000U) >> 30;
   const float x =
       static_cast<float>(static_cast<std::int32_t>(phase - (quadrant << 30))) * (6.2831853071795864F * 0x1p-32F);
-  const float x2 = x * x;  // of -pi/4 .. pi/4
+  const float x2 = x * x;  // x is in -pi/4 .. pi/4
   const float x4 = x2 * x2;
   const float s = x + x * x2 * ((-1.6666654611e-1F + x2 * 8.3321608736e-3F) + x4 * -1.9515295891e-4F);
   const float c =
@@ -47,14 +48,15 @@ struct DirectQuadrature {
 inline constexpr float one_over_sqrt3 = 0.57735026918962576F;
 inline constexpr float sqrt3_over_2 = 0.86602540378443865F;
 
-// Power, torque and heat of amplitudes d and q are this often their products: half the number of phases.
+// Factor from products of the amplitudes d and q to power, torque and heat: half the number of phases.
 constexpr float phase_factor(unsigned phases) { return 0.5F * static_cast<float>(phases); }
 
-// The greatest amplitude of a sinusoidal phase voltage, as a share of the DC link's. A star on three half bridges: the
-// circle in the hexagon. Two windings on a full bridge each: the circle in the square of the whole link.
+// The greatest amplitude of a sinusoidal phase voltage as a fraction of the DC link voltage. Star connection on three
+// half bridges: the circle inside the hexagon of voltages. Two windings on a full bridge each: the circle inside the
+// square.
 constexpr float voltage_share(unsigned phases) { return phases == 2 ? 1.0F : one_over_sqrt3; }
 
-// Phase values (of three, U, V, W: they need not sum to zero) to the rotor frame.
+// Phase values to the rotor frame. The sum of three phase values (U, V, W) need not be zero.
 template <unsigned Phases = 3>
 constexpr DirectQuadrature to_rotor_frame(const std::array<float, 3>& phase, SinCos angle) {
   static_assert(Phases == 2 || Phases == 3);

@@ -26,15 +26,15 @@ struct Ratio {
   constexpr double value() const { return static_cast<double>(numerator) / static_cast<double>(denominator); }
 };
 
-// Product of two valid ratios; not valid() when it does not fit.
+// Product of two valid ratios; not valid() if it does not fit.
 constexpr Ratio operator*(Ratio a, Ratio b) {
   const Ratio x = Ratio::reduced(a.numerator, b.denominator);
   const Ratio y = Ratio::reduced(b.numerator, a.denominator);
   return {x.numerator * y.numerator, y.denominator * x.denominator};
 }
 
-// value * ratio, rounded to the nearest integer, halves away from zero. Exact for every value whose result fits: the
-// quotient and the remainder are scaled apart, so nothing exceeds 64 bits.
+// value * ratio, rounded to the nearest integer, halves away from zero. Exact for every value whose result fits:
+// quotient and remainder are scaled separately, so that no intermediate value exceeds 64 bits.
 constexpr std::int64_t scale(std::int64_t value, Ratio ratio) {
   if (ratio.is_one()) return value;
   const std::int64_t quotient = value / ratio.denominator;
@@ -45,12 +45,13 @@ constexpr std::int64_t scale(std::int64_t value, Ratio ratio) {
   return quotient * ratio.numerator + rounded;
 }
 
-// What a 32-bit object shows of a position: it wraps as a counter does.
+// The value of a position in a 32-bit object: it wraps around as a counter does.
 constexpr std::int32_t wrap_to_32_bits(std::int64_t value) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(value));
 }
 
-// How user units become counts. `position` is exact, because positions add up; rates are factors.
+// Conversion of user units to counts. `position` is an exact ratio, because errors of positions would accumulate;
+// rates are factors.
 struct Units {
   Ratio position{};              // counts per position unit
   double velocity = 1.0;         // counts/s per velocity unit

@@ -7,8 +7,8 @@
 // figure's direction.
 //
 // Where the standard leaves a choice, the reference drive behaves as follows:
-// - The switch is looked for at fast speed (6099h sub 1). The edge that decides, and the index after it, are crossed at
-//   slow speed (sub 2); an edge met at fast speed that would decide is passed again: back off, approach slowly.
+// - The axis searches the switch at fast speed (6099h sub 1). It crosses the edge that determines home, and the index
+//   after it, at slow speed (sub 2). If it met that edge at fast speed, it backs off and approaches it again slowly.
 // - After the latch the axis decelerates and moves back to the latched position: at rest the position actual value is
 //   the home position.
 // - Methods 7 to 14 and 23 to 30 turn round at the limit switch in their initial direction. Any other limit switch

@@ -7,8 +7,8 @@
 
 namespace servodrome::drive {
 
-// First-order lag of integers, as a position command is smoothed with it: no run however long loses a unit, and an
-// input that stands is reached exactly.
+// First-order low-pass filter of integers, for smoothing position commands. It does not drift: no unit is lost however
+// long it runs, and a constant input is reached exactly.
 class LagFilter {
  public:
   // `time_constant` in updates, > 0.

@@ -6,13 +6,13 @@
 
 namespace servodrome::drive {
 
-// The mean of the last values of an integer signal, exact however long it runs: what is kept are the steps from value
-// to value and the sum of the distances to the newest, so nothing grows with the signal.
+// Moving average of an integer signal, exact however long it runs. It stores the steps between consecutive values and
+// the sum of the distances to the newest value, so no stored number grows with the signal.
 class MovingAverage {
  public:
   static constexpr std::size_t longest = 512;
 
-  // From now on the mean of `length` values, 1 .. longest, all of which have been `value` so far.
+  // Starts a mean over `length` values, 1 .. longest, all past values being `value`.
   void begin(std::int64_t value, std::size_t length) {
     length_ = length;
     steps_.fill(0);
@@ -28,7 +28,8 @@ class MovingAverage {
     const auto others = static_cast<std::int64_t>(length_) - 1;
     newest_ = value;
     if (others == 0) return value;
-    // The oldest value leaves: it lay `span_` below the newest. Those that stay lie one step further below.
+    // The oldest value drops out: it was `span_` below the newest. The distances of the remaining ones grow by one
+    // step.
     distances_ += span_ - others * step;
     span_ += step - steps_[next_];
     steps_[next_] = step;

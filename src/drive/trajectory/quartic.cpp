@@ -16,7 +16,7 @@ double quartic_root(const Quartic& q, double low, double high, double guess) {
     const double divisor = slope + std::sqrt(std::max(discriminant, 0.0));
     double next = x - 2.0 * value / divisor;
     if (!(next >= low && next <= high)) next = 0.5 * (low + high);
-    // Of third order: what is left after so short a step is below rounding.
+    // The iteration converges with third order: after a step this short the error is below rounding.
     if (std::abs(next - x) <= 1e-7 * std::abs(x)) return next;
     x = next;
   }

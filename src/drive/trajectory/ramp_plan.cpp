@@ -7,7 +7,7 @@
 namespace servodrome::drive::ramp_plan {
 namespace {
 
-/// Writes ramps one behind the other, in a frame whose positive direction is `sign`.
+/// Appends consecutive ramps, in a frame whose positive direction is `sign`.
 class RampWriter {
  public:
   RampWriter(SegmentList& list, double velocity, double sign) : list_{list}, velocity_{velocity}, sign_{sign} {}
@@ -21,7 +21,7 @@ class RampWriter {
   }
   void cruise_for(double duration_s) { append(duration_s, velocity_); }
 
-  /// Ramps up or down to a velocity that needs no change of direction, or from standstill to any velocity.
+  /// Ramps to a velocity of the same direction, or from standstill to any velocity.
   void change_to(double velocity, const MotionLimits& limits) {
     ramp_to(velocity, std::abs(velocity) > std::abs(velocity_) ? limits.acceleration : limits.deceleration);
   }
@@ -66,8 +66,9 @@ double steepness(RampShape shape) {
 
 Outcome to_position(SegmentList& list, double velocity, double distance, double resolution, double end_velocity,
                     const MotionLimits& limits) {
-  // The approach keeps the direction of travel if the target can be passed so, at whatever velocity up to the one asked
-  // for; else it comes from the other side. What rounding makes of a distance that is just right is forgiven.
+  // The axis keeps its direction of travel if it can pass the target that way, at any velocity up to the requested
+  // one. Otherwise it overshoots and approaches from the other side. The comparison allows for rounding of the
+  // distance.
   double sign = (velocity != 0.0 ? velocity : distance) < 0.0 ? -1.0 : 1.0;
   double v = sign * velocity;
   double way = sign * distance;

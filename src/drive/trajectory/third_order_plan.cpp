@@ -15,7 +15,7 @@ using unit_jerk::Limits;
 
 double square(double x) { return x * x; }
 
-/// Back from units of jerk 1; `scale` is the jerk with the sign of the frame's positive direction.
+/// Converts the pieces back from units of jerk 1. `scale` is the jerk with the sign of the frame's positive direction.
 void restore(SegmentList& list, double scale) {
   for (std::size_t i = 0; i < list.count; ++i) {
     TrajectorySegment& s = list.segments[i];
@@ -26,8 +26,8 @@ void restore(SegmentList& list, double scale) {
   }
 }
 
-/// The last part of a plan: from the end of the climb at acceleration 0 down to the end velocity. If there is `none`,
-/// the climb itself ends at the target, at `end_velocity` or above.
+/// The last part of a plan: from the end of the climb at acceleration 0 down to the end velocity. With `none` there is
+/// no descent: the climb itself ends at the target, at `end_velocity` or above.
 struct Descent {
   double end_velocity;
   double deceleration;
@@ -43,16 +43,17 @@ struct Descent {
   }
 };
 
-/// A motion that climbs with at most `cap`, cruises at up to `top_velocity` and descends, so that it covers `way`.
+/// A motion of length `way` that climbs with an acceleration of at most `cap`, cruises at up to `top_velocity` and
+/// descends.
 ///
 /// While the climb does not reach its cap, its distance and peak velocity are polynomials of the acceleration x at
 /// which the jerk turns from + to -:
 ///   peak(x) = e + x^2,  climb(x) = x^3 + 2 e x + k,  e = v - a^2/2,  k = a^3/3 - v a + position.
-/// They hold for x < 0 as well, when the axis brakes already and only brakes less for a while: then the -1 arc begins
-/// below acceleration 0, and `peak` is the velocity it would come from.
+/// They hold for x < 0 as well, where the axis is already braking and only brakes less for a while. Then the -1 arc
+/// begins below acceleration 0, and `peak` is the velocity from which such an arc would start at acceleration 0.
 class Ascent {
  public:
-  /// The state must have settling_velocity() <= top_velocity, and braking at once must not lead beyond `way`.
+  /// Precondition: settling_velocity() <= top_velocity, and braking at once stays within `way`.
   Ascent(Cursor& cursor, const Descent& descent, double cap, double top_velocity, double way, const Limits& limits)
       : cursor_{cursor}, descent_{descent}, cap_{cap}, top_velocity_{top_velocity}, way_{way}, limits_{limits} {
     const double v = cursor.velocity;
@@ -72,7 +73,7 @@ class Ascent {
     } else if (highest_squared < cap_ * cap_) {
       cruise();
     } else {
-      // Held at the cap the climb to a peak p covers p^2 / 2 cap + p cap / 2 + climb_rest.
+      // A climb to a peak p that is held at the cap covers p^2 / 2 cap + p cap / 2 + climb_rest.
       const double climb_rest = climb - held_climb(highest_peak);
       const double longest = held_climb(top_velocity_) + climb_rest + descent_.distance(top_velocity_);
       if (way_ >= longest) {
@@ -87,7 +88,7 @@ class Ascent {
   double climb_to(double x) const { return x * (x * x + 2.0 * e_) + k_; }
   double held_climb(double peak) const { return 0.5 * peak * (peak / cap_ + cap_); }
 
-  /// The x that covers the way, in a climb that does not reach its cap; at most `highest`.
+  /// The x with which the motion covers the way, in a climb that does not reach its cap; at most `highest`.
   double turning_acceleration(double highest) const {
     const double b = descent_.deceleration;
     const double vf = descent_.end_velocity;
@@ -110,7 +111,7 @@ class Ascent {
       const double high = below && full_squared > 0.0 ? -full : highest;
       return quartic_root(q, low, high, guess_held_descent(q));
     }
-    // Neither is reached. With s = x + sqrt(x^2 + c), the length of the -1 arc, what is asked for is
+    // Neither limit is reached. With s = x + sqrt(x^2 + c), the length of the -1 arc, the equation is
     //   s^4 + 4 (e + vf) s^2 - 4 (way - k) s - c^2 = 0.
     const auto arc_length = [c](double x) {
       const double root = std::sqrt(std::max(x * x + c, 0.0));
@@ -122,7 +123,7 @@ class Ascent {
 
   double unheld_arc(double c, double rest, double low, double high) const {
     const double sum = e_ + descent_.end_velocity;
-    // Each term alone would put the root here; together they lie within a factor of two of the greatest.
+    // The root of each term alone. The root of their sum lies within a factor of two of the greatest of these.
     double guess = std::max(std::cbrt(4.0 * std::max(rest, 0.0)), std::sqrt(std::abs(c)));
     if (sum > 0.0) {
       guess = std::min(guess, 0.5 * (rest + std::sqrt(rest * rest + sum * c * c)) / sum);
@@ -133,14 +134,15 @@ class Ascent {
   }
 
   static double guess_held_descent(const Quartic& q) {
-    // Without its two highest terms.
+    // The root of the quartic without its two highest terms.
     const double discriminant = q.c1 * q.c1 - 4.0 * q.c2 * q.c0;
     const double divisor = q.c1 + std::sqrt(std::max(discriminant, 0.0));
     const double low_order = divisor > 0.0 ? -2.0 * q.c0 / divisor : std::numeric_limits<double>::infinity();
     return std::min(low_order, std::sqrt(std::sqrt(std::max(-q.c0 / q.c4, 0.0))));
   }
 
-  /// The peak that covers the way, in a climb held at its cap; from `lowest_peak` to the top velocity.
+  /// The peak velocity with which the motion covers the way, in a climb held at its cap; from `lowest_peak` to the top
+  /// velocity.
   double held_peak(double lowest_peak, double climb_rest) const {
     const double b = descent_.deceleration;
     const double vf = descent_.end_velocity;
@@ -151,7 +153,7 @@ class Ascent {
         (full_peak < top_velocity_ && rest >= held_climb(full_peak) + descent_.distance(full_peak))) {
       return peak_of(0.5 / cap_ + 0.5 / b, 0.5 * (cap_ + b), rest + 0.5 * vf * (vf / b - b));
     }
-    // In the greatest deceleration y = sqrt(peak - vf).
+    // The unknown is the greatest deceleration y = sqrt(peak - vf).
     const Quartic q{0.5 / cap_, 1.0, vf / cap_ + 0.5 * cap_, 2.0 * vf, held_climb(vf) - rest};
     const double left = std::max(-q.c0, 0.0);
     double guess = std::min(std::sqrt(std::sqrt(left / q.c4)), std::sqrt(left / q.c2));
@@ -201,8 +203,8 @@ class Ascent {
   double k_;
 };
 
-/// Brakes from above the top velocity until the rest of the way down to it is a single arc: what is then left to
-/// decide, to run out that arc and cruise or to go on braking, is the same as from a state within the limits.
+/// Brakes from above the top velocity until a single arc leads down to it. The remaining decision, to complete that arc
+/// and cruise or to go on braking, is then the same as from a state within the limits.
 void brake_towards(Cursor& cursor, double top_velocity, double deceleration) {
   const double a = cursor.acceleration;
   const double change = cursor.velocity - top_velocity;
@@ -215,23 +217,23 @@ void brake_towards(Cursor& cursor, double top_velocity, double deceleration) {
   cursor.hold_for((cursor.velocity - top_velocity - 0.5 * deceleration * deceleration) / deceleration);
 }
 
-/// Where the fastest change to a velocity ends.
+/// Distance of the fastest change to a velocity.
 double distance_of_change(const Cursor& from, double velocity, const Limits& limits) {
   Cursor cursor = from.without_list();
   cursor.change_to(velocity, limits);
   return cursor.position;
 }
 
-/// Climbs, cruises and descends, keeping the limit that holds for either sign of the velocity.
+/// Climbs, cruises and descends, with the limit that applies to each sign of the velocity.
 void climb_and_descend(Cursor& cursor, const Descent& descent, double top_velocity, double way, const Limits& limits) {
   double cap = limits.acceleration;
   double top = top_velocity;
-  // An axis that is about to go backwards has to end that acceleration first, whatever follows.
+  // An axis that is about to go backwards first has to reduce that acceleration to 0.
   const bool separate = limits.acceleration != limits.deceleration;
   if (separate && cursor.acceleration < 0.0 && cursor.settling_velocity() < 0.0) cursor.arc_to(0.0);
   if (separate && cursor.velocity < 0.0) {
-    // Up to velocity 0 the other limit holds. Either the axis passes 0 as steeply as it may, or it turns to brake
-    // before.
+    // Up to velocity 0 the other limit applies. The axis either passes velocity 0 with the greatest permitted
+    // acceleration, or begins to brake before.
     const double crossing_squared =
         std::max(unit_jerk::greatest_crossing_squared(cursor.velocity, cursor.acceleration, top_velocity, limits), 0.0);
     const double crossing = std::sqrt(crossing_squared);
@@ -268,8 +270,9 @@ ramp_plan::Outcome to_position(SegmentList& list, const MotionState& start, doub
     cursor.acceleration = -cursor.acceleration;
   };
 
-  // The approach keeps the direction of travel if the target can be passed so, at whatever velocity up to the one asked
-  // for; else it comes from the other side. What rounding makes of a distance that is just right is forgiven.
+  // The axis keeps its direction of travel if it can pass the target that way, at any velocity up to the requested
+  // one. Otherwise it overshoots and approaches from the other side. The comparison allows for rounding of the
+  // distance.
   double settling = cursor.settling_velocity();
   if ((settling != 0.0 ? settling : way) < 0.0) {
     mirror();
@@ -294,8 +297,8 @@ ramp_plan::Outcome to_position(SegmentList& list, const MotionState& start, doub
     if (settling > top_velocity) brake_towards(cursor, top_velocity, bounds.deceleration);
     climb_and_descend(cursor, {end, bounds.deceleration, false}, top_velocity, way, bounds);
   } else {
-    // Too near to speed up to the end velocity; or the axis brakes so hard that it cannot but pass more slowly. The
-    // latter is, seen from behind, a climb towards velocity 0.
+    // Either the target is too near to accelerate to the end velocity, or the axis brakes so hard that it must pass
+    // the target more slowly. Seen in the opposite direction, the latter is a climb towards velocity 0.
     reduced = true;
     const double least = std::max(settling, 0.0);
     if (least < end && way >= distance_of_change(cursor, least, bounds) - tolerance) {

@@ -5,13 +5,13 @@
 /// Time-optimal plans of bounded jerk. The jerk is +jerk, 0 or -jerk throughout.
 namespace servodrome::drive::third_order_plan {
 
-/// To `distance` counts from the start, passed with the magnitude `end_velocity` >= 0 in the direction of the approach.
-/// `resolution`: differences of distance below it are rounding. `start`: its velocity and acceleration count. Appends
-/// to an empty list.
+/// Plans a motion to the position `distance` counts from the start, which is passed with the magnitude `end_velocity`
+/// >= 0 in the direction of the approach. `resolution`: differences of distance below it count as rounding. Only
+/// velocity and acceleration of `start` are used. `list` must be empty.
 ramp_plan::Outcome to_position(SegmentList& list, const MotionState& start, double distance, double resolution,
                                double end_velocity, const MotionLimits& limits);
 
-/// To a velocity at acceleration 0. Appends to an empty list.
+/// Plans a change to `target_velocity` at acceleration 0. `list` must be empty.
 void to_velocity(SegmentList& list, const MotionState& start, double target_velocity, const MotionLimits& limits);
 
 }  // namespace servodrome::drive::third_order_plan

@@ -21,7 +21,7 @@ bool valid(const MotionLimits& limits, RampShape shape) {
          (shape != RampShape::jerk_limited || valid(limits.jerk));
 }
 
-/// Limits of the mean slope of a ramp, so that its steepest slope meets those given.
+/// Limits of the mean slope of a ramp, so that its greatest slope meets `limits`.
 MotionLimits mean_limits(MotionLimits limits, RampShape shape) {
   const double steepness = ramp_plan::steepness(shape);
   limits.acceleration /= steepness;
@@ -43,7 +43,7 @@ Trajectory::Result Trajectory::plan_position(const MotionState& start, double ta
   if (!valid(limits, shape)) return Result::bad_limits;
   const double distance = target - start.position;
   const double passing = std::min(std::abs(end_velocity), limits.velocity);
-  // A start taken from a running trajectory is rounded to what its position can express.
+  // A start taken from a running trajectory is rounded to the resolution of its position.
   const double resolution =
       2.0 * std::numeric_limits<double>::epsilon() * std::max(std::abs(target), std::abs(start.position));
   list_.count = 0;

@@ -6,7 +6,7 @@
 namespace servodrome::drive::unit_jerk {
 namespace {
 
-/// Lengthens the last piece if it has the same jerk: two arcs that follow each other so are one.
+/// Merges consecutive arcs of the same jerk: the last piece is made longer.
 void append(SegmentList& list, const Cursor& at, double duration_s, double jerk) {
   double begin_s = 0.0;
   if (list.count > 0) {

@@ -8,7 +8,7 @@
 
 namespace servodrome::drive {
 
-// Discrete Fourier transform in place, radix 2, a few steps at a time so that it fits between two control cycles.
+// In-place radix-2 fast Fourier transform, computed a few steps at a time so that it fits between two control cycles.
 // X(k) = sum over n of x(n) exp(-2 pi i k n / N), N = 2^Log2Size.
 template <unsigned Log2Size>
 class Fft {
@@ -19,7 +19,8 @@ class Fft {
   void begin() { *this = {}; }
   bool finished() const { return stage_ == Log2Size; }
 
-  // At most `count` steps, each an exchange of the reordering or a butterfly. True when the transform is complete.
+  // Executes at most `count` steps; a step is one exchange of the bit-reversal or one butterfly. Returns true when the
+  // transform is complete.
   bool advance(Values& real, Values& imaginary, std::size_t count) {
     for (; count > 0 && !finished(); --count) {
       if (reordered_ < size) {
@@ -65,7 +66,7 @@ class Fft {
   }
 
   std::size_t reordered_ = 0;
-  std::size_t next_ = 0;  // butterfly of the stage
+  std::size_t next_ = 0;  // next butterfly of the stage
   unsigned stage_ = 0;
 };
 

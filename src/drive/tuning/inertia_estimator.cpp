@@ -7,14 +7,15 @@
 namespace servodrome::drive {
 namespace {
 
-// The encoder may stand that many cycles in a window, as it does in a reversal; dry friction that holds is no equation.
+// Greatest number of cycles in a window without a change of the encoder, as at a reversal. A longer standstill makes
+// the window useless, because static friction takes any value.
 constexpr std::uint32_t most_standing_cycles = 2;
 
-// Least number of equations for four unknowns and an opinion about their errors.
+// Least number of equations for four unknowns and an estimate of their errors.
 constexpr std::uint32_t least_windows = 8;
 
-// Relative to a column's own size: what keeps columns that the motion could not tell apart (friction and gravity of an
-// axis that moves one way only) from dividing by nothing.
+// Regularisation relative to a column's own size. It avoids a division by zero if the motion does not distinguish two
+// columns (friction and gravity of an axis that moves one way only).
 constexpr double ridge = 1e-6;
 
 double sign(Counts difference) { return difference > 0 ? 1.0 : difference < 0 ? -1.0 : 0.0; }
@@ -80,8 +81,8 @@ void InertiaEstimator::close_window() {
   }
 }
 
-// Cholesky on columns scaled to unit length. The variance of the first unknown is the residual's times the first
-// element of the inverse, which forward and backward substitution of the first unit vector gives.
+// Cholesky factorisation with columns scaled to unit length. The variance of the first unknown is that of the residual
+// times the first element of the inverse matrix, from forward and backward substitution of the first unit vector.
 bool InertiaEstimator::estimate(InertiaEstimate& estimate) const {
   if (windows_ < least_windows) return false;
   constexpr std::size_t n = terms;

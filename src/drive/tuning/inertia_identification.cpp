@@ -9,11 +9,11 @@ namespace {
 constexpr float probing_per_s = 0.4F;  // rise of the torque until the axis moves, rated torques per second
 constexpr double swing_goal_s = 0.1;   // from one reversal to the next
 constexpr double late_swing_s = 0.4;
-constexpr float swing_slope_s = 5.0e-3F;     // a reversal of the torque takes so long: it should not ring the mechanics
-constexpr float most_change = 3.0F;          // of the amplitude from one swing to the next
-constexpr float least_over_friction = 1.5F;  // amplitude by what first moved the axis
-constexpr double turning_share = 0.35;       // of the travel: there a swing ends whatever its speed
-constexpr double moving_counts = 8.0;        // the axis has come loose
+constexpr float swing_slope_s = 5.0e-3F;     // duration of a torque reversal; a step would excite resonances
+constexpr float most_change = 3.0F;          // greatest ratio of the amplitudes of two consecutive swings
+constexpr float least_over_friction = 1.5F;  // least amplitude / breakaway torque
+constexpr double turning_share = 0.35;       // fraction of the travel at which a swing ends at any speed
+constexpr double moving_counts = 8.0;        // the axis counts as moving
 constexpr std::uint32_t least_reversals = 5;
 
 }  // namespace
@@ -42,7 +42,7 @@ bool InertiaIdentification::begin(Axis& axis, const Request& request) {
 void InertiaIdentification::reverse() {
   direction_ = -direction_;
   if (reversals_ > 0) {
-    // A swing's time goes with what is left of the torque over friction.
+    // The duration of a swing depends on the torque that exceeds friction.
     const auto ratio = static_cast<float>(swing_s_ / swing_goal_s);
     const float over_friction = std::max(amplitude_ - breakaway_, 0.5F * breakaway_);
     amplitude_ = breakaway_ + over_friction * std::clamp(ratio, 1.0F / most_change, most_change);
@@ -56,7 +56,7 @@ void InertiaIdentification::reverse() {
 void InertiaIdentification::step(Axis& axis) {
   const auto way = static_cast<double>(axis.encoder_position - origin_);
   const double velocity = axis.velocity();
-  const double towards = direction_ * velocity;  // > 0: with the present swing
+  const double towards = direction_ * velocity;  // > 0: in the direction of the swing
   elapsed_s_ += cycle_s_;
   swing_s_ += cycle_s_;
   if (std::fabs(way) > request_.travel_counts) return abort(Outcome::travel_exceeded);
@@ -66,7 +66,8 @@ void InertiaIdentification::step(Axis& axis) {
   }
   if (!probing_) estimator_.sample(axis.encoder_position, axis.loops->mean_torque);
   if (probing_ || swing_s_ > late_swing_s) {
-    // Until it moves at all; or a swing that does not come to its end: what held the axis leant to one side.
+    // Raise the torque until the axis moves, or if a swing takes too long because the holding torque was biased to one
+    // side.
     amplitude_ += probing_per_s * static_cast<float>(cycle_s_);
     if (breakaway_ == 0.0F && std::fabs(way) > moving_counts) breakaway_ = amplitude_;
     if (amplitude_ > request_.torque_limit) {
@@ -85,7 +86,7 @@ void InertiaIdentification::step(Axis& axis) {
     if (estimate_.windows != 0)
       holding_ = static_cast<float>(estimate_.constant_nm) / axis.configuration.motor.rated_torque_nm;
   } else if (ending_ && towards >= 0.0) {
-    outcome_ = Outcome::done;  // the swing back has just brought it to rest
+    outcome_ = Outcome::done;  // the return swing has brought the axis to rest
   }
   if (elapsed_s_ > request_.timeout_s) return abort(Outcome::not_converged);
 

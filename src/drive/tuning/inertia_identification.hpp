@@ -7,33 +7,34 @@
 
 namespace servodrome::drive {
 
-// Identification of inertia and friction by moves of the drive's own: the torque swings the axis to and fro about where
-// it stood, between two speeds, until the estimate is good. Torque, not position, because the gains that a position
-// loop would need are what this is for. It behaves as a mode of operation that stands in for the one that is set.
+// Identifies inertia and friction by test moves: the torque swings the axis to and fro about its position at the
+// start, between two speeds, until the estimate is accurate enough. It controls torque and not position, because the
+// gains of a position loop are only known afterwards. While it runs, it replaces the current mode of operation.
 //
-// The torque begins at what holds the axis, rises until the axis moves, and after every reversal is set so that a swing
-// takes some windows of the estimator, whatever the inertia.
+// The torque begins at the holding torque and rises until the axis moves. After each reversal it is adapted so that a
+// swing takes a few windows of the estimator for any inertia.
 class InertiaIdentification {
  public:
   struct Request {
-    double travel_counts = 65536.0;   // to either side of where the axis stands
-    double speed_counts_per_s = 0.0;  // swings turn around at this speed
-    float torque_limit = 1.0F;        // fraction of rated torque, beyond what holds the axis
-    double uncertainty = 0.005;       // relative, of the inertia: good enough
+    double travel_counts = 65536.0;   // to either side of the start position
+    double speed_counts_per_s = 0.0;  // a swing is reversed at this speed
+    float torque_limit = 1.0F;        // fraction of rated torque, on top of the holding torque
+    double uncertainty = 0.005;       // required relative uncertainty of the inertia
     double timeout_s = 6.0;
   };
   enum class Outcome : std::uint8_t {
-    none,  // not asked for yet
+    none,  // not requested yet
     running,
     done,
-    travel_exceeded,  // the axis left the travel allowed
+    travel_exceeded,  // the axis left the permitted travel
     no_motion,        // the torque limit does not move it
-    not_converged,    // not good enough within the time
+    not_converged,    // not accurate enough within the time
     limit_switch,
     interrupted,  // halt, a stop, another mode, a fault, power off
   };
 
-  // The axis must stand under control of the loops. False: the request makes no sense.
+  // Precondition: the axis stands still under control of the loops. Returns false if the request is invalid or
+  // identification already runs.
   bool begin(Axis& axis, const Request& request);
   void abort(Outcome outcome = Outcome::interrupted) {
     if (running()) outcome_ = outcome;
@@ -42,7 +43,7 @@ class InertiaIdentification {
   Outcome outcome() const { return outcome_; }
   const InertiaEstimate& estimate() const { return estimate_; }  // with Outcome::done
 
-  // --- As a mode
+  // --- Interface of a mode
   static constexpr Loop loop = Loop::torque;
   void enter(Axis&) {}
   void controlword(Axis&, std::uint16_t, std::uint16_t) {}
@@ -64,10 +65,10 @@ class InertiaIdentification {
   double cycle_s_ = 1e-3;
   double elapsed_s_ = 0.0;
   double swing_s_ = 0.0;    // since the last reversal
-  float holding_ = 0.0F;    // torques as fractions of rated: what holds the axis,
-  float amplitude_ = 0.0F;  // what swings it,
-  float breakaway_ = 0.0F;  // what first moved it,
-  float level_ = 0.0F;      // and what acts now beyond `holding_`
+  float holding_ = 0.0F;    // torques as fractions of rated: holding torque,
+  float amplitude_ = 0.0F;  // amplitude of the swing,
+  float breakaway_ = 0.0F;  // breakaway torque,
+  float level_ = 0.0F;      // and the present torque on top of `holding_`
   double direction_ = 1.0;
   std::uint32_t reversals_ = 0;
   bool probing_ = true;

@@ -7,19 +7,20 @@
 namespace servodrome::drive {
 namespace {
 
-// A line's power must be that many times the mean noise of so many lines to either side.
+// Least ratio of a line's power to the mean noise of the `noise_lines` lines on either side.
 constexpr float least_signal_to_noise = 8.0F;
-// What the transform's rounding leaves of the torque in an answer that is none, as a share of its power.
+// Fraction of the torque's power that the transform's rounding leaks into the answer.
 constexpr float rounding = 1.0e-9F;
 constexpr std::size_t noise_lines = 4;
 
-// Of the sampling rate, as far as lines are used.
+// Highest frequency of the lines used, as a fraction of the sampling rate.
 constexpr float highest_share = 0.47F;
 
-// Beside a peak its valleys are looked for within this ratio of frequencies, and a second resonance outside of it.
+// The valleys beside a peak are searched within this ratio of frequencies, and a second resonance outside of it.
 constexpr float neighbourhood = 1.4F;
 
-// A second resonance this much lower than the first (in squared gain) does no harm, or is none.
+// A second resonance whose squared gain is below this fraction of the first one's is ignored: it is harmless or an
+// artefact.
 constexpr float least_share = 0.05F;
 
 }  // namespace
@@ -33,7 +34,7 @@ void ResonanceAnalysis::begin(const Settings& settings) {
   torque_.fill(0.0F);
   answer_.fill(0.0F);
   fft_.begin();
-  // Even lines only: those of the excitation.
+  // Only even lines, those of the excitation.
   const float lines_per_hz = settings.sample_s * static_cast<float>(block);
   const auto line = [&](float hz) {
     const float reachable = std::min(hz, highest_share / settings.sample_s);
@@ -43,7 +44,8 @@ void ResonanceAnalysis::begin(const Settings& settings) {
   highest_line_ = line(settings.highest_hz);
   first_line_ = line(settings.lowest_hz / neighbourhood);
   last_line_ = line(settings.highest_hz * neighbourhood);
-  // From the first line to the last in one period: turns per sample, and half of what they grow by.
+  // The sweep covers the first to the last line in one period: turns per sample at its start, and half of their
+  // increase per sample.
   sweep_start_ = static_cast<float>(first_line_) / static_cast<float>(block);
   const auto width = static_cast<float>(last_line_ - first_line_) / static_cast<float>(block);
   sweep_slope_ = 0.5F * width / static_cast<float>(excitation_period);
@@ -90,9 +92,9 @@ void ResonanceAnalysis::compute(std::size_t steps) {
   while (count_ > 1 && resonances_[count_ - 1].height < least_share * resonances_[0].height) --count_;
 }
 
-// Both real signals came through one transform of torque + i answer: T(k) = (Z(k) + Z*(N - k)) / 2 and A(k) = (Z(k) -
-// Z*(N - k)) / 2i. The squared gain then takes the place of a line that is not read again: the noise is in the odd
-// ones.
+// One complex transform Z of torque + i answer holds both real signals: T(k) = (Z(k) + Z*(N - k)) / 2 and A(k) = (Z(k)
+// - Z*(N - k)) / 2i. The squared gain overwrites the torque of its even line, which is not read again: noise is
+// measured on odd lines.
 void ResonanceAnalysis::measure(std::size_t line) {
   const auto power_of_answer = [&](std::size_t k) {
     const float re = answer_[k] + answer_[block - k];
@@ -115,13 +117,14 @@ void ResonanceAnalysis::measure(std::size_t line) {
 
 float ResonanceAnalysis::line_hz(float line) const { return line / (settings_.sample_s * static_cast<float>(block)); }
 
-// A line that is higher than those beside it, if it also stands out of the valleys around it, is a resonance, refined
-// by the parabola through the logarithms of the three. Of two in one neighbourhood the higher counts.
+// A line is a resonance if it is higher than both neighbours and exceeds the valleys around it by `least_prominence`.
+// The parabola through the logarithms of the three lines refines its frequency. Of two resonances in one neighbourhood
+// only the higher counts.
 void ResonanceAnalysis::consider(std::size_t line) {
   const float height = torque_[line];
   const float left = torque_[line - 2];
   const float right = torque_[line + 2];
-  if (left <= 0.0F || right <= 0.0F || height <= left || height < right) return;  // 0: not believed
+  if (left <= 0.0F || right <= 0.0F || height <= left || height < right) return;  // 0: lost in noise
   const auto lowest = [&](std::size_t from, std::size_t to) {
     float valley = height;
     for (std::size_t k = std::max(from, first_line_); k <= std::min(to, last_line_); k += 2) {
@@ -136,15 +139,15 @@ void ResonanceAnalysis::consider(std::size_t line) {
   if (prominence < settings_.least_prominence) return;
 
   const float curvature = std::log(left * right / (height * height));
-  const float offset = std::log(left / right) / curvature;  // in lines, two of which are one step
+  const float offset = std::log(left / right) / curvature;  // in lines; the step between measured lines is two
   Resonance found{line_hz(at + offset), prominence, height};
   for (std::size_t i = 0; i < count_; ++i) {
-    const float ratio = found.frequency_hz / resonances_[i].frequency_hz;  // > 1: lines are taken upwards
+    const float ratio = found.frequency_hz / resonances_[i].frequency_hz;  // > 1, as lines are processed upwards
     if (ratio > neighbourhood) continue;
     if (height <= resonances_[i].height) return;
     for (--count_; i < count_; ++i) resonances_[i] = resonances_[i + 1];
   }
-  // In by height, and the least out of the end.
+  // Inserts by height; the lowest drops out at the end.
   for (std::size_t i = 0; i < most_resonances; ++i) {
     if (i >= count_ || found.height > resonances_[i].height) std::swap(found, resonances_[i]);
   }
