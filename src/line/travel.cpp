@@ -6,7 +6,7 @@
 namespace servodrome::line {
 namespace {
 
-// Reads positions and distances of the travel; integers stay exact.
+// Reads positions and distances of the travel and converts them to counts. Integers are converted without rounding.
 class TravelUnit {
  public:
   explicit TravelUnit(TableReader& travel) {
