@@ -155,7 +155,7 @@ class Axis final : public links::Receiver {
   Time last_poll_{-1};
   bool powered_ = false;
   std::vector<Tap*> taps_;
-  std::int64_t samples_due_ = no_tick;  // the next tick at which a tap wants its value
+  std::int64_t samples_due_ = no_tick;  // the next tick at which a tap takes a sample
   std::map<int, bool> forced_inputs_;
   std::set<drive::Cause> injected_;
 };

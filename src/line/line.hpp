@@ -25,7 +25,7 @@ struct NamedBus {
   explicit NamedBus(const BusSettings& its_settings);
 };
 
-// An RS485 line of the line and its name.
+// An RS485 bus of the line and its name.
 struct NamedSerialBus {
   SerialBusSettings settings;
   links::SerialLine line;

@@ -39,7 +39,8 @@ bool is_readable(int descriptor);
 // deadline.
 bool wait_readable(int descriptor, Deadline deadline);
 bool wait_writable(int descriptor, Deadline deadline);
-// Writes all of it to a nonblocking descriptor; false, with errno, on failure (ETIMEDOUT: the deadline).
+// Writes all bytes to a nonblocking descriptor. Returns false, with errno set, on failure (ETIMEDOUT: the deadline has
+// passed).
 bool write_all(int descriptor, std::string_view bytes, Deadline deadline);
 
 }  // namespace servodrome::links

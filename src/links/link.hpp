@@ -5,7 +5,7 @@
 
 #include "links/time.hpp"
 
-// What the links of all buses have in common.
+// The common part of the links of all buses.
 namespace servodrome::links {
 
 // The interface of a line for its links. All calls come from the line's thread.

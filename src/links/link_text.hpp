@@ -8,7 +8,7 @@
 // The common part of reading link names of all buses.
 namespace servodrome::links {
 
-// A link to a master in the same process.
+// The name of a link to a master in the same process.
 struct MemName {};
 
 // The text of a link name while it is read, and how to report errors about it.

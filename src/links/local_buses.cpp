@@ -10,7 +10,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// ARPHRD_ of <linux/if_arp.h>, as sysfs writes them.
+// ARPHRD_ values of <linux/if_arp.h>, in the format of sysfs.
 constexpr const char* arphrd_ether = "1";
 constexpr const char* arphrd_can = "280";
 

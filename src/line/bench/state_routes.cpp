@@ -14,7 +14,7 @@ using drive::PowerState;
 struct CommandWord {
   Command command;
   const char* name;
-  std::uint16_t controlword;  // CiA 402-2 table 24; bits that the command leaves open are 0
+  std::uint16_t controlword;  // CiA 402-2 table 24; bits without meaning for the command are 0
 };
 constexpr std::array command_words{
     CommandWord{Command::shutdown, "shutdown", 0x06},

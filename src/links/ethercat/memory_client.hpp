@@ -30,7 +30,7 @@ class MemoryEthercatClient final : public EthercatClient {
   EthercatBus& bus_;
   VirtualClock& clock_;
   EthercatBus::Port port_;
-  std::vector<Returning> returning_;  // in order of time
+  std::vector<Returning> returning_;  // sorted by time
 };
 
 }  // namespace servodrome::links

@@ -20,8 +20,7 @@ class Subscription {
   static constexpr std::size_t step = 512 * 1024;  // additional waiting bytes that halve the resolution
   static constexpr std::size_t easy = 64 * 1024;   // waiting bytes at which the resolution may rise again
   static constexpr auto recovery_time = std::chrono::seconds(1);
-  static constexpr std::int64_t longest_stride =
-      16000;  // ticks; a client that is too slow for a sample a second is gone
+  static constexpr std::int64_t longest_stride = 16000;  // ticks: one sample per second
 
   // All taps must have the same stride.
   Subscription(std::uint32_t id, std::vector<std::shared_ptr<Samples>> taps);
