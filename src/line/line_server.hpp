@@ -27,8 +27,9 @@ namespace servodrome::line {
 // happens in the thread that calls run().
 //
 // In real time the line follows CLOCK_MONOTONIC. A timer wakes it for the next event on a bus, and at least every 1 ms
-// while a CAN client is connected or after an EtherCAT segment was used, otherwise at least every 10 ms. Each request
-// first brings the line up to the present. Time that the line cannot catch up with is dropped (RealPace, Line::lag).
+// while a CAN client is connected or after an EtherCAT segment was used, otherwise at least every 10 ms. A line with
+// `raw:` or `busy` links polls and sleeps in serve_frames() instead. Each request first brings the line up to the
+// present. Time that the line cannot catch up with is dropped (RealPace, Line::lag).
 class LineServer final : private links::LineHost {
  public:
   // Opens all links and the API. On an error it closes them again and throws links::LinkError or std::runtime_error.

@@ -794,9 +794,8 @@ TEST(BenchSocket, WhoIsSentAwayAndReadsNothingIsCutHoweverMuchItSends) {
   // More data than the system's buffers hold.
   Client(running.port()).ask("POST", "/api/v1/clock/advance", {}, R"({"ms":15000})");
   const std::string end = R"({"unsubscribe":{"id":99}})";
-  for (int n = 0; n < 300; ++n)
-    socket.socket().write(boost::asio::buffer(end),
-                          socket.code);  // more than allowed: the server closes the connection
+  // More messages than allowed, so the server closes the connection.
+  for (int n = 0; n < 300; ++n) socket.socket().write(boost::asio::buffer(end), socket.code);
   // The client does not read the close frame and keeps sending.
   const auto began = std::chrono::steady_clock::now();
   while (!socket.code && std::chrono::steady_clock::now() - began < 60s) {

@@ -178,8 +178,7 @@ product = "ismc"
 [axis.travel]
 start = 1152921504606846977
 )");
-  EXPECT_EQ(line.axes[0].plant.encoder.start_position_counts,
-            1152921504606846977);  // 2^60 + 1: a double cannot represent it
+  EXPECT_EQ(line.axes[0].plant.encoder.start_position_counts, 1152921504606846977);  // 2^60 + 1: not a double
 }
 
 TEST(LineFile, TheDriveIsToldTheTruthUnlessTheNameplateSaysElse) {

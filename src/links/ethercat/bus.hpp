@@ -42,7 +42,7 @@ class EthercatObserver {
 
 struct EthercatCounters {
   std::uint64_t frames = 0;     // sent by a master
-  std::uint64_t lost = 0;       // did not come back: dropped, corrupted, cut off, or destroyed by a slave
+  std::uint64_t lost = 0;       // of these, did not come back: dropped, corrupted, cut off, or destroyed by a slave
   std::uint64_t malformed = 0;  // EtherCAT frames whose datagrams do not fit into them
   std::uint64_t foreign = 0;    // frames of another protocol
   std::uint64_t dropped = 0;    // lost because of a disturbance
