@@ -5,7 +5,7 @@
 
 namespace servodrome::host {
 
-// The one error type of this library: what happened, where (link, node, object), and what to do about it. what() is the
+// Base of all exceptions of this library: what happened, where (link, node, object), and the remedy. what() joins the
 // three in one sentence.
 class HostError : public std::runtime_error {
  public:
