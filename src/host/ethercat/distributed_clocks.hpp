@@ -44,7 +44,7 @@ class DistributedClocks {
   std::uint64_t time();
   // Propagation delay from the reference to the slave in ns, as set by start().
   std::uint32_t delay_ns(std::uint16_t station) const;
-  // 092Ch: deviation of the slave's clock from the received time of the reference, in ns.
+  // 092Ch: deviation of the slave's clock from the received time of the reference, in ns; positive: it is ahead.
   std::int64_t difference_ns(std::uint16_t station);
 
   // A future time, at least `margin` ahead, at which SYNC0 of all slaves can start: a multiple of the cycle.
