@@ -16,7 +16,7 @@ constexpr std::string_view acceleration_forward_does =
     "less following error while the speed changes; right when it is that of the inertia";
 constexpr std::string_view notch_does = "what the loop leaves alone: set it to a resonance of the machine; 0: off";
 
-// 2010h to 2012h of src/products/generic402/README.md.
+// Objects 2010h to 2012h (src/products/generic402/README.md).
 constexpr auto reference = std::to_array<GainLine>({
     {{0x2010, 2}, "Gains", kp_does},
     {{0x2010, 3}, "Gains", ki_does},
