@@ -37,7 +37,7 @@ inline constexpr std::array unit_names{
 const UnitNames& names_of(UnitSystem system);
 // nullopt: there is no system of that name.
 std::optional<UnitSystem> unit_system_named(std::string_view word);
-// "drive, counts, revolutions ...".
+// "drive, counts, revolutions ...": all names, for messages.
 std::string list_of_unit_systems();
 
 struct UnitChoice {

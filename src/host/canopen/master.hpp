@@ -41,29 +41,29 @@ class Master {
   bool wait_for_state(std::uint8_t node_id, NmtState state, Time timeout);
   bool wait_for_boot_up(std::uint8_t node_id, Time timeout);
 
-  // Handlers are called while the bus runs.
+  // Callbacks, called while the bus runs.
   void on_state(std::function<void(std::uint8_t node_id, NmtState)> handler) { on_state_ = std::move(handler); }
   void on_boot_up(std::function<void(std::uint8_t node_id)> handler) { on_boot_up_ = std::move(handler); }
   void on_emergency(std::function<void(const Emergency&)> handler) { on_emergency_ = std::move(handler); }
 
   void send_sync();
-  // With the counter of object 1019h: 1..overflow (2..240), or none (0).
+  // `counter_overflow`: value of object 1019h, 2..240; SYNC then carries a counter 1..overflow. 0: no counter.
   [[nodiscard]] Bus::Subscription produce_sync(Time period, std::uint8_t counter_overflow = 0);
-  // The first one at once.
+  // Sends the first heartbeat at once.
   [[nodiscard]] Bus::Subscription produce_heartbeat(std::uint8_t own_node_id, Time period,
                                                     NmtState state = NmtState::operational);
 
   void send_pdo(std::uint32_t can_id, std::span<const std::uint8_t> data);
-  // Asks for a TPDO by remote frame; `length` is the requested one.
+  // Requests a TPDO by remote frame; `length` is its length in bytes.
   void request_pdo(std::uint32_t can_id, std::uint8_t length);
-  // The next frame with this identifier, or nothing within `timeout`.
+  // Waits for the next frame with this identifier; nullopt after `timeout`.
   std::optional<Frame> wait_for_pdo(std::uint32_t can_id, Time timeout);
 
   struct GuardAnswer {
     bool toggle = false;
     NmtState state{};
   };
-  // Node guarding by remote frame. A node with life guarding (100Ch, 100Dh) expects this again and again from then on.
+  // Node guarding by remote frame. A node with life guarding (100Ch, 100Dh) must be guarded periodically from then on.
   std::optional<GuardAnswer> guard(std::uint8_t node_id, Time timeout);
 
   Bus& bus() { return bus_; }

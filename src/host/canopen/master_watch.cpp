@@ -16,8 +16,8 @@ constexpr std::int16_t malfunction = 1;
 constexpr std::uint32_t ours =
     std::uint32_t{master_node_id} << 16 | static_cast<std::uint32_t>(MasterWatch::longest_silence.count());
 
-// The drive has a first consumer heartbeat time, and it watches no node, or us: that is what a program left behind
-// whose cable was pulled.
+// True if the drive has a consumer heartbeat time that monitors no node, or this master. The latter is left over from a
+// program whose connection was lost.
 bool is_free(ObjectClient& drive) {
   const auto entries = drive.read_if_present<std::uint8_t>(consumer_heartbeat_time, 0).value_or(0);
   for (unsigned sub = 1; sub <= entries; ++sub) {

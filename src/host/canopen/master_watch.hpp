@@ -11,7 +11,7 @@
 
 namespace servodrome::host {
 
-// The node-ID that the manuals' examples give a master (Kinco L3085).
+// Usual node-ID of a master in the manuals' examples (Kinco L3085).
 inline constexpr std::uint8_t master_node_id = 127;
 
 // Dead man's switch by heartbeat. While this object exists, the drives monitor this master's heartbeat (1016h, CiA 301

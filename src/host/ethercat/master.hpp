@@ -120,7 +120,7 @@ class EthercatMaster {
   std::array<std::uint8_t, ethercat::max_payload> received_{};
 };
 
-// "udp:127.0.0.1:34980, slave 1001h"
+// For example "udp:127.0.0.1:34980, slave 1001h".
 std::string slave_text(const EthercatMaster& master, std::uint16_t station);
 
 }  // namespace servodrome::host

@@ -38,7 +38,7 @@ constexpr auto reference = std::to_array<GainLine>({
     {{0x2012, 0}, "Where a gain is 0", "the inertia that the drive makes its gains for, by the rotor's"},
 });
 
-// L1564-1888 of the iSMK manual.
+// iSMK manual L1564-1888.
 constexpr auto ismk = std::to_array<GainLine>({
     {{0x60F9, 1}, "Gain set 0", kp_does},
     {{0x60F9, 2}, "Gain set 0", ki_does},
