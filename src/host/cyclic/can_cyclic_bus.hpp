@@ -37,10 +37,10 @@ CanDrive interpolated_position_drive(std::uint8_t node_id);
 
 struct CanCyclicOptions {
   Time period = std::chrono::milliseconds(4);  // period of SYNC
-  unsigned tolerated_losses = 10;              // check() throws after more SYNC periods in a row without all TPDOs
+  unsigned tolerated_losses = 10;              // in a row: SYNC periods without all TPDOs before check() throws
   SdoOptions sdo{};
-  // True: TPDOs may arrive until the next SYNC instead of within half a period; for a master whose outputs need not be
-  // sent in the same period.
+  // True: TPDOs may arrive until the next SYNC instead of within half a period; for a master without outputs, such as a
+  // recorder.
   bool waits_whole_period = false;
   bool stops_drives = true;  // true: drives that are still enabled at the end are stopped; false: they stay enabled
 };
