@@ -151,7 +151,7 @@ class Axis402 {
   // Runs the homing method; the drive must be enabled. Returns when homing is attained and the axis is at rest.
   void home(const HomingRequest& request, Time timeout, const Progress& progress = {});
 
-  // Profile position; the drive must be enabled. Returns when the target is reached. A distance counts from the last
+  // Profile position; the drive must be enabled. Returns when the target is reached. move_by() counts from the last
   // target, or, after stop(), from the present position, because stop() drops the move. Without a velocity the drive
   // uses its own 6081h; the call throws if that is 0.
   void move_to(std::int32_t position, const MotionProfile& profile, Time timeout, const Progress& progress = {});

@@ -11,7 +11,7 @@ class PreOperational {
  public:
   PreOperational(Bus& bus, std::uint8_t node_id, ObjectClient& objects);
 
-  // True for a node without heartbeat: its state before is unknown, and leave() leaves it pre-operational. The caller
+  // True if no heartbeat showed the state of the node: leave() then leaves it pre-operational. The caller
   // tells the user.
   bool was_unknown() const { return !was_; }
   // Starts the node if it was operational before; does not wait for a confirmation. Throws HostError if the link is

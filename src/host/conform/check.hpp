@@ -23,7 +23,7 @@ const char* name(Verdict verdict);
 
 // What a check needs the axis to do.
 enum class Demand : std::uint8_t {
-  nothing,  // nothing: the power stage stays off
+  nothing,  // the power stage stays off
   enable,   // the axis is energised and stands still
   motion,   // the axis moves
 };

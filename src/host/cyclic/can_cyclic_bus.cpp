@@ -144,7 +144,7 @@ void CanCyclicBus::set_up_pdos(Station& station, bool transmit) {
                       station.where(), "exchange fewer objects");
     }
     if (number >= wanted.size()) {
-      // A TPDO that is not wanted would use up bus load that the synchronous PDOs need.
+      // A TPDO that is not wanted would use bus bandwidth that the synchronous PDOs need.
       if (!transmit || !before->in_use()) continue;
       PdoParameters off = *before;
       off.cob_id |= not_in_use;

@@ -21,7 +21,7 @@ struct FoundSlave {
   bool knows_lrw() const { return (features & 0x0200) == 0; }
 };
 
-// Station address that scan_slaves() gives to the first slave of the line; further slaves count up from it.
+// First of the station addresses that scan_slaves() gives to slaves without a unique one; they count up along the line.
 inline constexpr std::uint16_t first_station = 0x1001;
 
 // Number of slaves that answer a broadcast. Also 0 if no frame returns.
