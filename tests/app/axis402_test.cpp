@@ -10,6 +10,7 @@
 #include "line/support.hpp"
 
 namespace servodrome::host {
+namespace axis402_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -190,4 +191,5 @@ TEST(Statusword, StatesAndBitsInWords) {
 }
 
 }  // namespace
+}  // namespace axis402_test
 }  // namespace servodrome::host

@@ -5,6 +5,7 @@
 #include "app/axis_rig.hpp"
 
 namespace servodrome::host::test {
+namespace axis_motion_test {
 namespace {
 
 using testing::HasSubstr;
@@ -340,4 +341,5 @@ TEST_P(Probes, ThatSeeNothingSaySo) {
 }
 
 }  // namespace
+}  // namespace axis_motion_test
 }  // namespace servodrome::host::test

@@ -12,6 +12,7 @@
 #include "source_dir.hpp"
 
 namespace servodrome::host {
+namespace cyclic_bus_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -347,4 +348,5 @@ TEST_F(CanMotion, WhatCannotBeMappedIsRefusedAndPutBack) {
 }
 
 }  // namespace
+}  // namespace cyclic_bus_test
 }  // namespace servodrome::host

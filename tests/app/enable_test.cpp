@@ -4,6 +4,7 @@
 #include "app/axis_rig.hpp"
 
 namespace servodrome::host::test {
+namespace enable_test {
 namespace {
 
 using testing::HasSubstr;
@@ -167,4 +168,5 @@ TEST(EnablingIsRefused, WhereTheDriveRefusesTheTarget) {
 }
 
 }  // namespace
+}  // namespace enable_test
 }  // namespace servodrome::host::test

@@ -12,6 +12,7 @@
 #include "links/ethercat/memory_client.hpp"
 
 namespace servodrome::host {
+namespace ethercat_axes_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -174,4 +175,5 @@ TEST_F(EthercatAxes, AFaultIsNamedWithItsEmergency) {
 }
 
 }  // namespace
+}  // namespace ethercat_axes_test
 }  // namespace servodrome::host

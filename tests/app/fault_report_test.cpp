@@ -6,6 +6,7 @@
 #include "app/axis_rig.hpp"
 
 namespace servodrome::host::test {
+namespace fault_report_test {
 namespace {
 
 using testing::HasSubstr;
@@ -86,4 +87,5 @@ TEST(FaultReportOfWords, EveryBitIsAnAlarm) {
 }
 
 }  // namespace
+}  // namespace fault_report_test
 }  // namespace servodrome::host::test

@@ -5,6 +5,7 @@
 #include "app/axis_rig.hpp"
 
 namespace servodrome::host::test {
+namespace home_at_rest_test {
 namespace {
 
 using testing::HasSubstr;
@@ -54,4 +55,5 @@ TEST(HomeThatSwings, IsNotDone) {
 }
 
 }  // namespace
+}  // namespace home_at_rest_test
 }  // namespace servodrome::host::test

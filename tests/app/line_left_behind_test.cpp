@@ -9,6 +9,7 @@
 #include "line/support.hpp"
 
 namespace servodrome::host {
+namespace line_left_behind_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -165,4 +166,5 @@ TEST_P(LineLeftBehind, AnswersEveryFrameAsOneThatIsUpToDate) {
 }
 
 }  // namespace
+}  // namespace line_left_behind_test
 }  // namespace servodrome::host

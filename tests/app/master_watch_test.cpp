@@ -6,6 +6,7 @@
 
 // A moving axis after the cable of its master is pulled.
 namespace servodrome::host {
+namespace master_watch_test {
 namespace {
 
 using namespace test;
@@ -171,4 +172,5 @@ TEST_P(Watched, WhatAPulledCableLeftBehindIsOurs) {
 }
 
 }  // namespace
+}  // namespace master_watch_test
 }  // namespace servodrome::host

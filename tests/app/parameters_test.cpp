@@ -17,6 +17,7 @@
 #include "links/ethercat/memory_client.hpp"
 
 namespace servodrome::host {
+namespace parameters_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -440,4 +441,5 @@ TEST(ParameterFiles, KeepEveryTypeAndComeBackWithWindowsLineEnds) {
 }
 
 }  // namespace
+}  // namespace parameters_test
 }  // namespace servodrome::host

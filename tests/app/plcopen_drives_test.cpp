@@ -11,6 +11,7 @@
 #include "links/ethercat/memory_client.hpp"
 
 namespace servodrome::host::plcopen {
+namespace plcopen_drives_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -285,4 +286,5 @@ node = 2
 }
 
 }  // namespace
+}  // namespace plcopen_drives_test
 }  // namespace servodrome::host::plcopen

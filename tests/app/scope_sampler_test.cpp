@@ -7,6 +7,7 @@
 #include "host/scope/recorder.hpp"
 
 namespace servodrome::host::scope {
+namespace scope_sampler_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -430,4 +431,5 @@ TEST_P(ScopeOnModbus, ReadsNeighboursAtOnce) {
 }
 
 }  // namespace
+}  // namespace scope_sampler_test
 }  // namespace servodrome::host::scope

@@ -9,6 +9,7 @@
 #include "source_dir.hpp"
 
 namespace servodrome::host::script {
+namespace script_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -407,4 +408,5 @@ TEST_P(ScriptOfTwo, WhenOneLosesItsSupplyTheOtherStops) {
 }
 
 }  // namespace
+}  // namespace script_test
 }  // namespace servodrome::host::script

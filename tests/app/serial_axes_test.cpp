@@ -10,6 +10,7 @@
 #include "line/support.hpp"
 
 namespace servodrome::host {
+namespace serial_axes_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -215,4 +216,5 @@ TEST_F(SerialAxes, FourDrivesShareOneCanBusAndOneRs485Line) {
 }
 
 }  // namespace
+}  // namespace serial_axes_test
 }  // namespace servodrome::host

@@ -12,6 +12,7 @@
 #include "host/tuning/session.hpp"
 
 namespace servodrome::host::tuning {
+namespace tuning_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -301,4 +302,5 @@ TEST(TuneLimits, ABlockedAxis) {
 }
 
 }  // namespace
+}  // namespace tuning_test
 }  // namespace servodrome::host::tuning

@@ -7,6 +7,7 @@
 #include "line/tap.hpp"
 
 namespace servodrome::host {
+namespace voltage_signals_test {
 namespace {
 
 using test::AxisRig;
@@ -46,4 +47,5 @@ TEST(VoltageSignals, OfTwoPhasesAreThoseOfAWinding) {
 }
 
 }  // namespace
+}  // namespace voltage_signals_test
 }  // namespace servodrome::host

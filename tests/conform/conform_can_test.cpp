@@ -8,6 +8,7 @@
 #include "host/object_catalogue.hpp"
 
 namespace servodrome::host::conform::test {
+namespace conform_can_test {
 namespace {
 
 // Modifies frames between master and drive.
@@ -489,10 +490,10 @@ const std::vector<Defect> defects{
      mode_stays("", "", 7).from_drive},
 };
 
-class Defects : public testing::TestWithParam<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(Planted, Defects, testing::Range(std::size_t{0}, defects.size()));
+class CanDefects : public testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(Planted, CanDefects, testing::Range(std::size_t{0}, defects.size()));
 
-TEST_P(Defects, IsFound) {
+TEST_P(CanDefects, IsFound) {
   const Defect& defect = defects[GetParam()];
   CanRig rig("generic402");
   const RunOptions options{.only = {defect.check}};
@@ -636,4 +637,5 @@ TEST(ConformCan, AnEnabledAxisIsNotTouched) {
 }
 
 }  // namespace
+}  // namespace conform_can_test
 }  // namespace servodrome::host::conform::test

@@ -6,6 +6,7 @@
 #include "links/ethercat/memory_client.hpp"
 
 namespace servodrome::host::conform::test {
+namespace conform_ethercat_test {
 namespace {
 
 // Modifies frames between master and drive; the callbacks receive the content of each frame.
@@ -56,10 +57,10 @@ struct EthercatRig {
   EthercatMaster master{std::make_unique<FalseClient>(line.ethercat_buses()[0]->bus, line, to_drive, from_drive)};
 };
 
-class Drives : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(Products, Drives, testing::Values("generic402-ec", "ismk-ea", "jmc_ec"));
+class EthercatDrives : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Products, EthercatDrives, testing::Values("generic402-ec", "ismk-ea", "jmc_ec"));
 
-TEST_P(Drives, DepartWhereTheirManualsSay) {
+TEST_P(EthercatDrives, DepartWhereTheirManualsSay) {
   EthercatRig rig(GetParam());
   const Report report = rig.run();
   expect_departures_only(report);
@@ -237,10 +238,10 @@ const std::vector<Defect> defects{
      {}},
 };
 
-class Defects : public testing::TestWithParam<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(Planted, Defects, testing::Range(std::size_t{0}, defects.size()));
+class EthercatDefects : public testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(Planted, EthercatDefects, testing::Range(std::size_t{0}, defects.size()));
 
-TEST_P(Defects, IsFound) {
+TEST_P(EthercatDefects, IsFound) {
   const Defect& defect = defects[GetParam()];
   EthercatRig rig("generic402-ec");
   const RunOptions options{.only = {defect.check}};
@@ -282,4 +283,5 @@ TEST(ConformEthercat, SafeNeverMoves) {
 }
 
 }  // namespace
+}  // namespace conform_ethercat_test
 }  // namespace servodrome::host::conform::test

@@ -5,6 +5,7 @@
 #include "modbus/rtu_server.hpp"
 
 namespace servodrome::host::conform::test {
+namespace conform_modbus_test {
 namespace {
 
 // Modifies requests and answers; the callbacks receive all bytes of a frame.
@@ -81,10 +82,10 @@ node = 3
                       {.format = line.find_serial_bus("bus")->settings.format}};
 };
 
-class Drives : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(Products, Drives, testing::Values("generic402", "ismk"));
+class ModbusDrives : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Products, ModbusDrives, testing::Values("generic402", "ismk"));
 
-TEST_P(Drives, DepartWhereTheirManualsSay) {
+TEST_P(ModbusDrives, DepartWhereTheirManualsSay) {
   ModbusRig rig(GetParam());
   const Report report = rig.run();
   expect_departures_only(report);
@@ -167,10 +168,10 @@ const std::vector<Defect> defects{
      }},
 };
 
-class Defects : public testing::TestWithParam<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(Planted, Defects, testing::Range(std::size_t{0}, defects.size()));
+class ModbusDefects : public testing::TestWithParam<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(Planted, ModbusDefects, testing::Range(std::size_t{0}, defects.size()));
 
-TEST_P(Defects, IsFound) {
+TEST_P(ModbusDefects, IsFound) {
   const Defect& defect = defects[GetParam()];
   ModbusRig rig("generic402");
   const RunOptions options{.only = {defect.check}};
@@ -184,4 +185,5 @@ TEST_P(Defects, IsFound) {
 }
 
 }  // namespace
+}  // namespace conform_modbus_test
 }  // namespace servodrome::host::conform::test

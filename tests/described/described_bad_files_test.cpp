@@ -5,6 +5,7 @@
 #include "described_support.hpp"
 
 namespace servodrome::described {
+namespace described_bad_files_test {
 namespace {
 
 using namespace test;
@@ -174,4 +175,5 @@ TEST(LineFileOfDescriptions, ComplainsAtTheKey) {
 }
 
 }  // namespace
+}  // namespace described_bad_files_test
 }  // namespace servodrome::described

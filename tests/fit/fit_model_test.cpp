@@ -7,6 +7,7 @@
 #include "synthetic_axis.hpp"
 
 namespace servodrome::fit {
+namespace fit_model_test {
 namespace {
 
 using test::forget;
@@ -192,4 +193,5 @@ TEST(FitModel, MissingSamplesAreLeftOut) {
 }
 
 }  // namespace
+}  // namespace fit_model_test
 }  // namespace servodrome::fit

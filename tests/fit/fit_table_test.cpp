@@ -10,6 +10,7 @@
 #include "host/scope/export.hpp"
 
 namespace servodrome::fit {
+namespace fit_table_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -171,4 +172,5 @@ TEST(FitSignals, AVelocityThatDoesNotFitThePositionIsScaled) {
 }
 
 }  // namespace
+}  // namespace fit_table_test
 }  // namespace servodrome::fit

@@ -6,6 +6,7 @@
 #include "host/ethercat/coe_objects.hpp"
 
 namespace servodrome::host::test {
+namespace host_ethercat_clock_test {
 namespace {
 
 using testing::HasSubstr;
@@ -202,4 +203,5 @@ TEST(EthercatClocks, ASlaveSwitchedOffAndOnIsTakenUpAgain) {
 }
 
 }  // namespace
+}  // namespace host_ethercat_clock_test
 }  // namespace servodrome::host::test

@@ -5,6 +5,7 @@
 #include "host/ethercat/coe_objects.hpp"
 
 namespace servodrome::host::test {
+namespace host_ethercat_coe_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -207,4 +208,5 @@ TEST(EthercatFoe, ASlaveWithoutItSaysSoByAMailboxError) {
 }
 
 }  // namespace
+}  // namespace host_ethercat_coe_test
 }  // namespace servodrome::host::test

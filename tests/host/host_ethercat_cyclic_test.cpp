@@ -5,6 +5,7 @@
 #include "host/ethercat/coe_objects.hpp"
 
 namespace servodrome::host::test {
+namespace host_ethercat_cyclic_test {
 namespace {
 
 using testing::HasSubstr;
@@ -316,4 +317,5 @@ TEST(ProcessData, OfTheSlaveIsWhatWasAssigned) {
 }
 
 }  // namespace
+}  // namespace host_ethercat_cyclic_test
 }  // namespace servodrome::host::test

@@ -5,6 +5,7 @@
 #include "host/ethercat/sii_client.hpp"
 
 namespace servodrome::host::test {
+namespace host_ethercat_master_test {
 namespace {
 
 using testing::HasSubstr;
@@ -273,4 +274,5 @@ TEST(EthercatStates, WordsOfTheCommandLine) {
 }
 
 }  // namespace
+}  // namespace host_ethercat_master_test
 }  // namespace servodrome::host::test

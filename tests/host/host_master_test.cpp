@@ -3,6 +3,7 @@
 #include "host/canopen/sdo_client.hpp"
 
 namespace servodrome::host::test {
+namespace host_master_test {
 namespace {
 
 class MasterTest : public ::testing::Test {
@@ -125,4 +126,5 @@ TEST_F(MasterTest, AHeartbeatOfItsOwn) {
 }
 
 }  // namespace
+}  // namespace host_master_test
 }  // namespace servodrome::host::test

@@ -7,6 +7,7 @@
 #include "host/serial_master_line.hpp"
 
 namespace servodrome::host::test {
+namespace host_modbus_client_test {
 namespace {
 
 using modbus::Exception;
@@ -166,4 +167,5 @@ TEST(ModbusClientLinks, WhatCannotBeOpened) {
 }
 
 }  // namespace
+}  // namespace host_modbus_client_test
 }  // namespace servodrome::host::test

@@ -6,6 +6,7 @@
 #include "host/simulated_drives.hpp"
 
 namespace servodrome::host::test {
+namespace host_motion_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -240,4 +241,5 @@ TEST_F(MotionOfSimulatedDrives, AModeThatIsRefusedIsAFault) {
 }
 
 }  // namespace
+}  // namespace host_motion_test
 }  // namespace servodrome::host::test

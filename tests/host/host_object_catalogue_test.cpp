@@ -5,6 +5,7 @@
 #include "host/object_catalogue.hpp"
 
 namespace servodrome::host {
+namespace host_object_catalogue_test {
 namespace {
 
 using dictionary::Type;
@@ -125,4 +126,5 @@ TEST(ValueText, PrintsWhatPeopleRead) {
 }
 
 }  // namespace
+}  // namespace host_object_catalogue_test
 }  // namespace servodrome::host

@@ -7,6 +7,7 @@
 #include "host/simulated_drives.hpp"
 
 namespace servodrome::host::plcopen {
+namespace host_plcopen_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -855,4 +856,5 @@ TEST_F(Blocks, TouchProbeOutsideItsWindowDoesNotCount) {
 }
 
 }  // namespace
+}  // namespace host_plcopen_test
 }  // namespace servodrome::host::plcopen

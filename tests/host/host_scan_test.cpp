@@ -3,6 +3,7 @@
 #include "host/canopen/sdo_client.hpp"
 
 namespace servodrome::host::test {
+namespace host_scan_test {
 namespace {
 
 TEST(Scan, FindsFiveNodesInTheTimeOfOneAbsentOne) {
@@ -79,4 +80,5 @@ TEST(Scan, KindsByDeviceType) {
 }
 
 }  // namespace
+}  // namespace host_scan_test
 }  // namespace servodrome::host::test

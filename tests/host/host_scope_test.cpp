@@ -11,6 +11,7 @@
 #include "host/scope/recorder.hpp"
 
 namespace servodrome::host::scope {
+namespace host_scope_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -374,4 +375,5 @@ TEST(ScopePicture, IsDrawnInDots) {
 }
 
 }  // namespace
+}  // namespace host_scope_test
 }  // namespace servodrome::host::scope

@@ -2,6 +2,7 @@
 #include "host/canopen/sdo_client.hpp"
 
 namespace servodrome::host::test {
+namespace host_sdo_client_test {
 namespace {
 
 std::vector<std::byte> pattern(std::size_t size) {
@@ -232,4 +233,5 @@ TEST(SdoClient, ABlockTransferIsRefusedByANodeWithoutIt) {
 }
 
 }  // namespace
+}  // namespace host_sdo_client_test
 }  // namespace servodrome::host::test

@@ -5,6 +5,7 @@
 #include "host/serial_master_line.hpp"
 
 namespace servodrome::host::test {
+namespace host_serial10_client_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -86,4 +87,5 @@ TEST(Serial10Client, OverAPty) {
 }
 
 }  // namespace
+}  // namespace host_serial10_client_test
 }  // namespace servodrome::host::test

@@ -12,6 +12,7 @@
 #include "serial10/ismk_examples.hpp"
 
 namespace servodrome::host {
+namespace host_sniff_serial_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -333,4 +334,5 @@ TEST(SerialCapture, RtacSerialPackets) {
 }
 
 }  // namespace
+}  // namespace host_sniff_serial_test
 }  // namespace servodrome::host

@@ -12,6 +12,7 @@
 #include "host/sniff/summary.hpp"
 
 namespace servodrome::host {
+namespace host_sniff_test {
 namespace {
 
 using canopen::test::frame_of;
@@ -374,4 +375,5 @@ TEST(SniffFilter, AllOfItMustFit) {
 }
 
 }  // namespace
+}  // namespace host_sniff_test
 }  // namespace servodrome::host

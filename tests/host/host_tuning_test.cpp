@@ -7,6 +7,7 @@
 #include "host/tuning/proposal.hpp"
 
 namespace servodrome::host::tuning {
+namespace host_tuning_test {
 namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
@@ -172,4 +173,5 @@ TEST(Propose, ANotchWhereTheResonanceNeedsOne) {
 }
 
 }  // namespace
+}  // namespace host_tuning_test
 }  // namespace servodrome::host::tuning

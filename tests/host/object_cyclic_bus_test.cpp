@@ -4,6 +4,7 @@
 #include <map>
 
 namespace servodrome::host {
+namespace object_cyclic_bus_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -124,4 +125,5 @@ TEST(ObjectCyclicBus, ARefusalIsTold) {
 }
 
 }  // namespace
+}  // namespace object_cyclic_bus_test
 }  // namespace servodrome::host

@@ -6,6 +6,7 @@
 #include <numbers>
 
 namespace servodrome::host::tuning {
+namespace spectrum_test {
 namespace {
 
 constexpr double sample_s = 1.0 / 4000.0;
@@ -92,4 +93,5 @@ TEST(Spectrum, OfNothingIsEmpty) {
 }
 
 }  // namespace
+}  // namespace spectrum_test
 }  // namespace servodrome::host::tuning

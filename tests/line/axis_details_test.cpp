@@ -9,6 +9,7 @@
 #include "support.hpp"
 
 namespace servodrome::line::bench {
+namespace axis_details_test {
 namespace {
 
 using namespace test;
@@ -343,4 +344,5 @@ TEST_F(AxisDetails, WhatADriveRemembersIsExplained) {
 }
 
 }  // namespace
+}  // namespace axis_details_test
 }  // namespace servodrome::line::bench

@@ -9,6 +9,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace axis_front_test {
 namespace {
 
 using namespace test;
@@ -174,4 +175,5 @@ TEST(AxisFront, VelocityErrorOfTheIsmcIsMaskedBy2200h) {
 }
 
 }  // namespace
+}  // namespace axis_front_test
 }  // namespace servodrome::line

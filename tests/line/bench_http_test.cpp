@@ -24,6 +24,7 @@
 
 // The bench API's server against any client: files, WebSockets, and input that is no valid request.
 namespace servodrome::line {
+namespace bench_http_test {
 namespace {
 
 using namespace test;
@@ -826,4 +827,5 @@ TEST(BenchClock, VirtualTimePassesAtTheSpeedThatWasSet) {
 }
 
 }  // namespace
+}  // namespace bench_http_test
 }  // namespace servodrome::line

@@ -11,6 +11,7 @@
 #include "support.hpp"
 
 namespace servodrome::line::bench {
+namespace bench_stream_test {
 namespace {
 
 using namespace test;
@@ -586,4 +587,5 @@ TEST(BenchRecordings, RefusesWhatIsNone) {
 }
 
 }  // namespace
+}  // namespace bench_stream_test
 }  // namespace servodrome::line::bench

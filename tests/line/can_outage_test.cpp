@@ -6,6 +6,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace can_outage_test {
 namespace {
 
 using namespace test;
@@ -138,4 +139,5 @@ TEST(CanLoad, IsmcDrivesInMotionLeaveTheBusToTheOthers) {
 }
 
 }  // namespace
+}  // namespace can_outage_test
 }  // namespace servodrome::line

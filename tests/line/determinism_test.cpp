@@ -10,6 +10,7 @@
 // Two runs of the same scenario in virtual time are equal to the last bit: 60 s, eight axes of two products on one bus,
 // and a master that enables, homes, moves in every mode and disturbs. Every millisecond is recorded.
 namespace servodrome::line {
+namespace determinism_test {
 namespace {
 
 struct Sample {
@@ -126,4 +127,5 @@ TEST(Determinism, HowTimeIsCutIntoCallsChangesNothing) {
 }
 
 }  // namespace
+}  // namespace determinism_test
 }  // namespace servodrome::line

@@ -11,6 +11,7 @@
 // EtherCAT segments of a line: their slaves, the times of events, and disturbances by the bench API. tests/ethercat
 // tests the protocol itself.
 namespace servodrome::line {
+namespace ethercat_line_test {
 namespace {
 
 using namespace test;
@@ -168,4 +169,5 @@ TEST_F(EthercatLine, EachProductDescribesItself) {
 }
 
 }  // namespace
+}  // namespace ethercat_line_test
 }  // namespace servodrome::line

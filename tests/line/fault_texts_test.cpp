@@ -12,6 +12,7 @@
 #include "products/pronet/policy.hpp"
 
 namespace servodrome::describe {
+namespace fault_texts_test {
 namespace {
 
 struct ProductFaults {
@@ -93,4 +94,5 @@ TEST(FaultText, FallsBackToTheStandardsClass) {
 }
 
 }  // namespace
+}  // namespace fault_texts_test
 }  // namespace servodrome::describe

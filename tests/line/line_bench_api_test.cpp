@@ -8,6 +8,7 @@
 #include "support.hpp"
 
 namespace servodrome::line::bench {
+namespace line_bench_api_test {
 namespace {
 
 using namespace test;
@@ -515,4 +516,5 @@ TEST(Access, TokensAreLongAndDiffer) {
 }
 
 }  // namespace
+}  // namespace line_bench_api_test
 }  // namespace servodrome::line::bench

@@ -12,6 +12,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace line_file_test {
 namespace {
 
 using testing::HasSubstr;
@@ -456,4 +457,5 @@ TEST(LineFile, TheReferenceHasEveryKey) {
 }
 
 }  // namespace
+}  // namespace line_file_test
 }  // namespace servodrome::line

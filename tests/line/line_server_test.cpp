@@ -13,6 +13,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace line_server_test {
 namespace {
 
 using namespace test;
@@ -346,4 +347,5 @@ TEST(LineServer, SaysOnceThatALogCannotBeWritten) {
 }
 
 }  // namespace
+}  // namespace line_server_test
 }  // namespace servodrome::line

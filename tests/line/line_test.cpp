@@ -8,6 +8,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace line_test {
 namespace {
 
 using namespace test;
@@ -295,4 +296,5 @@ TEST(Line, AnIdealBusTakesNoTime) {
 }
 
 }  // namespace
+}  // namespace line_test
 }  // namespace servodrome::line

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace servodrome::line {
+namespace real_pace_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -65,4 +66,5 @@ TEST_F(Paced, IsNeverFurtherBehindThanSaid) {
 }
 
 }  // namespace
+}  // namespace real_pace_test
 }  // namespace servodrome::line

@@ -9,6 +9,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace serial_bus_test {
 namespace {
 
 using namespace test;
@@ -191,4 +192,5 @@ TEST_F(SerialBus, TheBenchShowsAndDisturbsIt) {
 }
 
 }  // namespace
+}  // namespace serial_bus_test
 }  // namespace servodrome::line

@@ -4,6 +4,7 @@
 #include "line/registry.hpp"
 
 namespace servodrome::line {
+namespace service_registers_test {
 namespace {
 
 // The objects of a product's Modbus registers are in the table of its service port; the table of the fieldbus may have
@@ -21,4 +22,5 @@ TEST(ServiceRegisters, AreInTheTableOfTheServicePort) {
 }
 
 }  // namespace
+}  // namespace service_registers_test
 }  // namespace servodrome::line

@@ -11,6 +11,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace store_damage_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -237,4 +238,5 @@ TEST_P(StoreDamage, RestoringTheFactoryValuesEndsTheDamage) {
 }
 
 }  // namespace
+}  // namespace store_damage_test
 }  // namespace servodrome::line

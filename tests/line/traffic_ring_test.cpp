@@ -7,6 +7,7 @@
 #include "line/traffic.hpp"
 
 namespace servodrome::line {
+namespace traffic_ring_test {
 namespace {
 
 struct Kept {
@@ -90,4 +91,5 @@ TEST(TrafficTap, AnAxisOnCanIsHeardAndALineWithoutTapIsTheSame) {
 }
 
 }  // namespace
+}  // namespace traffic_ring_test
 }  // namespace servodrome::line

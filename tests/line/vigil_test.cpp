@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace servodrome::line {
+namespace vigil_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -71,4 +72,5 @@ TEST_F(Awaiting, WhereOthersComputeWithoutEndItSleeps) {
 }
 
 }  // namespace
+}  // namespace vigil_test
 }  // namespace servodrome::line

@@ -13,6 +13,7 @@
 #include "support.hpp"
 
 namespace servodrome::line {
+namespace written_before_advance_test {
 namespace {
 
 using namespace test;
@@ -203,4 +204,5 @@ TEST(WrittenBeforeAnAdvance, ToEthercatOverUdp) {
 }
 
 }  // namespace
+}  // namespace written_before_advance_test
 }  // namespace servodrome::line

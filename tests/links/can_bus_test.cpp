@@ -10,6 +10,7 @@
 #include "links/can/memory_port.hpp"
 
 namespace servodrome::links {
+namespace can_bus_test {
 namespace {
 
 using canopen::Frame;
@@ -499,4 +500,5 @@ TEST(MemoryPort, KeepsABoundedInbox) {
 }
 
 }  // namespace
+}  // namespace can_bus_test
 }  // namespace servodrome::links

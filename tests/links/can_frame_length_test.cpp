@@ -7,6 +7,7 @@
 #include "links/can/frame_length.hpp"
 
 namespace servodrome::links {
+namespace can_frame_length_test {
 namespace {
 
 using canopen::Frame;
@@ -178,4 +179,5 @@ TEST(ArbitrationKey, IsTheOrderOfTheWire) {
 }
 
 }  // namespace
+}  // namespace can_frame_length_test
 }  // namespace servodrome::links

@@ -10,6 +10,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace can_link_name_test {
 namespace {
 
 using testing::HasSubstr;
@@ -98,4 +99,5 @@ TEST(CanLink, MemIsNotForOthers) {
 }
 
 }  // namespace
+}  // namespace can_link_name_test
 }  // namespace servodrome::links

@@ -9,6 +9,7 @@
 #include "links/can/socketcand_protocol.hpp"
 
 namespace servodrome::links {
+namespace can_protocol_test {
 namespace {
 
 using canopen::Frame;
@@ -231,4 +232,5 @@ TEST(CanProtocols, RandomBytesDoNoHarm) {
 }
 
 }  // namespace
+}  // namespace can_protocol_test
 }  // namespace servodrome::links

@@ -13,6 +13,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace can_slcan_test {
 namespace {
 
 using canopen::Frame;
@@ -233,4 +234,5 @@ TEST(SlcanClient, Errors) {
 }
 
 }  // namespace
+}  // namespace can_slcan_test
 }  // namespace servodrome::links

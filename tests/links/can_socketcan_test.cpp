@@ -12,6 +12,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace can_socketcan_test {
 namespace {
 
 using canopen::Frame;
@@ -99,4 +100,5 @@ TEST_F(VcanTest, BurstLosesNothing) {
 }
 
 }  // namespace
+}  // namespace can_socketcan_test
 }  // namespace servodrome::links

@@ -11,6 +11,7 @@
 #include "links/listen.hpp"
 
 namespace servodrome::links {
+namespace can_socketcand_test {
 namespace {
 
 using canopen::Frame;
@@ -389,4 +390,5 @@ TEST(MemoryCanClient, RunsVirtualTime) {
 }
 
 }  // namespace
+}  // namespace can_socketcand_test
 }  // namespace servodrome::links

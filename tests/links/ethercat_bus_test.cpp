@@ -6,6 +6,7 @@
 #include "links/ethercat_rig.hpp"
 
 namespace servodrome::links {
+namespace ethercat_bus_test {
 namespace {
 
 using namespace test;
@@ -271,4 +272,5 @@ TEST(EthercatBus, ObserversSeeFramesAsTheyComeAndAsTheyGoBack) {
 }
 
 }  // namespace
+}  // namespace ethercat_bus_test
 }  // namespace servodrome::links

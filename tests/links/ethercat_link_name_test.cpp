@@ -8,6 +8,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace ethercat_link_name_test {
 namespace {
 
 using testing::HasSubstr;
@@ -91,4 +92,5 @@ TEST(EthercatLinkName, MemIsForTheSameProcessOnly) {
 }
 
 }  // namespace
+}  // namespace ethercat_link_name_test
 }  // namespace servodrome::links

@@ -13,6 +13,7 @@
 #include "links/link_error.hpp"
 
 namespace servodrome::links {
+namespace ethercat_link_test {
 namespace {
 
 using namespace test;
@@ -216,4 +217,5 @@ TEST(EthercatLog, AFileThatCannotBeMadeIsAnError) {
 }
 
 }  // namespace
+}  // namespace ethercat_link_test
 }  // namespace servodrome::links

@@ -15,6 +15,7 @@
 #include "dictionary/table.hpp"
 
 namespace servodrome::links {
+namespace file_medium_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -137,4 +138,5 @@ TEST_F(FileMediumTest, AFileThatIsNoMoreThereDoesNotAnswer) {
 }
 
 }  // namespace
+}  // namespace file_medium_test
 }  // namespace servodrome::links

@@ -22,6 +22,7 @@
 #include "links/serial/tty.hpp"
 
 namespace servodrome::links {
+namespace listen_test {
 namespace {
 
 using boost::asio::ip::tcp;
@@ -148,4 +149,5 @@ TEST(DescriptorAdvice, IsGivenByWhateverIsOpened) {
 }
 
 }  // namespace
+}  // namespace listen_test
 }  // namespace servodrome::links

@@ -6,6 +6,7 @@
 #include "links/serial_rig.hpp"
 
 namespace servodrome::links::test {
+namespace serial_line_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -253,4 +254,5 @@ TEST(SerialLine, UniversalIdIsForOneDrive) {
 }
 
 }  // namespace
+}  // namespace serial_line_test
 }  // namespace servodrome::links::test

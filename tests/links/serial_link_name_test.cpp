@@ -6,6 +6,7 @@
 #include "links/serial/link_name.hpp"
 
 namespace servodrome::links {
+namespace serial_link_name_test {
 namespace {
 
 using testing::HasSubstr;
@@ -81,4 +82,5 @@ TEST(CharacterFormatText, IsReadAndWritten) {
 }
 
 }  // namespace
+}  // namespace serial_link_name_test
 }  // namespace servodrome::links

@@ -10,6 +10,7 @@
 #include "links/serial_rig.hpp"
 
 namespace servodrome::links::test {
+namespace serial_link_test {
 namespace {
 
 const std::string enable = "01 06 31 00 00 0F C7 32";
@@ -195,4 +196,5 @@ TEST_F(ModbusTcpTest, TooManyClients) {
 }
 
 }  // namespace
+}  // namespace serial_link_test
 }  // namespace servodrome::links::test

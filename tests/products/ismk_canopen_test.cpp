@@ -5,6 +5,7 @@
 
 // Where the iSMK's CANopen side is not plain CiA 301 (digest 4), interpolation on SYNC, storing and restarting.
 namespace servodrome {
+namespace ismk_canopen_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -345,4 +346,5 @@ TEST(IsmkStorage, RestartForgetsHomeAndLetsGo) {
 }
 
 }  // namespace
+}  // namespace ismk_canopen_test
 }  // namespace servodrome

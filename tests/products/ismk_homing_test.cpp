@@ -6,6 +6,7 @@
 // Homing of the iSMK (L1387-1442): every method on a plant with random geometry, and what surrounds the methods. The
 // drive has two terminals: one for the home switch, one for the limit switch that the method turns round at.
 namespace servodrome {
+namespace ismk_homing_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -328,4 +329,5 @@ TEST(IsmkHoming, SoftLimitsHoldSpeedModes) {
 }
 
 }  // namespace
+}  // namespace ismk_homing_test
 }  // namespace servodrome

@@ -6,6 +6,7 @@
 
 // The functions of the iSMK's digital outputs (manual L2120-2138, L2189-2207): every code has its case here.
 namespace servodrome {
+namespace ismk_outputs_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -369,4 +370,5 @@ TEST(IsmkOutputs, PolarityAndSimulation) {
 }
 
 }  // namespace
+}  // namespace ismk_outputs_test
 }  // namespace servodrome

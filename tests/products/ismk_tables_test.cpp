@@ -4,6 +4,7 @@
 
 // The iSMK's tables of speeds and positions that inputs choose from (manual L1180-1216, L1315-1363).
 namespace servodrome {
+namespace ismk_tables_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -264,4 +265,5 @@ TEST(IsmkPositionTable, QuickEntry) {
 }
 
 }  // namespace
+}  // namespace ismk_tables_test
 }  // namespace servodrome

@@ -9,6 +9,7 @@
 // What the panel parameters of the JMC EC drives do to the axis, measured against theory (L472-510, L694-745,
 // L753-815).
 namespace servodrome {
+namespace jmc_gains_test {
 namespace {
 
 using test::FactoryJmcRig;
@@ -399,4 +400,5 @@ TEST(JmcGains, RigidityLevelsAreStable) {
 }
 
 }  // namespace
+}  // namespace jmc_gains_test
 }  // namespace servodrome

@@ -4,6 +4,7 @@
 
 // The modes of the JMC EC drives over process data, on a motor (digest part 2, section 4).
 namespace servodrome {
+namespace jmc_motion_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -564,4 +565,5 @@ TEST(JmcMotion, ModeZeroChangesNothing) {
 }
 
 }  // namespace
+}  // namespace jmc_motion_test
 }  // namespace servodrome

@@ -4,6 +4,7 @@
 
 // The state machine of the JMC EC drives (L1616-1645, L2184-2298), their option codes, limits and the brake's output.
 namespace servodrome {
+namespace jmc_power_state_test {
 namespace {
 
 using dictionary::AbortCode;
@@ -367,4 +368,5 @@ TEST(JmcPowerState, HomingThatDoesNothing) {
 }
 
 }  // namespace
+}  // namespace jmc_power_state_test
 }  // namespace servodrome

@@ -8,6 +8,7 @@
 // The worked examples of the ProNet manual (digest section 14, W1 to W25), frame by frame, and the motions they make
 // against the figures that follow. Where the digest corrects a misprint (W8, W18, W25) the correction is what is sent.
 namespace servodrome {
+namespace pronet_examples_test {
 namespace {
 
 using products::Pronet;
@@ -294,4 +295,5 @@ TEST(PronetExamples, OneFrameServesTwoNodes) {
 }
 
 }  // namespace
+}  // namespace pronet_examples_test
 }  // namespace servodrome

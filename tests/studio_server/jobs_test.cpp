@@ -11,6 +11,7 @@
 #include "line/support.hpp"
 
 namespace servodrome::studio {
+namespace jobs_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -541,4 +542,5 @@ TEST_F(JobsTest, RefusesASecondJobAndWhatIsNotThere) {
 }
 
 }  // namespace
+}  // namespace jobs_test
 }  // namespace servodrome::studio

@@ -5,6 +5,7 @@
 #include "commissioning_rig.hpp"
 
 namespace servodrome::studio {
+namespace parameter_routes_test {
 namespace {
 
 using line::bench::Method;
@@ -251,4 +252,5 @@ TEST_F(Parameters, AnAssignmentIsChangedInPreOperationalOnly) {
 }
 
 }  // namespace
+}  // namespace parameter_routes_test
 }  // namespace servodrome::studio
