@@ -183,7 +183,7 @@ std::vector<studio::BusPlan> find_drives(const std::vector<std::string>& buses, 
     const Named named = read_bus(text, common);
     const auto same = [&named](const studio::BusPlan& plan) { return plan.link == named.options.link; };
     if (std::any_of(plans.begin(), plans.end(), same)) {
-      throw Failure::wrong_use(fmt::format("--bus {}: the bus is given twice; name all its drives in one", text));
+      throw Failure::wrong_use(fmt::format("--bus {}: the bus is given twice; give all its drives in one --bus", text));
     }
     plans.push_back(plan_of(named));
     // What it is and where: "ismc-1"; "ismk", if it is alone. The same on a second bus: "ismc-1-2".

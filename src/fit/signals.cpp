@@ -159,7 +159,7 @@ std::string choose_axis(const Table& table, const std::string& axis) {
   throw Error(table.source,
               axis.empty() ? fmt::format("the recording is of {} axes", axes.size())
                            : fmt::format("the recording has no axis \"{}\"", axis),
-              fmt::format("say which by --axis: {}", fmt::join(axes, ", ")));
+              fmt::format("choose one with --axis: {}", fmt::join(axes, ", ")));
 }
 
 std::string names_in(const Table& table, const std::string& axis) {
@@ -252,7 +252,7 @@ Signals signals_of(const Table& table, const Motor& motor, std::span<const Assig
   const auto any = std::find_if(found.rbegin(), found.rend(), [](const auto& one) { return one.has_value(); });
   if (any == found.rend()) {
     throw Error(table.source, "no column is a position, velocity, torque, current or voltage",
-                fmt::format("say which is what by --signal ROLE=COLUMN@UNIT; columns are {}", names_in(table, own)));
+                fmt::format("assign columns with --signal ROLE=COLUMN@UNIT; columns are {}", names_in(table, own)));
   }
   // The clock of what moves the axis, where there are several: products of signals are formed at its samples.
   const auto clock_of = [&](Role role) { return found[static_cast<std::size_t>(role)]; };

@@ -76,7 +76,7 @@ TEST(FitTable, ReadsTheBenchApisCsv) {
   EXPECT_EQ(table.columns.at(1).axis, "y");
   EXPECT_EQ(table.columns[1].name, "position_actual_value");
   EXPECT_THAT(table.clocks.at(0), ElementsAre(0.001, 0.002));
-  EXPECT_THAT(problem_of([&] { signals_of(table, {}, {}, ""); }), HasSubstr("of 2 axes; say which by --axis: x, y"));
+  EXPECT_THAT(problem_of([&] { signals_of(table, {}, {}, ""); }), HasSubstr("of 2 axes; choose one with --axis: x, y"));
   EXPECT_THAT(problem_of([&] { signals_of(table, {}, {}, "z"); }), HasSubstr("no axis \"z\""));
   const Signals signals = signals_of(table, {}, {}, "x");
   EXPECT_TRUE(signals.has(Role::quadrature_current));
