@@ -263,7 +263,7 @@ TEST_P(EveryProduct, ARefusedValueTakesTheOthersBack) {
     FAIL() << "the value cannot be";
   } catch (const LoadError& error) {
     EXPECT_EQ(error.outcome(), LoadError::Outcome::rolled_back) << error.what();
-    EXPECT_THAT(error.what(), HasSubstr("was not taken: write refused"));
+    EXPECT_THAT(error.what(), HasSubstr("was not accepted: write refused"));
   } catch (const HostError& error) {
     EXPECT_THAT(error.what(), HasSubstr("nothing was written")) << "the table has the limit";
   }
@@ -315,11 +315,11 @@ TEST(Parameters, AreCheckedBeforeTheFirstWrite) {
     bench.load(with("6083:00 u32 4711\n2011:01 u16 49\n2011:02 u16 501\n6098:00 u8 3\n6041:00 u16 1\n2F00:00 u8 3\n"));
   });
   EXPECT_THAT(problem, HasSubstr("5 of 6 values cannot be loaded"));
-  EXPECT_THAT(problem, HasSubstr("drive.par:4:13: 2011:01: 49 is below the least value, 50"));
-  EXPECT_THAT(problem, HasSubstr("drive.par:5:13: 2011:02: 501 is above the greatest value, 500"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:4:13: 2011:01: 49 is below the minimum, 50"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:5:13: 2011:02: 501 is above the maximum, 500"));
   EXPECT_THAT(problem, HasSubstr("drive.par:6:12: 6098:00: its type is i8, not u8"));
   EXPECT_THAT(problem, HasSubstr("drive.par:7:13: 6041:00: it is no parameter of this drive"));
-  EXPECT_THAT(problem, HasSubstr("2F00:00: it is about how the drive is reached"));
+  EXPECT_THAT(problem, HasSubstr("2F00:00: it is a communication setting"));
   EXPECT_EQ(bench.differences(factory), "");
   EXPECT_EQ(bench.load(with("6083:00 u32 4711\n")).written.size(), 1U) << "a part of a file is a file";
 }

@@ -46,7 +46,7 @@ test('parameters are saved as a file, and loaded into the drive again', async ({
   await page.getByRole('button', { name: 'Load file' }).click();
   const refusal = panel(page, 'Parameters').getByRole('alert');
   await expect(refusal).toContainText('0604 0041h');
-  await expect(refusal).toContainText('taken back');
+  await expect(refusal).toContainText('were restored');
   expect((await line.call<{ value: number }>('GET', '/axes/reference/objects/6081/0')).value).not.toBe(5);
   expect(watched.splice(0).join()).toContain('409'); // the browser itself logs the refusal
 });

@@ -58,7 +58,8 @@ SiiClient::Status SiiClient::wait_until_idle(std::uint16_t word) {
     if ((status.bits & busy) == 0) return status;
     if (master_.now() >= deadline) {
       fail(word, "the memory stays busy",
-           "see that no other master is at work and that time is not standing still; then switch the slave off and on");
+           "check that no other master is active and that virtual time is not stopped; then switch the slave off and "
+           "on");
     }
     master_.wait(poll_interval);
   }
@@ -78,9 +79,9 @@ SiiClient::Status SiiClient::command(std::uint16_t control, std::uint16_t word, 
     if ((status.bits & (acknowledge_error | write_enable_error)) == 0) return status;
     if (attempt < attempts) continue;
     if ((status.bits & write_enable_error) != 0) {
-      fail(word, "the slave does not let it be written", "see whether its EEPROM is write-protected");
+      fail(word, "the slave refuses the write", "check whether its EEPROM is write-protected");
     }
-    fail(word, "the memory does not acknowledge", "see whether the address is within it; the EEPROM may be missing");
+    fail(word, "the memory does not acknowledge", "check that the address is within it; the EEPROM may be missing");
   }
 }
 

@@ -104,7 +104,7 @@ std::size_t add_channel(std::vector<Channel>& channels, Channel channel) {
   if (there != channels.end()) return static_cast<std::size_t>(there - channels.begin());
   if (channels.size() == most_channels) {
     throw HostError(fmt::format("more than {} channels", most_channels), fmt::format("channel \"{}\"", channel.name),
-                    "record fewer of them; what a trigger looks at is one");
+                    "record fewer channels; the trigger's object counts as one");
   }
   const auto same_name = [&](const Channel& one) { return one.name == channel.name; };
   if (std::any_of(channels.begin(), channels.end(), same_name)) {

@@ -80,7 +80,7 @@ TriggerText parse_trigger(std::string_view text) {
     if (!value) refuse_trigger(text, fmt::format("\"{}\" is no number", number));
     return {.channel = std::string(channel), .condition = condition, .value = *value};
   }
-  refuse_trigger(text, "it does not say what is waited for");
+  refuse_trigger(text, "the condition is missing");
 }
 
 bool Trigger::fires(std::optional<double> before, double now) const {

@@ -100,7 +100,7 @@ Decoded CanDecoder::decode(const Frame& frame, Time time) {
     return decoded;
   }
   if (frame.extended) {
-    decoded.text = "29-bit identifier: none of CANopen";
+    decoded.text = "29-bit identifier: not used by CANopen";
     return decoded;
   }
   if (decode_service(frame, decoded)) return decoded;

@@ -275,7 +275,7 @@ std::optional<CapturedFrame> CaptureFile::next_packet() {
   std::array<std::uint8_t, 16> header{};
   if (!read(header.data(), header.size(), "a packet header", true)) return std::nullopt;
   const std::uint32_t length = u32(&header[8]);
-  if (length > most_packet) refuse(fmt::format("a packet of {} bytes cannot be", length));
+  if (length > most_packet) refuse(fmt::format("a packet length of {} bytes is not possible", length));
   const std::uint64_t nanoseconds = u32(&header[4]) * (1'000'000'000 / interfaces_[0].ticks_per_second);
   const links::Time time(static_cast<std::int64_t>(u32(header.data()) * 1'000'000'000ULL + nanoseconds));
   std::vector<std::uint8_t> bytes(length);
@@ -290,7 +290,8 @@ void CaptureFile::read_section(const std::uint8_t* length) {
   if (u32(order.data()) != pcapng_byte_order) swapped_ = true;
   if (u32(order.data()) != pcapng_byte_order) refuse("the section header has no byte order");
   const std::uint32_t bytes = u32(length);
-  if (bytes < 28 || bytes > most_packet) refuse(fmt::format("a section header of {} bytes cannot be", bytes));
+  if (bytes < 28 || bytes > most_packet)
+    refuse(fmt::format("a section header length of {} bytes is not possible", bytes));
   std::vector<std::uint8_t> rest(bytes - 12);
   read(rest.data(), rest.size(), "the section header", false);
   interfaces_.clear();
@@ -308,7 +309,7 @@ std::optional<CapturedFrame> CaptureFile::next_block() {
   }
   const std::uint32_t length = u32(&header[4]);
   if (length < 12 || length % 4 != 0 || length > most_packet)
-    refuse(fmt::format("a block of {} bytes cannot be", length));
+    refuse(fmt::format("a block length of {} bytes is not possible", length));
   std::vector<std::uint8_t> block(length - 8);
   read(block.data(), block.size(), "a block", false);
   const std::size_t size = block.size() - 4;  // its length once more
