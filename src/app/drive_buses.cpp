@@ -57,7 +57,7 @@ Named read_bus(const std::string& text, BusOptions options) {
     if (error != std::errc() || end != number.data() + number.size() || node == 0 || node > 65535 || known) {
       throw Failure::wrong_use(fmt::format(
           "--bus {}: \"{}\" {}; write node-IDs, stations or positions behind the link, as socketcan:can0=1,3", text,
-          number, known ? "is given twice" : "is no number of a drive"));
+          number, known ? "is given twice" : "is not a drive number"));
     }
     bus.nodes.push_back(node);
     if (number.size() == rest.size()) return bus;

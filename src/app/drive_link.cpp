@@ -274,7 +274,7 @@ void DriveLink::open_ethercat(const BusOptions& options, bool drives) {
   if (product_ == nullptr) product_ = product_of(found);
   if (drives && !is_drive(*slave_)) {
     throw Failure::wrong_use(
-        fmt::format("{}: it is no CiA 402 drive; choose another slave with --node", slave_->where()));
+        fmt::format("{}: it is not a CiA 402 drive; choose another slave with --node", slave_->where()));
   }
   objects_ = std::make_unique<host::CoeObjects>(*slave_);
 }

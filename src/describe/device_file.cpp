@@ -68,7 +68,7 @@ std::string read_text(std::istream& in, const std::string& file) {
   while (in.read(part.data(), part.size()) || in.gcount() > 0) {
     const std::string_view read(part.data(), static_cast<std::size_t>(in.gcount()));
     if (const std::size_t zero = read.find('\0'); zero != std::string_view::npos) {
-      throw DeviceFileError(file, 0, "", fmt::format("byte {} is zero: this is no text", text.size() + zero),
+      throw DeviceFileError(file, 0, "", fmt::format("byte {} is zero: this is not a text file", text.size() + zero),
                             "give an EDS, DCF or ESI file");
     }
     text += read;

@@ -188,7 +188,7 @@ class EdsReader {
     if (value == nullptr) return std::nullopt;
     const auto number = parse_file_number(before_comment(value->text));
     if (!number) {
-      refuse(section, value->line, key, fmt::format("\"{}\" is no number", value->text),
+      refuse(section, value->line, key, fmt::format("\"{}\" is not a number", value->text),
              "write a decimal number, 0x and hexadecimal digits, or 0 and octal ones");
     }
     return number;
@@ -404,7 +404,7 @@ class EdsReader {
       entry.access = Access::rw;
       pdo = word == "rwr" ? Pdo::tpdo : word == "rww" ? Pdo::rpdo : Pdo::both;
     } else {
-      refuse(section, access->line, "AccessType", fmt::format("\"{}\" is no access", access->text),
+      refuse(section, access->line, "AccessType", fmt::format("\"{}\" is not an access type", access->text),
              "write ro, wo, rw, rwr, rww or const");
     }
     entry.pdo = mappable ? pdo : Pdo::none;
@@ -418,7 +418,7 @@ class EdsReader {
     const auto number = parse_file_number(text);
     if (number) return of_type(entry.type, *number);
     note(value->line,
-         fmt::format("[{}] {}: \"{}\" is no number; the type's limit counts", section.name, key, value->text));
+         fmt::format("[{}] {}: \"{}\" is not a number; the type's limit counts", section.name, key, value->text));
     return std::nullopt;
   }
 
@@ -458,7 +458,7 @@ class EdsReader {
     const auto number = parse_file_number(text);
     if (!number) {
       note(value.line,
-           fmt::format("[{}] {}: \"{}\" is no value of its type; 0 is taken", section.name, key, value.text));
+           fmt::format("[{}] {}: \"{}\" is not a value of its type; 0 is taken", section.name, key, value.text));
       return;
     }
     entry.default_value = of_type(entry.type, *number);

@@ -119,7 +119,7 @@ void Composer::complete_device() {
   describe::DeviceFile& device = made_.device;
   if (device.find(0x6040, 0) == nullptr || device.find(0x6041, 0) == nullptr) {
     throw describe::DeviceFileError(device.file, 0, "[6040], [6041]",
-                                    "controlword and statusword are not described: this is no drive of CiA 402",
+                                    "controlword and statusword are not described: this is not a CiA 402 drive",
                                     "give the description of a servo drive");
   }
   std::erase_if(device.entries, [](const FileEntry& entry) { return entry.index < 0x1000; });

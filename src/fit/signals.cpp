@@ -238,7 +238,7 @@ Assignment parse_assignment(std::string_view text) {
   }
   std::vector<std::string_view> words;
   for (const RoleText& role : roles) words.push_back(role.word);
-  throw Error(fmt::format("--signal {}", text), "this is no ROLE=COLUMN or ROLE=COLUMN@UNIT",
+  throw Error(fmt::format("--signal {}", text), "this is not a ROLE=COLUMN or ROLE=COLUMN@UNIT",
               fmt::format("roles are {}", fmt::join(words, ", ")));
 }
 

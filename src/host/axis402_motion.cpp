@@ -157,7 +157,7 @@ void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile)
   // To the drive, relative would be relative to the target that was given up.
   const std::int64_t target = std::int64_t{position()} + distance;
   if (target != static_cast<std::int32_t>(target)) {
-    fail(fmt::format("{} is no position", target), "move by less, or home the axis");
+    fail(fmt::format("{} is not a position", target), "move by less, or home the axis");
   }
   start_move(static_cast<std::int32_t>(target), false, profile);
 }

@@ -152,7 +152,7 @@ class LineFileReader {
     if (parsed && parsed->data_bits == 8) {
       bus.format = *parsed;
     } else {
-      reader.complain("format", fmt::format("\"{}\" is no format", format),
+      reader.complain("format", fmt::format("\"{}\" is not a format", format),
                       "write \"8N1\", \"8E1\", \"8O1\", or the same with 2 stop bits");
     }
     std::int64_t silence_ms = 0;

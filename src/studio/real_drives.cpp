@@ -362,8 +362,8 @@ NamedChannel RealDrives::object(const std::string& name, std::uint16_t index, st
   const std::string text = fmt::format("{:04X}:{:02X}", index, sub);
   const dictionary::Entry* entry = axis.device->dictionary().find(index, sub);
   if (entry == nullptr || !entry->readable() || !entry->fixed_size()) {
-    throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "is not known" : "is no number to be read"), name,
-                   fmt::format("GET /api/v1/axes/{}/objects lists the objects", name)};
+    throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "is not known" : "is not a readable number"),
+                   name, fmt::format("GET /api/v1/axes/{}/objects lists the objects", name)};
   }
   const auto decode = [type = entry->type](std::span<const std::byte> bytes) { return number_of(type, bytes); };
   return channel(axis, {index, sub}, decode, fmt::format("{}/{}", name, text),

@@ -59,9 +59,9 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
       {"# a comment\n\n  move", "a.script:3:3: `move` needs either `to POSITION` or `by DISTANCE`"},
       {"move to 1 by 2", "a.script:1:1: `move` needs"},
       {"move to", "a.script:1:8: here a number is missing"},
-      {"move to far", "a.script:1:9: \"far\" is no number"},
-      {"move to nan", "a.script:1:9: \"nan\" is no number"},
-      {"move to 1e400", "a.script:1:9: \"1e400\" is no number"},
+      {"move to far", "a.script:1:9: \"far\" is not a number"},
+      {"move to nan", "a.script:1:9: \"nan\" is not a number"},
+      {"move to 1e400", "a.script:1:9: \"1e400\" is not a number"},
       {"move to 1 speed 3", "a.script:1:11: `move` does not know \"speed\"; it knows to, by, velocity"},
       {"move to 1 to 2", "a.script:1:11: `to` is given twice"},
       {"move to 1 velocity -3", "a.script:1:20: `velocity` cannot be below 0"},
@@ -79,11 +79,11 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
        "a.script:1:7: units \"miles\" are not known; write drive, counts, revolutions, rpm, degrees, mm"},
       {"units mm", "a.script:1:9: here the feed per motor revolution in mm is missing"},
       {"units mm 0", "a.script:1:10: the feed per revolution must be 0.000001 to 1e6 mm"},
-      {"units mm 5 nan", "a.script:1:12: \"nan\" is no number"},
+      {"units mm 5 nan", "a.script:1:12: \"nan\" is not a number"},
       {"units counts 3", "a.script:1:14: unexpected word \"3\""},
       {"units revolutions 0", "a.script:1:19: the units per revolution must be 0.001 to 1e9"},
       {"units drive 3", "a.script:1:13: unexpected word \"3\""},
-      {"timeout -1", "a.script:1:9: -1 s is no time"},
+      {"timeout -1", "a.script:1:9: -1 s is not a time"},
       {"wait", "a.script:1:5: here a number is missing"},
       {"repeat 0\nend", "a.script:1:8: 0 is not a number of times, 1 to 1000000"},
       {"repeat 2\nwait 1", "a.script:1:1: this `repeat` has no `end`"},
@@ -93,8 +93,8 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
       {"set 6040 65536", "a.script:1:10: "},
       {"set position 3", "a.script:1:5: `position` is read-only"},
       {"set nonsense 1", "a.script:1:5: "},
-      {"expect 6041 is 3", "a.script:1:13: \"is\" is no comparison; they are ==, !="},
-      {"expect state == resting", "a.script:1:17: \"resting\" is no state; states are \"not ready to switch on\""},
+      {"expect 6041 is 3", "a.script:1:13: \"is\" is not a comparison; they are ==, !="},
+      {"expect state == resting", "a.script:1:17: \"resting\" is not a state; states are \"not ready to switch on\""},
       {"expect state < fault", "a.script:1:14: a state is == or != another"},
       {"expect position has 3", "a.script:1:17: `has` is for the bits of an object"},
       {"expect 6064 == 0 tolerance -1", "a.script:1:28: `tolerance` cannot be below 0"},
@@ -108,9 +108,8 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
 
 TEST(ScriptMistake, AllOfThemAreTold) {
   EXPECT_EQ(mistakes_of("move\nenable\nwait soon\nend\n"),
-            "a.script:1:1: `move` needs either `to POSITION` or `by DISTANCE`\n"
-            "a.script:3:6: \"soon\" is no number; a time in seconds is needed\n"
-            "a.script:4:1: this `end` has no `repeat`");
+            "a.script:1:1: `move` needs either `to POSITION` or `by DISTANCE`\na.script:3:6: \"soon\" is not a number; "
+            "a time in seconds is needed\na.script:4:1: this `end` has no `repeat`");
 }
 
 TEST(ScriptText, IsReadAsItIsWritten) {

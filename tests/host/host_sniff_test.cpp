@@ -340,8 +340,8 @@ TEST(CaptureFile, WhatIsNoneIsRefusedAtItsPlace) {
   std::string error;
   frames_in("(1.0) can0 123#11\nhello\n", &error);
   EXPECT_EQ(error,
-            "x:2: \"hello\" is no line of a candump log or a serial log; give a candump log (candump -L), a serial log "
-            "(time and bytes), or a pcap or pcapng file");
+            "x:2: \"hello\" is not a line of a candump log or a serial log; give a candump log (candump -L), a serial "
+            "log (time and bytes), or a pcap or pcapng file");
   for (const std::string& bad : {std::string("(1.0) can0 123#1"), std::string("(1.0) can0 12#11"),
                                  std::string("(1.0 can0 123#11"), std::string(100'000, 'x'), std::string(8, '\0')}) {
     error.clear();

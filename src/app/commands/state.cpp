@@ -84,7 +84,7 @@ void run(const Options& options) {
   const auto wanted = host::parse_al_state(options.state);
   if (!options.state.empty() && !wanted) {
     throw Failure::wrong_use(
-        fmt::format("state: \"{}\" is no state; write init, preop, boot, safeop or op", options.state));
+        fmt::format("state: \"{}\" is not a state; write init, preop, boot, safeop or op", options.state));
   }
   if (bus_kind(options.bus).kind != BusKind::ethercat) {
     throw Failure::wrong_use(

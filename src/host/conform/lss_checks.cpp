@@ -226,7 +226,7 @@ constexpr std::array rows{
           Demand::nothing, can, inquires},
     Check{"lss.identify", "CiA 305, identify remote slave", "It answers to its own numbers, and to no others",
           Demand::nothing, can, identifies},
-    Check{"lss.node-id", "CiA 305, configure node-ID", "What is no node-ID is refused, and its own is taken",
+    Check{"lss.node-id", "CiA 305, configure node-ID", "An invalid node-ID is refused, and its own is accepted",
           Demand::nothing, can, node_id},
     Check{"lss.bit-timing", "CiA 305, configure bit timing", "A bit rate that there is not is refused", Demand::nothing,
           can, bit_timing},

@@ -117,7 +117,7 @@ std::vector<std::uint8_t> SiiClient::read_all() {
 
 void SiiClient::write(std::uint16_t word, std::span<const std::uint8_t> bytes) {
   if (bytes.size() % 2 != 0) {
-    fail(word, fmt::format("{} bytes are no words", bytes.size()), "give an even number of bytes");
+    fail(word, fmt::format("{} bytes are not whole words", bytes.size()), "give an even number of bytes");
   }
   for (std::size_t i = 0; i < bytes.size(); i += 2) {
     command(write_command | write_enable, static_cast<std::uint16_t>(word + i / 2), bytes.subspan(i, 2));

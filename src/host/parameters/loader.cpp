@@ -31,7 +31,7 @@ std::string objection(const ParameterValue& value, const Parameter& parameter) {
   if (value.type == Type::real32) {
     float number = 0;
     std::memcpy(&number, value.bytes.data(), sizeof number);
-    return std::isfinite(number) ? "" : "it is no finite number";
+    return std::isfinite(number) ? "" : "it is not a finite number";
   }
   const std::int64_t number = dictionary::decode_number(value.type, value.bytes);
   if (parameter.minimum && number < *parameter.minimum) {
@@ -84,7 +84,7 @@ Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string
     if (parameter == nullptr && list.rules().is_connection(value.address)) {
       complain(value, "it is a communication setting; give --connection to load it as well");
     } else if (parameter == nullptr && !options.skip_absent) {
-      complain(value, "it is no parameter of this drive");
+      complain(value, "it is not a parameter of this drive");
     } else if (parameter == nullptr) {
       plan.skipped.push_back(value.address);
     } else if (const std::string problem = objection(value, *parameter); !problem.empty()) {

@@ -6,7 +6,7 @@ const char* text_of(ErrorId error) {
   switch (error) {
     case ErrorId::none: return "no error";
     case ErrorId::state_does_not_permit: return "the axis's state does not permit it; see MC_ReadStatus";
-    case ErrorId::parameter_invalid: return "an input is no number, or not above zero; give all dynamics";
+    case ErrorId::parameter_invalid: return "an input is not a number, or not above zero; give all dynamics";
     case ErrorId::above_limit: return "an input is above the axis's limit; see MC_ReadParameter 9, 13, 15 and 17";
     case ErrorId::beyond_software_limit: return "the target is beyond a software limit; see MC_ReadParameter 2 and 3";
     case ErrorId::queue_full: return "too many commands are buffered; wait for Active of one";

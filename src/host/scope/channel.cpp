@@ -80,7 +80,7 @@ Channel named_channel(std::string_view text, const ObjectCatalogue& catalogue) {
   if (at != std::string_view::npos) {
     channel.type = parse_type(text.substr(at + 1));
     if (!channel.type || (dictionary::size_of(*channel.type) == 0)) {
-      throw HostError(fmt::format("\"{}\" is no type of a number", text.substr(at + 1)),
+      throw HostError(fmt::format("\"{}\" is not a numeric type", text.substr(at + 1)),
                       fmt::format("channel \"{}\"", text), "write @i8 to @i64, @u8 to @u64, @bool or @f32");
     }
   }
@@ -91,7 +91,7 @@ void complete(Channel& channel, ObjectClient& objects) {
   const std::size_t bytes = objects.upload(channel.object).size();
   const bool is_number = bytes >= 1 && bytes <= 8 && (!channel.type || dictionary::size_of(*channel.type) != 0);
   if (!is_number) {
-    throw HostError(fmt::format("\"{}\" is no number", channel.name),
+    throw HostError(fmt::format("\"{}\" is not a number", channel.name),
                     fmt::format("{}, {}", objects.where(), text_of(channel.object)), "record something else");
   }
   channel.bits = static_cast<unsigned>(8 * bytes);

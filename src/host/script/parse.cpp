@@ -141,14 +141,14 @@ class Parser {
     if (word.text.starts_with('+')) ++begin;
     const auto [stop, error] = std::from_chars(begin, end, value);
     if (word.quoted || error != std::errc{} || stop != end || !std::isfinite(value)) {
-      throw LineMistake{word.column, fmt::format("\"{}\" is no number; {} is needed", shown(word.text), what)};
+      throw LineMistake{word.column, fmt::format("\"{}\" is not a number; {} is needed", shown(word.text), what)};
     }
     return value;
   }
   double seconds(const Word& word) const {
     const double value = number_in(word, "a time in seconds");
     if (value < 0 || value > longest_s) {
-      throw LineMistake{word.column, fmt::format("{} s is no time from 0 to {:g} s", value, longest_s)};
+      throw LineMistake{word.column, fmt::format("{} s is not a time from 0 to {:g} s", value, longest_s)};
     }
     return value;
   }
@@ -413,7 +413,7 @@ class Parser {
       if (name == word.text) return;
       list += fmt::format("{}\"{}\"", list.empty() ? "" : ", ", name);
     }
-    throw LineMistake{word.column, fmt::format("\"{}\" is no state; states are {}", shown(word.text), list)};
+    throw LineMistake{word.column, fmt::format("\"{}\" is not a state; states are {}", shown(word.text), list)};
   }
 
   void read_comparison(Step& step) {
@@ -421,7 +421,7 @@ class Parser {
     const ComparisonRow* const row = find_word(comparisons, word.text);
     if (row == nullptr) {
       throw LineMistake{word.column,
-                        fmt::format("\"{}\" is no comparison; they are {}", shown(word.text), list_of(comparisons))};
+                        fmt::format("\"{}\" is not a comparison; they are {}", shown(word.text), list_of(comparisons))};
     }
     step.comparison = row->comparison;
     const bool by_name = step.subject.kind == Subject::Kind::state;

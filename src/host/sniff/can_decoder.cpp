@@ -95,7 +95,7 @@ Decoded CanDecoder::decode(const Frame& frame, Time time) {
   decoded.kind = FrameKind::can;
   if (frame.length > frame.data.size()) {
     decoded.kind = FrameKind::garbage;
-    decoded.text = fmt::format("a length of {} is no classical CAN frame", frame.length);
+    decoded.text = fmt::format("a length of {} is not a classical CAN frame", frame.length);
     decoded.error = true;
     return decoded;
   }

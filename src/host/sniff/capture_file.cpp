@@ -252,7 +252,8 @@ std::optional<CapturedFrame> CaptureFile::next_line() {
     } else {
       int character = EOF;
       while ((character = std::getc(file_)) != EOF && character != '\n') {
-        if (line.size() == longest_line || character == 0) refuse("this is no line of a candump log or a serial log");
+        if (line.size() == longest_line || character == 0)
+          refuse("this is not a line of a candump log or a serial log");
         line += static_cast<char>(character);
       }
       if (character == EOF && line.empty()) return std::nullopt;
@@ -267,7 +268,7 @@ std::optional<CapturedFrame> CaptureFile::next_line() {
     std::string shown = line.substr(0, 40);
     std::replace_if(
         shown.begin(), shown.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-    refuse(fmt::format("\"{}\" is no line of a candump log or a serial log", shown));
+    refuse(fmt::format("\"{}\" is not a line of a candump log or a serial log", shown));
   }
 }
 

@@ -55,7 +55,7 @@ void check_interface(int socket, const std::string& interface, const std::string
   }
   if (ask(socket, SIOCGIFHWADDR, interface, link).ifr_hwaddr.sa_family != ARPHRD_ETHER) {
     errno = EINVAL;
-    fail_raw(link, fmt::format("\"{}\" is no Ethernet interface", interface),
+    fail_raw(link, fmt::format("\"{}\" is not an Ethernet interface", interface),
              "name one that is; programs on this computer reach the line with udp:127.0.0.1:34980");
   }
   if ((ask(socket, SIOCGIFFLAGS, interface, link).ifr_flags & IFF_UP) == 0) {

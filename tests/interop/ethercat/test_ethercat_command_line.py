@@ -69,7 +69,7 @@ def test_states(client):
     assert states(client) == ["BOOT", "PREOP"]
     client("state", "init")
     assert states(client) == ["INIT", "INIT"]
-    assert "is no state" in client("state", "run", status=2)
+    assert "is not a state" in client("state", "run", status=2)
 
 
 @pytest.mark.parametrize("clocks", [[], ["--clocks"]], ids=["free_run", "clocks"])
