@@ -83,7 +83,7 @@ std::string read_text(std::istream& in, const std::string& file) {
 }
 
 std::string read_file(const std::string& path) {
-  const char* remedy = "give the name of a device description that can be read";
+  const char* remedy = "give the name of a readable device description";
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) throw DeviceFileError(path, 0, "", "it is a folder", remedy);
   std::ifstream file(path, std::ios::binary);
@@ -127,7 +127,7 @@ void settle(DeviceFile& device) {
   };
   for (FileEntry& entry : device.entries) {
     if (!settled.empty() && settled.back().key() == entry.key()) {
-      note(entry, "described twice; the last description counts");
+      note(entry, "described twice; the last description is used");
       settled.back() = std::move(entry);
       continue;
     }

@@ -108,7 +108,7 @@ void EsiDictionaryReader::read_parts(const pugi::xml_node& object, const pugi::x
       const std::int64_t first = parse_xml_number(text_of(array.child("LBound"))).value_or(1);
       const std::int64_t count = parse_xml_number(text_of(array.child("Elements"))).value_or(0);
       if (first < 0 || count < 0 || first + count > 0xFF) {
-        document_.refuse(array, "ArrayInfo", fmt::format("{} elements from {} on cannot be", count, first),
+        document_.refuse(array, "ArrayInfo", fmt::format("{} elements from {} on are not possible", count, first),
                          "an object has sub-indices 1 to 254");
       }
       set_type(entry, text_of(its_type.child("BaseType")), array,

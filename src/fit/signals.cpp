@@ -125,8 +125,8 @@ double factor_of(Role role, std::string_view text, const Motor& motor, std::stri
     if (!unit.word.empty()) known.push_back(unit.word);
   }
   why = fmt::format(
-      "its unit \"{}\" is not known: say it with --signal {}=COLUMN@UNIT, units are {}, with a number "
-      "before them if need be (0.1{})",
+      "its unit \"{}\" is not known: give it with --signal {}=COLUMN@UNIT, units are {}, with a number before them if "
+      "need be (0.1{})",
       text, about.word, fmt::join(known, ", "), known.front());
   return 0.0;
 }
@@ -216,7 +216,7 @@ void compare_velocity(Signals& signals) {
   if (!(std::abs(factor) > 1e-9) || std::abs(factor - 1.0) < 0.1) return;
   for (double& value : velocity) value *= factor;
   signals.remarks.push_back(
-      fmt::format("the velocity does not fit the position by its unit; it was taken {:.5g} times, which does", factor));
+      fmt::format("the velocity does not match the position; it was multiplied by {:.5g} to match", factor));
 }
 
 }  // namespace

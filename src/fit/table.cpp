@@ -135,8 +135,7 @@ Table read_json(std::string_view text, const std::string& source) {
                              channel["seconds"].size() == channel["values"].size();
     if (!has_samples) {
       throw Error(source, "this JSON has no samples",
-                  "leave `-o` out where `scope --json` is to print them, or give the "
-                  "file that -o has written");
+                  "omit `-o` so that `scope --json` prints them, or give the file that -o has written");
     }
     const auto word = [&](const char* key) {
       const auto at = channel.find(key);

@@ -243,7 +243,7 @@ class PdoTable {
       const dictionary::Entry* entry = find({static_cast<std::uint16_t>(index), static_cast<std::uint8_t>(sub)});
       if (entry == nullptr) {
         wrong(fmt::format("the drive has no object {}", text.substr(0, 40)), "objects",
-              "GET .../pdos lists what can be mapped; with \"/BITS\" it is asked of the drive all the same");
+              "GET .../pdos lists what can be mapped; with \"/BITS\" it is sent to the drive nevertheless");
       }
       bits = dictionary::size_of(entry->type) * 8U;
     }
@@ -255,7 +255,7 @@ class PdoTable {
     const host::Parameter* parameter = list_.find(address);
     if (parameter == nullptr) {
       wrong(fmt::format("{} cannot be written", host::text_of(address)), host::text_of(address),
-            "this drive has it fixed, or does not have it");
+            "it is fixed in this drive, or the drive does not have it");
     }
     const auto bytes = dictionary::encode_number(static_cast<std::int64_t>(number));
     host::ParameterValue value{.address = address, .type = parameter->type, .name = parameter->name};
@@ -266,8 +266,8 @@ class PdoTable {
   void add_list(host::ParameterFile& file, std::uint16_t index, const std::vector<std::uint32_t>& entries) const {
     const std::uint8_t most = highest_sub(index);
     if (entries.size() > most) {
-      wrong(fmt::format("{} entries are more than {:04X}h has, {}", entries.size(), index, most),
-            fmt::format("{:04X}h", index), "leave some out");
+      wrong(fmt::format("{} entries do not fit: {:04X}h has at most {}", entries.size(), index, most),
+            fmt::format("{:04X}h", index), "remove some");
     }
     add(file, {index, 0}, entries.size());
     for (std::size_t i = 0; i < entries.size(); ++i) {

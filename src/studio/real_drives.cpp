@@ -78,7 +78,7 @@ void require_no_torque(host::ObjectClient& objects) {
       state != fault_reaction_active) {
     return;
   }
-  throw host::HostError("its bus leaves operation to change process data, and there is torque on it", objects.where(),
+  throw host::HostError("the axis has torque, but its bus must leave operation to change process data", objects.where(),
                         "disable the axis first");
 }
 
@@ -262,9 +262,11 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     try {
       std::rethrow_exception(accesses[i]->error);
     } catch (const host::HostError& error) {
-      wrong = JobError{error.happened(), error.where(), "use its emergency stop; it is told as soon as it answers"};
+      wrong = JobError{error.happened(), error.where(),
+                       "use its emergency stop; the quick stop is sent as soon as the drive answers"};
     } catch (const std::exception& error) {
-      wrong = JobError{error.what(), axes_[i].name, "use its emergency stop; it is told as soon as it answers"};
+      wrong = JobError{error.what(), axes_[i].name,
+                       "use its emergency stop; the quick stop is sent as soon as the drive answers"};
     }
   }
   return errors;
@@ -297,8 +299,8 @@ Subject RealDrives::open(line::bench::Call& call) {
   require_ready(axis.name);
   const BusPlan& bus = buses_[axis.bus]->plan();
   if (axis.product.empty()) {
-    throw ApiError{409, "what this drive's parameters are is not known", fmt::format("{}, {}", axis.name, bus.link),
-                   "`servodrome params --eds FILE` has them from its data sheet"};
+    throw ApiError{409, "the parameters of this drive are not known", fmt::format("{}, {}", axis.name, bus.link),
+                   "`servodrome params --eds FILE` reads them from its data sheet"};
   }
   dictionary::Dictionary& seen = bus.type == "rs485" ? axis.device->dictionary() : axis.device->bus_dictionary();
   Subject subject{.client = open(axis), .product = axis.product, .table = seen.table()};

@@ -104,7 +104,7 @@ TEST(FitTable, SaysWhatIsWrongWithAFile) {
       {"seconds,a\nnan,1\n", "f:2: \"nan\" in column 1 is not a number"},
       {"seconds,a\n0,1\n0,2\n", "f: time stands still or goes back at sample 2 (0 s)"},
       {"{\"a\":1}", "f: this JSON is not a recording"},
-      {"{\"channels\":[{\"name\":\"a\"}]}", "f: this JSON has no samples; leave `-o` out"},
+      {"{\"channels\":[{\"name\":\"a\"}]}", "f: this JSON has no samples; omit `-o`"},
       {"{", "f: this JSON is not a recording"},
       {mcap.substr(0, mcap.size() / 4), "the MCAP file is cut off or damaged"},
   };
@@ -167,7 +167,7 @@ TEST(FitSignals, AVelocityThatDoesNotFitThePositionIsScaled) {
   }
   const Signals signals = signals_of(table, {.counts_per_revolution = 1000.0}, {}, "");
   EXPECT_NEAR(signals.of(Role::velocity)[0], 500.0, 1.0);
-  EXPECT_THAT(signals.remarks, ElementsAre(HasSubstr("the velocity does not fit the position")));
+  EXPECT_THAT(signals.remarks, ElementsAre(HasSubstr("the velocity does not match the position")));
 }
 
 }  // namespace

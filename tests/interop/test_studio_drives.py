@@ -163,7 +163,7 @@ def test_what_needs_a_plant_is_refused(studio):
     ):
         with pytest.raises(ApiError) as refused:
             studio.bench.call(method, path, {} if method != "GET" else None)
-        assert refused.value.status == 409 and "virtual line" in refused.value.body["error"]["what"], path
+        assert refused.value.status == 409 and "simulated drives" in refused.value.body["error"]["what"], path
     with pytest.raises(ApiError) as refused:
         studio.bench.get("axes/nobody/states")
     assert refused.value.status == 404 and "ismc-1" in refused.value.body["error"]["hint"]

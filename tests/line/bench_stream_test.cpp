@@ -303,7 +303,7 @@ TEST(BenchStream, RefusesWhatIsNoMessage) {
       {"[]", "an array"},
       {"{}", "one key"},
       {R"({"x":1})", "unknown key"},
-      {R"({"subscribe":1})", "object should"},
+      {R"({"subscribe":1})", "instead of an object"},
       {R"({"subscribe":{"channels":[]}})", "id is missing"},
       {R"({"subscribe":{"id":-1,"channels":[]}})", "id is -1"},
       {R"({"subscribe":{"id":4294967296,"channels":[]}})", "id is 4294967296"},

@@ -287,7 +287,7 @@ TEST_P(EveryProduct, QuickStopTakesTheAxisFromAJob) {
   pass(700ms);
   expect_done(axis_, R"({"do": "quick_stop"})");
   EXPECT_EQ(job(move)["state"], "cancelled");
-  EXPECT_THAT(job(move)["error"]["what"].get<std::string>(), HasSubstr("quick_stop took its place"));
+  EXPECT_THAT(job(move)["error"]["what"].get<std::string>(), HasSubstr("replaced by the job quick_stop"));
   pass(1s);
   EXPECT_NEAR(view(axis_)["velocity_rpm"].get<double>(), 0.0, 2.0);
   EXPECT_NE(view(axis_)["state"], "operation enabled");

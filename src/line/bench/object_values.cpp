@@ -67,7 +67,7 @@ struct Place {
 };
 
 [[noreturn]] void wrong_value(const Place& object, std::string_view expected) {
-  throw ApiError{400, "the value is of the wrong kind", object.where,
+  throw ApiError{400, "the value has the wrong type", object.where,
                  fmt::format("{} takes {}", describe::word(object.entry.type), expected)};
 }
 

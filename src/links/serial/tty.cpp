@@ -62,7 +62,7 @@ FileDescriptor open_tty(const std::string& device, const modbus::CharacterFormat
   if (format.stop_bits == 2) settings.c_cflag |= CSTOPB;
   ::cfsetspeed(&settings, speed->code);
   if (::tcsetattr(tty.get(), TCSANOW, &settings) != 0) {
-    fail(errno, device, "does not take the format", "choose another bit rate or parity");
+    fail(errno, device, "does not accept the format", "choose another bit rate or parity");
   }
   ::tcflush(tty.get(), TCIOFLUSH);
   return tty;

@@ -2,8 +2,8 @@ import { expect, test } from 'vitest';
 import { shownOf } from './problem';
 
 test('problems are shown without the words of the API and of the command line', () => {
-  expect(shownOf({ what: 'the axis has a job: move', where: 'ismc', hint: 'wait until it is done, or end it: DELETE /api/v1/jobs/50' })).toEqual({
-    what: 'the axis has a job: move', where: 'ismc', hint: 'wait until the job has ended, or cancel it on the Axis page',
+  expect(shownOf({ what: 'the axis has a job: reset_fault', where: 'ismc', hint: 'wait until it is done, or end it: DELETE /api/v1/jobs/50' })).toEqual({
+    what: 'the axis has a job: reset fault', where: 'ismc', hint: 'wait until the job has ended, or cancel it on the Axis page',
   });
   expect(shownOf({ what: 'there is no job "7"', where: 'address', hint: 'GET /api/v1/jobs lists the last 200' })).toEqual({ what: 'there is no job "7"' });
   expect(shownOf({ what: 'the server does not answer', where: '/jobs/7' })).toEqual({ what: 'the server does not answer' });

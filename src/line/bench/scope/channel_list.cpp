@@ -29,7 +29,7 @@ NamedChannel read_channel(Source& source, const Json& json) {
   const auto object = reader.string("object");
   reader.finish();
   if (signal.has_value() == object.has_value()) {
-    throw ApiError{400, "a channel is a signal or an object", "channels",
+    throw ApiError{400, "a channel needs either a signal or an object", "channels",
                    R"(send {"axis": ..., "signal": "velocity_rpm"} or {"axis": ..., "object": "6064:00"})"};
   }
   if (signal) return source.signal(axis, *signal);
