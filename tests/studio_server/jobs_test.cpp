@@ -497,7 +497,7 @@ TEST_P(Refusals, SayWhatIsWrongAndBeginNothing) {
 INSTANTIATE_TEST_SUITE_P(
     Jobs, Refusals,
     testing::Values(Refusal{"", 400, "not JSON"}, Refusal{"{}", 400, "do is missing"},
-                    Refusal{R"({"do": "fly"})", 422, "nothing called \\\"fly\\\""},
+                    Refusal{R"({"do": "fly"})", 422, "no job \\\"fly\\\""},
                     Refusal{R"({"do": "move"})", 400, "neither to nor by"},
                     Refusal{R"({"do": "move", "to": 1, "by": 1})", 400, "both to and by"},
                     Refusal{R"({"do": "move", "to": "1"})", 400, "to is"},
