@@ -129,7 +129,7 @@ ProbePositions Axis402::wait_for_probe(const ProbeRequest& request, Time timeout
     }
     if (objects_.now() >= deadline) {
       const auto came = [](bool wanted, bool seen_edge) {
-        return !wanted ? "not asked for" : seen_edge ? "seen" : "did not come";
+        return !wanted ? "not requested" : seen_edge ? "detected" : "not detected";
       };
       if (enabled_before) try_to_stop();
       fail(fmt::format("{} took longer than {:g} s (positive edge: {}, negative edge: {})", doing,
