@@ -109,7 +109,7 @@ void torque(const TorqueOptions& options) {
         throw;
       }
       axis.stop();
-      MotionResult result{"gave torque and stopped"};
+      MotionResult result{"applied torque and stopped"};
       result.details["most_percent"] = most_percent ? nlohmann::ordered_json(*most_percent) : nullptr;
       return result;
     };

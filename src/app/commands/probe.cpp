@@ -38,7 +38,7 @@ void run(const Options& options) {
       }
       if (by) axis.stop();
       axis.disarm_probe(request.probe);
-      MotionResult result{fmt::format("touch probe {} has seen its edge", request.probe)};
+      MotionResult result{fmt::format("touch probe {} detected its edge", request.probe)};
       if (request.positive_edge) result.positions.emplace_back("positive_edge", seen.positive);
       if (request.negative_edge) result.positions.emplace_back("negative_edge", seen.negative);
       return result;

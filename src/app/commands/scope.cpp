@@ -283,11 +283,10 @@ std::string text_of(const Options& options, const Outcome& outcome) {
                   recording.rows(), recording.channels.size(), recording.channels.size() == 1 ? "channel" : "channels",
                   span, recording.rate_hz(), recording.way, recording.triggered ? ", triggered" : "");
   if (recording.missed != 0) {
-    text += fmt::format("{} samples were missed; a lower --rate misses fewer\n", recording.missed);
+    text += fmt::format("{} samples were missed; choose a lower --rate\n", recording.missed);
   }
   if (!outcome.remark.empty()) text += outcome.remark + '\n';
-  text +=
-      fmt::format("{:<28} {:<8} {:>13} {:>13} {:>13} {:>13}\n", "channel", "unit", "least", "greatest", "mean", "RMS");
+  text += fmt::format("{:<28} {:<8} {:>13} {:>13} {:>13} {:>13}\n", "channel", "unit", "min", "max", "mean", "RMS");
   std::string steps;
   for (std::size_t i = 0; i < recording.channels.size(); ++i) {
     const scope::Channel& channel = recording.channels[i];

@@ -35,7 +35,7 @@ struct Options {
 };
 
 std::string figure(const std::optional<double>& value, const char* unit) {
-  return value ? fmt::format("{:.1f} {}", *value, unit) : std::string("not seen");
+  return value ? fmt::format("{:.1f} {}", *value, unit) : std::string("not found");
 }
 
 void print(const char* when, const tuning::Measurement& measured) {
