@@ -84,7 +84,7 @@ void HttpServer::count_failure(const std::exception& error) {
   ++failures_;
   if (!std::has_single_bit(failures_) || !handlers_.report) return;
   handlers_.report(fmt::format(
-      "bench API: an exception ended connection number {} so far: {}; please report it with the request that caused it",
+      "bench API: an exception ended a connection ({} so far): {}; please report it with the request that caused it",
       failures_, error.what()));
 }
 
