@@ -57,7 +57,7 @@ Named read_bus(const std::string& text, BusOptions options) {
     if (error != std::errc() || end != number.data() + number.size() || node == 0 || node > 65535 || known) {
       throw Failure::wrong_use(fmt::format(
           "--bus {}: \"{}\" {}; write node-IDs, stations or positions behind the link, as socketcan:can0=1,3", text,
-          number, known ? "is given twice" : "is no number of a drive"));
+          number, known ? "is given twice" : "is not a drive number"));
     }
     bus.nodes.push_back(node);
     if (number.size() == rest.size()) return bus;
@@ -183,7 +183,7 @@ std::vector<studio::BusPlan> find_drives(const std::vector<std::string>& buses, 
     const Named named = read_bus(text, common);
     const auto same = [&named](const studio::BusPlan& plan) { return plan.link == named.options.link; };
     if (std::any_of(plans.begin(), plans.end(), same)) {
-      throw Failure::wrong_use(fmt::format("--bus {}: the bus is given twice; name all its drives in one", text));
+      throw Failure::wrong_use(fmt::format("--bus {}: the bus is given twice; give all its drives in one --bus", text));
     }
     plans.push_back(plan_of(named));
     // Name and address: "ismc-1"; "ismk" without an address. A repeated name gets a number: "ismc-1-2".

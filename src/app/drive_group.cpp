@@ -132,7 +132,7 @@ void DriveGroup::open_ethercat(const BusOptions& options, const std::vector<Memb
     slaves_.push_back(std::make_unique<host::EthercatSlave>(*ethercat_, found, options.answer_timeout()));
     products.push_back(own.product.empty() ? product_of(found) : named_product(own));
     if (!is_drive(*slaves_.back())) {
-      throw Failure::wrong_use(fmt::format("{}: it is no CiA 402 drive", slaves_.back()->where()));
+      throw Failure::wrong_use(fmt::format("{}: it is not a CiA 402 drive", slaves_.back()->where()));
     }
   }
   operation_options_ = operation_options(options);

@@ -83,8 +83,8 @@ int main(int argc, char** argv) {
     std::cout.flush();
     return std::cout ? end_of_output() : report_lost_output();
   } catch (const CLI::ParseError& error) {
-    return report(
-        2, fmt::format("{}; `servodrome --help` and `servodrome COMMAND --help` show what there is", error.what()));
+    return report(2, fmt::format("{}; `servodrome --help` lists the commands, `servodrome COMMAND --help` its options",
+                                 error.what()));
   } catch (const Failure& failure) {
     return report(status_of(failure.exit_status()), failure.what());
   } catch (const std::exception& error) {

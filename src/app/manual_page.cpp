@@ -47,21 +47,21 @@ std::string text_of_arguments(const std::vector<CommandArgument>& arguments) {
 constexpr const char* exit_status_section = R"(.SH EXIT STATUS
 .TP
 \fB0\fR
-It worked.
+Success.
 .TP
 \fB1\fR
-It did not work; standard error says what, where and what to do.
+Failure; standard error shows what happened, where, and what to do.
 .TP
 \fB2\fR
 Wrong use: nothing was done.
 .TP
 \fB130\fR, \fB143\fR, \fB129\fR
-Broken off by Ctrl\-C, SIGTERM or a terminal that went away: an axis that moved has been brought to rest.
+Ended by Ctrl\-C, SIGTERM or the end of the terminal; an axis that moved has been stopped.
 )";
 constexpr const char* environment_section = R"(.SH ENVIRONMENT
 .TP
 \fBSERVODROME_TOKEN\fR
-The token with which other machines may write over the bench API of \fBservodrome up\fR.
+The token that other computers need to write over the bench API of \fBservodrome up\fR.
 .TP
 \fBSERVODROME_STUDIO\fR
 Folder with the web page that \fBservodrome up\fR serves.

@@ -16,8 +16,8 @@ void add_motion_options(CLI::App& command, MotionOptions& options, const std::st
   add_unit_options(command, options.units);
   command.add_flag("--reset-fault", options.reset_fault, "Reset a fault first");
   command.add_flag("--disable", options.disable,
-                   "Disable the drive afterwards instead of holding the position (on EtherCAT always: a drive holds "
-                   "while a master exchanges data with it)");
+                   "Disable the drive afterwards instead of holding the position (on EtherCAT always, because a drive "
+                   "holds its position only while a master exchanges data with it)");
 }
 
 void run_motion(const MotionOptions& options, const std::function<Motion(const Units&)>& plan) {

@@ -49,7 +49,7 @@ std::string read_text_file(const std::string& path, const std::string& what, boo
   while (in.read(part.data(), part.size()) || in.gcount() > 0) {
     text.append(part.data(), static_cast<std::size_t>(in.gcount()));
     if (const std::size_t zero = text.find('\0'); zero != std::string::npos) {
-      throw Failure::wrong_use(fmt::format("{}: byte {} is zero: this is no text; check the path", what, zero));
+      throw Failure::wrong_use(fmt::format("{}: byte {} is zero: this is not a text file; check the path", what, zero));
     }
     if (text.size() > most_bytes) {
       throw Failure::wrong_use(fmt::format("{}: it is longer than {} MiB; check the path", what, most_bytes >> 20));

@@ -132,7 +132,7 @@ class EdsReader {
   }
   void note(unsigned line, const std::string& what) {
     if (device_.notes.size() == most_notes) {
-      device_.notes.push_back(fmt::format("{}:{}: there is more like this, which is not told", device_.file, line));
+      device_.notes.push_back(fmt::format("{}:{}: further messages like this are not shown", device_.file, line));
     }
     if (device_.notes.size() > most_notes) return;
     device_.notes.push_back(fmt::format("{}:{}: {}", device_.file, line, what));
@@ -156,15 +156,14 @@ class EdsReader {
         const std::string_view name = trim(line.substr(1, close - 1));
         count_line(number);
         const auto [place, is_new] = sections_.try_emplace(lower(name));
-        if (!is_new)
-          note(number, fmt::format("[{}]: there is such a section before; its keys are taken together", name));
+        if (!is_new) note(number, fmt::format("[{}]: the section exists twice; their keys are merged", name));
         present = &place->second;
         if (is_new) present->name = name, present->line = number;
         continue;
       }
       const std::size_t equals = line.find('=');
       if (equals == std::string_view::npos) {
-        note(number, fmt::format("\"{}\" is neither a section nor a key; left out", line.substr(0, 40)));
+        note(number, fmt::format("\"{}\" is neither a section nor a key; ignored", line.substr(0, 40)));
         continue;
       }
       if (present == nullptr) continue;  // text before the first section
@@ -188,7 +187,7 @@ class EdsReader {
     if (value == nullptr) return std::nullopt;
     const auto number = parse_file_number(before_comment(value->text));
     if (!number) {
-      refuse(section, value->line, key, fmt::format("\"{}\" is no number", value->text),
+      refuse(section, value->line, key, fmt::format("\"{}\" is not a number", value->text),
              "write a decimal number, 0x and hexadecimal digits, or 0 and octal ones");
     }
     return number;
@@ -290,7 +289,7 @@ class EdsReader {
     }
     if (common.code == ObjectCode::array || common.code == ObjectCode::record) {
       if (!has_own_type(section)) {
-        note(section.line, fmt::format("[{}]: none of its sub-indices is described; left out", section.name));
+        note(section.line, fmt::format("[{}]: none of its sub-indices is described; ignored", section.name));
         return;
       }
     }
@@ -329,7 +328,7 @@ class EdsReader {
   void read_compact(const FileEntry& common, const Section& section, std::int64_t count) {
     if (count < 0 || count > 0xFE) {
       refuse(section, section.values.at("compactsubobj").line, "CompactSubObj",
-             fmt::format("{} sub-indices cannot be", count), "write 1 to 254");
+             fmt::format("{} sub-indices are not possible", count), "write 1 to 254");
     }
     FileEntry highest = common;
     highest.type = Type::unsigned8;
@@ -404,7 +403,7 @@ class EdsReader {
       entry.access = Access::rw;
       pdo = word == "rwr" ? Pdo::tpdo : word == "rww" ? Pdo::rpdo : Pdo::both;
     } else {
-      refuse(section, access->line, "AccessType", fmt::format("\"{}\" is no access", access->text),
+      refuse(section, access->line, "AccessType", fmt::format("\"{}\" is not an access type", access->text),
              "write ro, wo, rw, rwr, rww or const");
     }
     entry.pdo = mappable ? pdo : Pdo::none;
@@ -418,7 +417,7 @@ class EdsReader {
     const auto number = parse_file_number(text);
     if (number) return of_type(entry.type, *number);
     note(value->line,
-         fmt::format("[{}] {}: \"{}\" is no number; the type's limit counts", section.name, key, value->text));
+         fmt::format("[{}] {}: \"{}\" is not a number; the limit of the type is used", section.name, key, value->text));
     return std::nullopt;
   }
 
@@ -458,7 +457,7 @@ class EdsReader {
     const auto number = parse_file_number(text);
     if (!number) {
       note(value.line,
-           fmt::format("[{}] {}: \"{}\" is no value of its type; 0 is taken", section.name, key, value.text));
+           fmt::format("[{}] {}: \"{}\" is not a value of its type; 0 is used", section.name, key, value.text));
       return;
     }
     entry.default_value = of_type(entry.type, *number);

@@ -90,7 +90,7 @@ class EsiReader {
     });
     if (!one_product) {
       document_.refuse(devices, "Devices", fmt::format("{} devices are described", titles.size()),
-                       "say which by its type or product code: " + list());
+                       "choose one by its type or product code: " + list());
     }
     return *std::max_element(found.begin(), found.end(), [](const pugi::xml_node& a, const pugi::xml_node& b) {
       const auto revision = [](const pugi::xml_node& device) {
@@ -162,7 +162,7 @@ class EsiReader {
     }
     if (slot.next_sibling("Slot")) {
       made_.device.notes.push_back(
-          fmt::format("{}: the first slot alone is taken, with module {}", made_.device.file, text_of(ident)));
+          fmt::format("{}: only the first slot is used, with module {}", made_.device.file, text_of(ident)));
     }
     const auto wanted = parse_xml_number(text_of(ident));
     for (const pugi::xml_node& modules : {slots.child("Modules"), info.child("Descriptions").child("Modules")}) {

@@ -100,7 +100,7 @@ void Composer::compose() {
   complete_device();
   if (foundation_.completes_dictionary) {
     made_.notes.push_back(
-        fmt::format("{}: there is no object dictionary; the reference drive's objects are taken", made_.device.file));
+        fmt::format("{}: there is no object dictionary; the reference drive's objects are used", made_.device.file));
   }
   made_.object_bytes = foundation_.object_bytes;
   made_.table.reserve(made_.device.entries.size());
@@ -119,7 +119,7 @@ void Composer::complete_device() {
   describe::DeviceFile& device = made_.device;
   if (device.find(0x6040, 0) == nullptr || device.find(0x6041, 0) == nullptr) {
     throw describe::DeviceFileError(device.file, 0, "[6040], [6041]",
-                                    "controlword and statusword are not described: this is no drive of CiA 402",
+                                    "controlword and statusword are not described: this is not a CiA 402 drive",
                                     "give the description of a servo drive");
   }
   std::erase_if(device.entries, [](const FileEntry& entry) { return entry.index < 0x1000; });
@@ -221,7 +221,7 @@ void Composer::set_range(Entry& entry, const FileEntry& described) {
   const bool holds_default = !is_read || (entry.default_value >= entry.minimum && entry.default_value <= entry.maximum);
   entry.has_range = given && !empty && holds_default && !entry.default_adds_node_id;
   if (given && !empty && !holds_default && !entry.default_adds_node_id) {
-    note(entry, fmt::format("the default {} is not within {} .. {}; the limits do not count", entry.default_value,
+    note(entry, fmt::format("the default {} is not within {} .. {}; the limits are ignored", entry.default_value,
                             entry.minimum, entry.maximum));
   }
   if (entry.has_range && entry.minimum == least && entry.maximum == greatest) entry.has_range = false;
@@ -283,7 +283,7 @@ void Composer::settle_mapping(std::uint16_t index, Pdo direction) {
   std::int64_t mapped = 0;
   while (mapped < count.default_value && default_of(index, static_cast<std::uint8_t>(mapped + 1), 0) != 0) ++mapped;
   if (mapped != count.default_value) {
-    note(count, fmt::format("{} objects are said to be mapped, {} are", count.default_value, mapped));
+    note(count, fmt::format("the count says {} mapped objects, but {} are mapped", count.default_value, mapped));
     count.default_value = mapped;
   }
   for (std::int64_t i = 1; i <= mapped; ++i) {
@@ -377,7 +377,7 @@ void Composer::settle_motion() {
     entry.default_value = scaled(*reference, entry);
     if (entry.has_range) entry.default_value = std::max(entry.default_value, entry.minimum);
     if (entry.index == 0x608F || entry.index == 0x6092) entry.default_value = said ? 1 : entry.default_value;
-    if (said) note(entry, fmt::format("0 would hold the axis; {} is taken", entry.default_value));
+    if (said) note(entry, fmt::format("with 0 the axis could not move; {} is used", entry.default_value));
   }
   made_.implied.clear();
   for (const Entry& reference : foundation_.table) {
@@ -407,15 +407,16 @@ void Composer::list_what_is_not_simulated() {
     }
   }
   const auto absent = [this](const std::string& what) { made_.not_simulated.push_back(what); };
-  if (!kept.empty())
-    absent(fmt::format("{} (their values are kept, nothing follows from them)", fmt::join(kept, ", ")));
-  if (makers != 0) absent(fmt::format("{} objects of the maker, 2000h to 5FFFh (likewise)", makers));
-  if (other_axes != 0) absent(fmt::format("{} objects of further axes, 6800h and up (likewise)", other_axes));
+  if (!kept.empty()) absent(fmt::format("{} (their values are stored, without any effect)", fmt::join(kept, ", ")));
+  if (makers != 0)
+    absent(fmt::format("{} manufacturer-specific objects, 2000h to 5FFFh (stored, without any effect)", makers));
+  if (other_axes != 0)
+    absent(fmt::format("{} objects of further axes, 6800h and up (stored, without any effect)", other_axes));
   for (const Entry& entry : made_.table) {
     const bool parameters =
         (entry.index >= 0x1400 && entry.index < 0x1600) || (entry.index >= 0x1800 && entry.index < 0x1A00);
     if (made_.ethercat == nullptr && parameters && entry.sub == 0 && (entry.index & 0x1FF) >= most_pdos) {
-      absent(fmt::format("PDO {:04X}h: {} each way are served", entry.index, most_pdos));
+      absent(fmt::format("PDO {:04X}h: only {} PDOs in each direction are simulated", entry.index, most_pdos));
     }
   }
 }

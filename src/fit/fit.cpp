@@ -48,9 +48,10 @@ void require_motion(const Signals& signals) {
   }
   const bool by_position = signals.has(Role::position);
   if (!by_position && !signals.has(Role::velocity)) {
-    throw Error(signals.source,
-                "nothing tells how the shaft moves: " + missing(signals, {Role::position, Role::velocity}) + " missing",
-                "record position or velocity, or say which column it is by --signal");
+    throw Error(
+        signals.source,
+        "the motion of the shaft is unknown: " + missing(signals, {Role::position, Role::velocity}) + " missing",
+        "record position or velocity, or give their column with --signal");
   }
   double low = 0.0;
   double high = 0.0;
@@ -128,7 +129,7 @@ void report_electrical(const Signals& signals, const Electrical& found, Report& 
                 "record voltages and currents of the rotor's frame (vd, vq, id, iq), at some kHz");
     return;
   }
-  const char* poor = "what was recorded does not show it";
+  const char* poor = "the recording does not show it";
   report.put(resistance, found.resistance, poor,
              "record at several currents: different accelerations, some of them high");
   report.put(quadrature_inductance, found.quadrature_inductance, poor,
@@ -137,8 +138,8 @@ void report_electrical(const Signals& signals, const Electrical& found, Report& 
   if (found.direct_inductance) {
     report.put(direct_inductance, found.direct_inductance, "", "");
   } else {
-    report.miss({direct_inductance}, "no direct current flowed that would show it apart from Lq",
-                "take it as Lq (a motor with surface magnets), or record with field weakening");
+    report.miss({direct_inductance}, "without direct current it cannot be separated from Lq",
+                "use Lq for it (a motor with surface magnets), or record with field weakening");
   }
   report.miss({torque_constant}, poor, "record at several speeds, both ways");
   result.electrical_rms_v = found.residual_rms;
@@ -146,7 +147,8 @@ void report_electrical(const Signals& signals, const Electrical& found, Report& 
   if (found.stage_drop_v) {
     result.stage_drop_v = found.stage_drop_v->value;
   } else if (found.resistance) {
-    result.remarks.emplace_back("R contains what the power stage drops: one current alone does not tell the two apart");
+    result.remarks.emplace_back(
+        "R includes the voltage drop of the power stage: one current does not separate the two");
   }
 }
 
@@ -199,8 +201,9 @@ Result fit(const Signals& signals, const Motor& motor) {
   if (torque_nm.empty()) {
     const bool only_constant = signals.has(Role::quadrature_current);
     report.miss(mechanical_parameters,
-                only_constant ? std::string("the current makes no torque without a torque constant")
-                              : "not recorded: " + missing(signals, {Role::torque, Role::quadrature_current}),
+                only_constant
+                    ? std::string("without a torque constant the torque cannot be calculated from the current")
+                    : "not recorded: " + missing(signals, {Role::torque, Role::quadrature_current}),
                 only_constant ? "record vq as well, or give --torque-constant" : "record torque or current");
   } else {
     const Mechanical found = fit_mechanical(signals, torque_nm);
@@ -214,10 +217,10 @@ Result fit(const Signals& signals, const Motor& motor) {
     };
     if (found.inertia && found.inertia->value + found.inertia->half_width <= 0.0) {
       report.miss(mechanical_parameters, "the torque does not rise where the axis speeds up",
-                  "its sign may be the wrong one: --signal torque=COLUMN@-1Nm turns it round");
+                  "its sign may be wrong: --signal torque=COLUMN@-1Nm inverts it");
       return result;
     }
-    const char* together = "this motion does not show it apart from the others";
+    const char* together = "this motion does not separate it from the other parameters";
     put(inertia, found.inertia, "the speed hardly changes", "record while the axis speeds up and slows down");
     put(coulomb_friction, found.coulomb_friction, together, "record motion both ways, at two speeds or more");
     put(viscous_friction, found.viscous_friction, together, "record two speeds or more, the higher ones for longer");

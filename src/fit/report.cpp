@@ -104,27 +104,28 @@ std::string toml_of(const Result& result, const Motor& motor) {
   }
   const bool friction = result.of(coulomb_friction).value || result.of(viscous_friction).value;
   if (friction) {
-    keys.line("viscous_friction_nms", "0.0", "all of it is at the load");
+    keys.line("viscous_friction_nms", "0.0", "all of the inertia is assigned to the load");
     keys.line("coulomb_friction_nm", "0.0", "the same");
   }
   keys.group("load");
   if (has_rotor) {
     keys.figure("inertia_kgm2", inertia, 0.0, *motor.rotor_inertia_kgm2);
   } else if (all > 0.0) {
-    keys.line("inertia_kgm2", "0.0", "it is with the rotor: --rotor-inertia tells them apart");
+    keys.line("inertia_kgm2", "0.0", "it includes the rotor: --rotor-inertia separates them");
   }
   keys.figure("viscous_friction_nms", viscous_friction, 0.0);
   keys.figure("coulomb_friction_nm", coulomb_friction, 0.0);
   if (const auto& found = result.of(coulomb_friction); found.value) {
     keys.line("static_friction_nm", real(rounded(std::max(*found.value, 0.0), found.half_width)),
-              "not seen; at least the Coulomb friction");
+              "not identified; at least the Coulomb friction");
   }
   keys.figure("gravity_torque_nm", weight, -1e5);
   keys.group("encoder");
   if (motor.counts_per_revolution) {
     keys.line("counts_per_revolution", fmt::format("{:.0f}", *motor.counts_per_revolution), "given");
   }
-  if (result.turns_backwards.value_or(false)) keys.line("direction", "-1", "it counts against the turn of the phases");
+  if (result.turns_backwards.value_or(false))
+    keys.line("direction", "-1", "it counts against the direction of the phases");
   return keys.take();
 }
 

@@ -125,8 +125,8 @@ double factor_of(Role role, std::string_view text, const Motor& motor, std::stri
     if (!unit.word.empty()) known.push_back(unit.word);
   }
   why = fmt::format(
-      "its unit \"{}\" is not known: say it with --signal {}=COLUMN@UNIT, units are {}, with a number "
-      "before them if need be (0.1{})",
+      "its unit \"{}\" is not known: give it with --signal {}=COLUMN@UNIT, units are {}, with a number before them if "
+      "need be (0.1{})",
       text, about.word, fmt::join(known, ", "), known.front());
   return 0.0;
 }
@@ -159,7 +159,7 @@ std::string choose_axis(const Table& table, const std::string& axis) {
   throw Error(table.source,
               axis.empty() ? fmt::format("the recording is of {} axes", axes.size())
                            : fmt::format("the recording has no axis \"{}\"", axis),
-              fmt::format("say which by --axis: {}", fmt::join(axes, ", ")));
+              fmt::format("choose one with --axis: {}", fmt::join(axes, ", ")));
 }
 
 std::string names_in(const Table& table, const std::string& axis) {
@@ -217,7 +217,7 @@ void compare_velocity(Signals& signals) {
   if (!(std::abs(factor) > 1e-9) || std::abs(factor - 1.0) < 0.1) return;
   for (double& value : velocity) value *= factor;
   signals.remarks.push_back(
-      fmt::format("the velocity does not fit the position by its unit; it was taken {:.5g} times, which does", factor));
+      fmt::format("the velocity does not match the position; it was multiplied by {:.5g} to match", factor));
 }
 
 }  // namespace
@@ -239,7 +239,7 @@ Assignment parse_assignment(std::string_view text) {
   }
   std::vector<std::string_view> words;
   for (const RoleText& role : roles) words.push_back(role.word);
-  throw Error(fmt::format("--signal {}", text), "this is no ROLE=COLUMN or ROLE=COLUMN@UNIT",
+  throw Error(fmt::format("--signal {}", text), "this is not a ROLE=COLUMN or ROLE=COLUMN@UNIT",
               fmt::format("roles are {}", fmt::join(words, ", ")));
 }
 
@@ -253,7 +253,7 @@ Signals signals_of(const Table& table, const Motor& motor, std::span<const Assig
   const auto any = std::find_if(found.rbegin(), found.rend(), [](const auto& one) { return one.has_value(); });
   if (any == found.rend()) {
     throw Error(table.source, "no column is a position, velocity, torque, current or voltage",
-                fmt::format("say which is what by --signal ROLE=COLUMN@UNIT; columns are {}", names_in(table, own)));
+                fmt::format("assign columns with --signal ROLE=COLUMN@UNIT; columns are {}", names_in(table, own)));
   }
   // With several clocks, uses that of current or torque, because products of signals are formed at its samples.
   const auto clock_of = [&](Role role) { return found[static_cast<std::size_t>(role)]; };

@@ -80,7 +80,7 @@ const char* name(OperationMode mode) {
     case OperationMode::cyclic_synchronous_velocity: return "cyclic synchronous velocity";
     case OperationMode::cyclic_synchronous_torque: return "cyclic synchronous torque";
   }
-  return static_cast<std::int8_t>(mode) < 0 ? "manufacturer's mode" : "reserved mode";
+  return static_cast<std::int8_t>(mode) < 0 ? "manufacturer-specific mode" : "reserved mode";
 }
 
 std::int32_t Axis402::position() {
@@ -171,7 +171,7 @@ void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const cha
     const PowerState present = state();
     if (std::find(wanted.begin(), wanted.end(), present) != wanted.end()) return;
     if (present == PowerState::fault)
-      fail(fmt::format("the drive has a fault while to {}", doing), "remove its cause and reset it");
+      fail(fmt::format("the drive has a fault and cannot {}", doing), "remove its cause and reset it");
     if (objects_.now() >= deadline) {
       fail(fmt::format("the drive did not {} within {} ms", doing,
                        options_.state_timeout / std::chrono::milliseconds(1)),
@@ -272,7 +272,7 @@ void Axis402::set_mode(OperationMode mode) {
   const Time deadline = objects_.now() + options_.state_timeout;
   while (this->mode() != number) {
     if (objects_.now() >= deadline) {
-      fail(fmt::format("the drive did not take mode {} ({}); 6061h is {}", number, name(mode), this->mode()),
+      fail(fmt::format("the drive did not accept mode {} ({}); 6061h is {}", number, name(mode), this->mode()),
            "stop or disable the drive first, and check that no other master writes 6060h");
     }
     pause();

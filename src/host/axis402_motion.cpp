@@ -29,9 +29,9 @@ void Axis402::require_enabled(const char* doing) {
 void Axis402::write_profile(const MotionProfile& profile) {
   // A ramp of 0 never ends: some drives fault; others accept the set-point and report the target as reached.
   if (profile.acceleration == 0U || profile.deceleration == 0U) {
-    fail(fmt::format("{} of 0 would never get anywhere",
+    fail(fmt::format("with {} of 0 the axis cannot reach its target",
                      profile.acceleration == 0U ? "an acceleration" : "a deceleration"),
-         "give one above 0, or none to keep what the drive has");
+         "give a value above 0, or none to keep the drive's value");
   }
   write_if_given(0x6081, 0, profile.velocity);
   write_if_given(0x6083, 0, profile.acceleration);
@@ -66,7 +66,7 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
       fail(fmt::format("{} took longer than {:g} s and {}; position was {}", doing,
                        std::chrono::duration<double>(timeout).count(),
                        problem.empty() ? "was stopped" : fmt::format("could not be stopped ({})", problem), at),
-           "check speeds, limits and load, or allow it more time");
+           "check speeds, limits and load, or give a longer timeout");
     }
   }
 }
@@ -87,8 +87,8 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
     if ((word & signals.error) != 0) {
       write_controlword(enabled);
       fail(doing + " ended with an error",
-           "check that the switches of the method are there and wired, and that homing speeds and acceleration are not "
-           "0");
+           "check that the switches of the method are present and wired, and that homing speeds and acceleration are "
+           "not 0");
     }
     const std::uint16_t done =
         static_cast<std::uint16_t>(signals.attained | (signals.target_reached ? statusword_bit::target_reached : 0U));
@@ -114,7 +114,7 @@ void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   halted_ = false;
   write_controlword(order | halt);
   if (!wait_for_bits(set_point_acknowledge, 0, options_.state_timeout)) {
-    fail("the drive has no room for a set-point (statusword bit 12 stays set)", "stop the motion under way first");
+    fail("the drive accepts no further set-point (statusword bit 12 stays set)", "stop the present motion first");
   }
   objects_.write<std::int32_t>(0x607A, 0, target);
   write_controlword(order | new_set_point);
@@ -141,7 +141,7 @@ void Axis402::start_move(std::int32_t target, bool relative, const MotionProfile
   // Several drives have a factory setting of 0: they accept the set-point and never move.
   const auto velocity = profile.velocity ? profile.velocity : objects_.read_if_present<std::uint32_t>(0x6081);
   if (velocity == 0U) {
-    fail("the profile velocity (6081h) is 0: the axis would never arrive", "give the move a velocity");
+    fail("the profile velocity (6081h) is 0: the axis would not move", "give a velocity for the move");
   }
   set_mode(OperationMode::profile_position);
   write_profile(profile);
@@ -161,7 +161,7 @@ void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile)
   // The drive would add the distance to the abandoned target, so the absolute target is computed here.
   const std::int64_t target = std::int64_t{position()} + distance;
   if (target != static_cast<std::int32_t>(target)) {
-    fail(fmt::format("{} is no position", target), "move by less, or home the axis");
+    fail(fmt::format("{} is not a position", target), "move by less, or home the axis");
   }
   start_move(static_cast<std::int32_t>(target), false, profile);
 }
@@ -221,8 +221,8 @@ bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   const std::string problem = try_to_stop();
   fail(fmt::format("{}: the drive shows the target as reached, but the axis stands at {} instead of {}{}", doing,
                    *place_, goal, problem.empty() ? "" : "; " + problem),
-       "see what holds it (a hard stop, a brake, a torque limit), and whether the following error window (6065h) is "
-       "off");
+       "check what blocks it (a hard stop, a brake, a torque limit), and whether the following error window (6065h) is "
+       "switched off");
 }
 
 void Axis402::wait_for_target(Time timeout, const Progress& progress) {

@@ -50,7 +50,7 @@ std::optional<std::string> Axis402::take_back(std::uint16_t index, bool to_prese
     } catch (const ObjectError& error) {
       if (error.object_is_absent()) return std::nullopt;
       if (!error.answered()) throw;
-      return fmt::format("{:04X}h does not take {}: {}", index, rest, error.happened());
+      return fmt::format("{:04X}h does not accept {}: {}", index, rest, error.happened());
     }
     objects_.wait(options_.poll_interval);
     const std::int64_t kept = objects_.read<std::int32_t>(index);
@@ -70,8 +70,8 @@ void Axis402::take_back_targets_before_enabling() {
     if (!problem || !acts_in(target, present)) continue;
     fail(fmt::format("the axis would move as soon as it is enabled in {}: {}",
                      name(static_cast<OperationMode>(present)), *problem),
-         "look for what else writes this target (process data of another master, an input, a limit), or choose "
-         "another mode (6060h)");
+         "check what else writes this target (process data of another master, an input, a limit), or choose another "
+         "mode (6060h)");
   }
 }
 

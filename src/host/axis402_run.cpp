@@ -48,7 +48,7 @@ void Axis402::change_velocity(std::int32_t velocity) {
   if (present == OperationMode::profile_velocity) return objects_.write<std::int32_t>(0x60FF, 0, velocity);
   if (present != OperationMode::profile_position || !goal_ || velocity <= 0) {
     fail(fmt::format("the velocity of this motion ({}) cannot be changed to {}", name(present), velocity),
-         "it takes a move and a velocity above 0, or profile velocity");
+         "it can be changed during a move (to a value above 0) and in profile velocity");
   }
   objects_.write<std::uint32_t>(0x6081, 0, static_cast<std::uint32_t>(velocity));
   // The drive applies 6081h with the next set-point, so the same target is sent again, to act at once.
@@ -102,7 +102,7 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
          "something else writes it: another target in the process data, an input, or another master");
   }
   write_controlword(enabled);
-  follow(timeout, progress, fmt::format("giving {:g} % of rated torque", torque_permille / 10.0), reached);
+  follow(timeout, progress, fmt::format("applying {:g} % of rated torque", torque_permille / 10.0), reached);
 }
 
 // With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing;
@@ -189,7 +189,7 @@ void Axis402::try_to_switch_off() {
 void Axis402::halt() {
   if (state() != PowerState::operation_enabled || halted_) return;
   if (mode() == static_cast<std::int8_t>(OperationMode::profile_torque)) {
-    fail("an axis that gives torque cannot be halted: it would coast", "stop it");
+    fail("an axis in a torque mode cannot be halted: it would coast", "stop it");
   }
   const ComingToRest rest(comes_to_rest_);
   write_controlword(controlword_ | controlword::halt);

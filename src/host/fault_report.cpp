@@ -98,7 +98,7 @@ std::string text_of(const ReportedFault& fault, std::string_view product) {
                          class_only ? "class: " : "", meaning->text);
   }
   if (texts.empty()) texts = describe::alarm_name(product, fault.alarm);
-  if (texts.empty()) texts = fault.code == 0 ? "the drive gives no code" : "manufacturer's code";
+  if (texts.empty()) texts = fault.code == 0 ? "the drive gives no code" : "manufacturer-specific code";
   return fault.code == 0 ? texts : fmt::format("{:04X}h {}", fault.code, texts);
 }
 

@@ -298,7 +298,7 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
   if (size == 0) {
     std::vector<std::byte> bytes;
     std::string digits = plain(text);
-    if (digits.size() % 2 != 0) refuse_value(text, "an odd number of hexadecimal digits is no whole bytes");
+    if (digits.size() % 2 != 0) refuse_value(text, "an odd number of hexadecimal digits does not give whole bytes");
     for (std::size_t i = 0; i < digits.size(); i += 2) {
       unsigned byte = 0;
       const auto [end, error] = std::from_chars(&digits[i], &digits[i] + 2, byte, 16);
@@ -310,7 +310,7 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
   if (type == Type::real32) {
     float number = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    if (error != std::errc{} || end != text.data() + text.size()) refuse_value(text, "it is no number");
+    if (error != std::errc{} || end != text.data() + text.size()) refuse_value(text, "it is not a number");
     return bytes_of(&number, sizeof number);
   }
   if (type == Type::boolean && (plain(text) == "true" || plain(text) == "false")) {
@@ -331,7 +331,7 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
   std::uint64_t magnitude = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), magnitude, base);
   if (digits.empty() || error != std::errc{} || end != digits.data() + digits.size()) {
-    refuse_value(text, "it is no whole number");
+    refuse_value(text, "it is not a whole number");
   }
   // Hexadecimal input is the bit pattern; decimal input is the number, which must be within the type's range.
   const unsigned bits = static_cast<unsigned>(size * 8);

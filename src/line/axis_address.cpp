@@ -94,7 +94,7 @@ class AxisAddressReader {
     }
     for (const char* key : {"node", "bit_rate"}) {
       if (reader.node(key) == nullptr) continue;
-      reader.complain(key, "is of an axis on a CAN bus", "an EtherCAT slave's address is its place in the file");
+      reader.complain(key, "is only for an axis on a CAN bus", "an EtherCAT slave's address is its place in the file");
     }
     if (!bus) return;
     ethercat.bus = *bus;
@@ -109,7 +109,7 @@ class AxisAddressReader {
   void read_can_address(TableReader& reader, AxisSettings& axis) {
     for (const char* key : {"alias", "oscillator_ppm", "cable_ns", "sync_error_limit"}) {
       if (reader.node(key) != nullptr) {
-        reader.complain(key, "is of an axis on an EtherCAT segment", "leave the key out");
+        reader.complain(key, "is only for an axis on an EtherCAT segment", "leave the key out");
       }
     }
     read_node(reader, axis);
@@ -153,7 +153,7 @@ class AxisAddressReader {
     if (bus.empty()) {
       for (const char* key : {"station", "serial_protocol"}) {
         if (reader.node(key) == nullptr) continue;
-        reader.complain(key, "is of an axis on an RS485 line", "name the line: serial = \"NAME\"");
+        reader.complain(key, "is only for an axis on an RS485 line", "name the line: serial = \"NAME\"");
       }
       return;
     }
@@ -183,7 +183,7 @@ class AxisAddressReader {
       reader.complain(
           "serial",
           fmt::format("a `{}` cannot be set to the bit rate and format of \"{}\"", axis.product->name, bus.name),
-          "docs/line-file.md has those of each product under `format`");
+          "docs/line-file.md lists the formats of each product under `format`");
     }
     if (serial.station != 0 && !port.has_own_station) {
       reader.complain("station", fmt::format("the station of a `{}` is its node-ID", axis.product->name),

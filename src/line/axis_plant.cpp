@@ -88,12 +88,12 @@ void read_axis_plant(TableReader& reader, AxisSettings& axis) {
   FileReport& report = reader.report();
   for (const std::string& message : plant::validate(axis.plant)) {
     const auto [at, text] = place_message(reader, message, switches);
-    report.complain(at, text, "docs/line-file.md has the range of each parameter");
+    report.complain(at, text, "docs/line-file.md lists the range of each parameter");
   }
   if (report.diagnostics.size() != complaints) return;
   for (const std::string& message : plant::doubts(axis.plant)) {
     const auto [at, text] = place_message(reader, message, switches);
-    report.warn(at, text, "docs/line-file.md, \"The plant\", says what is doubted");
+    report.warn(at, text, "see docs/line-file.md, \"The plant\"");
   }
 }
 

@@ -113,7 +113,7 @@ class LineFileReader {
       reader.complain("name", fmt::format("there is a bus \"{}\" already", name), "give each bus a name of its own");
     }
     if (names.size() == most_buses) {
-      reader.complain("name", "is one bus too many", fmt::format("a line has at most {}", most_buses));
+      reader.complain("name", "exceeds the number of buses", fmt::format("a line has at most {}", most_buses));
     }
     if (type == "rs485") {
       read_serial_bus(reader, std::move(name));
@@ -152,7 +152,7 @@ class LineFileReader {
     if (parsed && parsed->data_bits == 8) {
       bus.format = *parsed;
     } else {
-      reader.complain("format", fmt::format("\"{}\" is no format", format),
+      reader.complain("format", fmt::format("\"{}\" is not a format", format),
                       "write \"8N1\", \"8E1\", \"8O1\", or the same with 2 stop bits");
     }
     std::int64_t silence_ms = 0;
@@ -205,7 +205,7 @@ class LineFileReader {
                       "give each axis a name of its own");
     }
     if (settings_.axes.size() == most_axes) {
-      reader.complain("name", "is one axis too many", fmt::format("a line has at most {}", most_axes));
+      reader.complain("name", "exceeds the number of axes", fmt::format("a line has at most {}", most_axes));
     }
     read_product(reader, axis);
     read_model(reader, axis);
@@ -243,7 +243,7 @@ class LineFileReader {
     reader.read("description", file);
     reader.read("device", device);
     if (reader.node("product") != nullptr) {
-      reader.complain("product", "there is a description as well", "leave out one of the two");
+      reader.complain("product", "both product and description are given", "remove one of them");
     }
     if (file.empty()) return;
     const std::string path = (folder_ / file).lexically_normal().string();
@@ -327,7 +327,7 @@ LineFile load_line_file(const std::string& path, std::span<const Product> produc
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (text.size() > largest_file) {
-    failed.diagnostics.push_back({path, 0, 0, "is longer than 1 MiB", "is it a line file?"});
+    failed.diagnostics.push_back({path, 0, 0, "is longer than 1 MiB", "give a line file"});
     return failed;
   }
   return parse_line_file(text, path, products);

@@ -121,7 +121,7 @@ class SwitchReader {
   void add(TableReader& at, std::string_view key, const plant::Switch& fitted) {
     keys_.emplace_back(key);
     if (parameters_.switch_count == plant::most_switches) {
-      at.complain(key, "is one switch too many", fmt::format("a travel has at most {}", plant::most_switches));
+      at.complain(key, "exceeds the number of switches", fmt::format("a travel has at most {}", plant::most_switches));
       return;
     }
     for (std::size_t i = 0; i < parameters_.switch_count; ++i) {

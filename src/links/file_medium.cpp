@@ -61,7 +61,7 @@ FileMedium::FileMedium(const std::string& path, std::uint32_t size)
     if (::fsync(file.number) != 0) fail(path, "cannot sync: " + last_error());
     sync_folder(path);
   } else if (status.st_size != static_cast<off_t>(size)) {
-    fail(path, fmt::format("has {} bytes where this device's memory has {}; move it away to start with factory values",
+    fail(path, fmt::format("has {} bytes, but this device's memory has {}; move it away to start with factory values",
                            status.st_size, size));
   }
   file_ = file.release();

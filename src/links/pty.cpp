@@ -63,7 +63,7 @@ Pty::Pty(const std::string& link_path) : link_path_(link_path) {
   std::array<char, 64> device{};
   if (!master_.is_open() || ::grantpt(master_.get()) != 0 || ::unlockpt(master_.get()) != 0 ||
       ::ptsname_r(master_.get(), device.data(), device.size()) != 0) {
-    fail(errno, what, "this system gives no pseudo terminal; is /dev/pts mounted?");
+    fail(errno, what, "no pseudo terminal is available; is /dev/pts mounted?");
   }
   device_ = device.data();
   reset();  // opens the device once; before that, a pty does not report that no process has it open

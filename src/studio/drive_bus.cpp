@@ -22,7 +22,7 @@ JobError error_of(const std::exception& error, const std::string& where) {
   if (const auto* known = dynamic_cast<const host::HostError*>(&error)) {
     return {known->happened(), known->where(), known->remedy()};
   }
-  return {error.what(), where, "see whether the bus and its drives have power and are connected"};
+  return {error.what(), where, "check that the bus and its drives have power and are connected"};
 }
 
 // Answers an access or work item with the error of the bus.
@@ -61,7 +61,7 @@ DriveBus::DriveBus(BusPlan plan, Clock::time_point start)
       silent_(plan_.drives.size(), false),
       stop_when_back_(plan_.drives.size(), false) {
   state_.drives.resize(plan_.drives.size());
-  for (DriveState& drive : state_.drives) drive.problem = JobError{"the drive was not asked yet", plan_.link, ""};
+  for (DriveState& drive : state_.drives) drive.problem = JobError{"the drive has not been read yet", plan_.link, ""};
   thread_ = std::thread([this, opened = std::make_shared<std::unique_ptr<OpenBus>>(plan_.open(traffic_.heard()))] {
     run(std::move(*opened));
   });

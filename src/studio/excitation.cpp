@@ -132,7 +132,7 @@ void follow(host::Axis402& axis, const Excitation& excitation, const std::functi
   for (host::Time next = began;;) {
     const double seconds = duration<double>(objects.now() - began).count();
     if (seconds >= excitation.seconds) break;
-    if (cancelled && cancelled()) throw host::Cancelled("cancelled", objects.where(), "begin it again when you like");
+    if (cancelled && cancelled()) throw host::Cancelled("cancelled", objects.where(), "start the job again");
     target.write(excitation.shape(seconds));
     if (axis.state() != PowerState::operation_enabled) {
       throw host::HostError("the drive left operation enabled", objects.where(),
@@ -141,7 +141,7 @@ void follow(host::Axis402& axis, const Excitation& excitation, const std::functi
     const std::int64_t distance = axis.position() - origin;
     if (std::abs(static_cast<double>(distance)) > excitation.travel) {
       throw host::HostError(
-          fmt::format("the axis went {} units from where it stood, and {:g} are allowed", distance, excitation.travel),
+          fmt::format("the axis moved {} units from its start, but only {:g} are allowed", distance, excitation.travel),
           objects.where(), "take a smaller amplitude or a higher frequency, or allow more travel");
     }
     next += period;

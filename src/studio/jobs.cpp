@@ -35,7 +35,8 @@ void Jobs::make_room() {
   const auto over =
       std::find_if(jobs_.begin(), jobs_.end(), [](const Job& job) { return job.state != JobState::running; });
   if (over == jobs_.end()) {
-    throw ApiError{409, fmt::format("{} jobs are running", jobs_.size()), "jobs", "wait until one is done, or end one"};
+    throw ApiError{409, fmt::format("too many jobs: {} are running", jobs_.size()), "jobs",
+                   "wait until one is done, or end one"};
   }
   jobs_.erase(over);
 }
@@ -47,7 +48,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   try {
     job.order = read_order(body, [&] {
       if (const auto units = drives_.units(name)) return *units;
-      throw host::HostError("the drive does not say what a revolution is in its units", name,
+      throw host::HostError("the drive does not report its units per revolution", name,
                             "give numbers in its own units: \"units\": \"drive\"");
     });
   } catch (const host::HostError& error) {
@@ -60,7 +61,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
   }
   if (other == nullptr) make_room();  // otherwise the other job ends now, and its entry may be removed
   if (other != nullptr) {
-    abandon(*other, fmt::format("{} took its place", job.order.what));
+    abandon(*other, fmt::format("replaced by the job {}", job.order.what));
     make_room();
   }
   job.id = ++last_id_;
@@ -116,7 +117,7 @@ void Jobs::carry_out(Job& job) {
     job.error = error_of(error);
     job.state = JobState::failed;
   } catch (const std::exception& error) {
-    job.error = JobError{error.what(), job.axis, "begin the job again"};
+    job.error = JobError{error.what(), job.axis, "start the job again"};
     job.state = JobState::failed;
   }
   if (host_axis.became_quick_stop()) {
@@ -137,8 +138,8 @@ void Jobs::resume(Job& job) {
   try {
     job.task->resume();
   } catch (const std::system_error& error) {
-    job.error = JobError{fmt::format("the system gives no thread: {}", error.what()), job.axis,
-                         "end other programs, or raise the limit of threads"};
+    job.error = JobError{fmt::format("no thread could be created: {}", error.what()), job.axis,
+                         "stop other programs, or raise the limit of threads"};
     job.state = JobState::failed;
   }
   if (job.state == JobState::running) return;
@@ -164,7 +165,7 @@ void Jobs::abandon(Job& job, std::string reason) {
 
 void Jobs::sign_of_life(Job& job) {
   if (!job.order.lives_on_signs) {
-    throw ApiError{409, fmt::format("a job \"{}\" needs no signs of life", job.order.what), job.axis,
+    throw ApiError{409, fmt::format("a job \"{}\" needs no keep-alive requests", job.order.what), job.axis,
                    "it runs until it is done; DELETE ends it"};
   }
   job.sign_of_life = wall_clock_();

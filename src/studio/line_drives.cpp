@@ -54,7 +54,7 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     try {
       ServiceObjects objects(line_, *axis);
       objects.write<std::uint16_t>(0x6040, 0, quick_stop);
-      if (enabled()) wrong = JobError{"the drive did not take the quick stop", name, "switch its power off"};
+      if (enabled()) wrong = JobError{"the drive did not execute the quick stop", name, "switch its power off"};
       host::Axis402(objects, options_for(*axis)).take_back_targets();  // or another master's enabling starts them
     } catch (const host::HostError& error) {
       wrong = JobError{error.happened(), error.where(), error.remedy()};

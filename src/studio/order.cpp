@@ -58,7 +58,7 @@ class Numbers {
     }
     throw ApiError{
         422, fmt::format("{} is {:g}, which is {:g} units of the drive", key, *number, units), key,
-        fmt::format("the object takes {} .. {}", std::numeric_limits<T>::min(), std::numeric_limits<T>::max())};
+        fmt::format("the object accepts {} .. {}", std::numeric_limits<T>::min(), std::numeric_limits<T>::max())};
   }
   template <typename T>
   T required(const char* key, std::optional<T> (Numbers::*read)(const char*)) {
@@ -182,7 +182,8 @@ Excitation excitation(Numbers& numbers) {
   Excitation excitation{.of = choice->of};
   excitation.amplitude =
       numbers.body().number("amplitude").value_or(0.0) * factors[static_cast<std::size_t>(choice->of)];
-  if (excitation.amplitude == 0.0) throw ApiError{422, "the amplitude is 0", "amplitude", "give what is to be seen"};
+  if (excitation.amplitude == 0.0)
+    throw ApiError{422, "the amplitude is 0", "amplitude", "give an amplitude other than 0"};
   excitation.acceleration_per_velocity = revolution.acceleration / revolution.velocity;
   const auto travel = numbers.body().number("travel", 0.0);
   excitation.travel = travel ? *travel * scale.position : revolution.position;
@@ -268,8 +269,7 @@ const Kind& kind_of(const std::string& name) {
   }
   std::vector<std::string_view> names;
   for (const Kind& kind : kinds) names.push_back(kind.name);
-  throw ApiError{422, fmt::format("there is nothing called \"{}\" to do", name.substr(0, 40)), "do",
-                 line::suggestion(name, names)};
+  throw ApiError{422, fmt::format("there is no job \"{}\"", name.substr(0, 40)), "do", line::suggestion(name, names)};
 }
 
 Scale scale_of(const std::string& name, const std::function<host::AxisUnits()>& units) {

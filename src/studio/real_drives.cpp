@@ -78,7 +78,7 @@ void require_no_torque(host::ObjectClient& objects) {
       state != fault_reaction_active) {
     return;
   }
-  throw host::HostError("its bus leaves operation to change process data, and there is torque on it", objects.where(),
+  throw host::HostError("the axis has torque, but its bus must leave operation to change process data", objects.where(),
                         "disable the axis first");
 }
 
@@ -263,9 +263,11 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     try {
       std::rethrow_exception(accesses[i]->error);
     } catch (const host::HostError& error) {
-      wrong = JobError{error.happened(), error.where(), "use its emergency stop; it is told as soon as it answers"};
+      wrong = JobError{error.happened(), error.where(),
+                       "use its emergency stop; the quick stop is sent as soon as the drive answers"};
     } catch (const std::exception& error) {
-      wrong = JobError{error.what(), axes_[i].name, "use its emergency stop; it is told as soon as it answers"};
+      wrong = JobError{error.what(), axes_[i].name,
+                       "use its emergency stop; the quick stop is sent as soon as the drive answers"};
     }
   }
   return errors;
@@ -298,8 +300,8 @@ Subject RealDrives::open(line::bench::Call& call) {
   require_ready(axis.name);
   const BusPlan& bus = buses_[axis.bus]->plan();
   if (axis.product.empty()) {
-    throw ApiError{409, "what this drive's parameters are is not known", fmt::format("{}, {}", axis.name, bus.link),
-                   "`servodrome params --eds FILE` has them from its data sheet"};
+    throw ApiError{409, "the parameters of this drive are not known", fmt::format("{}, {}", axis.name, bus.link),
+                   "`servodrome params --eds FILE` reads them from its data sheet"};
   }
   dictionary::Dictionary& seen = bus.type == "rs485" ? axis.device->dictionary() : axis.device->bus_dictionary();
   Subject subject{.client = open(axis), .product = axis.product, .table = seen.table()};
@@ -364,8 +366,8 @@ NamedChannel RealDrives::object(const std::string& name, std::uint16_t index, st
   const std::string text = fmt::format("{:04X}:{:02X}", index, sub);
   const dictionary::Entry* entry = axis.device->dictionary().find(index, sub);
   if (entry == nullptr || !entry->readable() || !entry->fixed_size()) {
-    throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "is not known" : "is no number to be read"), name,
-                   fmt::format("GET /api/v1/axes/{}/objects lists the objects", name)};
+    throw ApiError{422, fmt::format("{} {}", text, entry == nullptr ? "is not known" : "is not a readable number"),
+                   name, fmt::format("GET /api/v1/axes/{}/objects lists the objects", name)};
   }
   const auto decode = [type = entry->type](std::span<const std::byte> bytes) { return number_of(type, bytes); };
   return channel(axis, {index, sub}, decode, fmt::format("{}/{}", name, text),

@@ -26,7 +26,7 @@ using line::bench::Json;
 using line::bench::Method;
 using line::bench::Route;
 
-constexpr const char* no_plant = "these are drives on a bus: what is not on the bus is not in this program's hands";
+constexpr const char* no_plant = "these are drives on a bus, and the program can only use what the bus offers";
 
 RealDrives& drives_of(const Call& call) { return *static_cast<RealDrives*>(call.context); }
 
@@ -242,8 +242,8 @@ Json show_clock(Call& call) { return drives_of(call).clock(); }
 Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", SERVODROME_VERSION}, {"api", 1}}; }
 
 Json refuse(Call&) {
-  throw ApiError{409, "this is for the virtual line", "address",
-                 fmt::format("{}; `servodrome up` runs virtual drives", no_plant)};
+  throw ApiError{409, "this is possible with simulated drives only", "address",
+                 fmt::format("{}; `servodrome up` runs simulated drives", no_plant)};
 }
 
 constexpr std::array real_table{

@@ -102,8 +102,8 @@ void RealServer::resume(Pending& pending) {
   try {
     pending.task->resume();
   } catch (const std::system_error&) {
-    pending.response = line::bench::error_response({503, "the system gives no thread", pending.request.target,
-                                                    "end other programs, or raise the limit of threads"});
+    pending.response = line::bench::error_response({503, "no thread could be created", pending.request.target,
+                                                    "stop other programs, or raise the limit of threads"});
     pending.task->end();
   }
   if (!pending.task->over()) return;
@@ -183,7 +183,7 @@ void RealServer::shut_down() {
     if (has_torque(axis) && std::any_of(jobs_.all().begin(), jobs_.all().end(), is_its)) left.push_back(&axis);
   }
   for (const RealDrives::Axis* axis : left) {
-    if (Job* job = jobs_.running(axis->name)) jobs_.end(*job, "the server ends");
+    if (Job* job = jobs_.running(axis->name)) jobs_.end(*job, "the server was stopped");
     try {
       const auto objects = drives_.open(*axis);
       host::AxisOptions options = drives_.options(axis->name);

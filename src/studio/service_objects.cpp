@@ -33,7 +33,7 @@ bool ServiceObjects::pass(host::Time span) {
 }
 
 void ServiceObjects::wait(host::Time span) {
-  if (wait_ && !pass(span)) throw host::HostError("the job has ended", where(), "begin it again when you like");
+  if (wait_ && !pass(span)) throw host::HostError("the job has ended", where(), "start the job again");
 }
 
 void ServiceObjects::require_power() const {

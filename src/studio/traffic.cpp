@@ -43,7 +43,7 @@ std::uint64_t number_in_query(const Call& call, std::string_view key, std::uint6
   std::uint64_t value = 0;
   const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), value);
   if (text->empty() || error != std::errc() || end != text->data() + text->size() || value > most) {
-    throw ApiError{400, fmt::format("\"{}\" is no number up to {}", text->substr(0, 40), most), std::string(key),
+    throw ApiError{400, fmt::format("\"{}\" is not a number up to {}", text->substr(0, 40), most), std::string(key),
                    "write a whole number"};
   }
   return value;

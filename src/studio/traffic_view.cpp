@@ -79,7 +79,7 @@ void TrafficView::decode(const line::TrafficFrame& frame) {
       host::Decoded decoded = decoders_.can.decode(frame_of(frame.bytes), frame.at);
       if (frame.kind == line::TrafficKind::can_dropped) {
         decoded.error = true;
-        decoded.text += " (dropped: nobody received it)";
+        decoded.text += " (lost: no node received it)";
       }
       add(frame, std::move(decoded));
       break;
@@ -90,7 +90,7 @@ void TrafficView::decode(const line::TrafficFrame& frame) {
       decoded.kind = host::FrameKind::error;
       decoded.error = true;
       decoded.raw = host::raw_text(frame_of(frame.bytes));
-      decoded.text = "error frame: the frame is sent again";
+      decoded.text = "error frame: the frame is repeated";
       add(frame, std::move(decoded));
       break;
     }

@@ -335,7 +335,7 @@ TEST_P(Probes, ThatSeeNothingSaySo) {
   const ProbeRequest request{.probe = 1};
   axis.arm_probe(request);
   EXPECT_THAT(problem_of([&] { axis.wait_for_probe(request, 200ms); }),
-              HasSubstr("waiting for touch probe 1 took longer than 0.2 s (positive edge: did not come"));
+              HasSubstr("waiting for touch probe 1 took longer than 0.2 s (positive edge: not detected"));
   EXPECT_NE(problem_of([&] { axis.arm_probe({.probe = 3}); }), "");
   EXPECT_NE(problem_of([&] { axis.arm_probe({.positive_edge = false}); }), "");
 }

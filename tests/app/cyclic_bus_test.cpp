@@ -316,7 +316,7 @@ TEST_F(CanMotion, ANodeThatFallsSilentStopsTheAxis) {
   group.wait(200ms);
   line.axes()[1]->power_off(line.now());
   EXPECT_THAT(problem_of([&] { group.wait(500ms); }),
-              testing::AllOf(HasSubstr("its process data did not come"), HasSubstr("node 2")));
+              testing::AllOf(HasSubstr("its process data were not received"), HasSubstr("node 2")));
   EXPECT_THAT(problem_of([&] { cyclic.check(); }), HasSubstr("node 2"));
   EXPECT_GT(cyclic.counters().longest_miss, 10U);
   EXPECT_TRUE(group.axis(0).is_enabled());

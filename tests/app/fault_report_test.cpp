@@ -70,7 +70,7 @@ TEST(FaultTextOfReport, NamesAllAlarmsOfACodeAndWhatNobodyKnows) {
   EXPECT_EQ(text_of(fault_of_code(0x5003, {0x603F, 0}, "jmc_ec"), "jmc_ec"),
             "5003h AL.051 EEPROM parameters damaged or AL.062 parameters not stored");
   EXPECT_EQ(text_of(fault_of_code(0x8619, {0x603F, 0}, ""), ""), "8619h class: positioning controller");
-  EXPECT_EQ(text_of(fault_of_code(0xB001, {0x603F, 0}, ""), ""), "B001h manufacturer's code");
+  EXPECT_EQ(text_of(fault_of_code(0xB001, {0x603F, 0}, ""), ""), "B001h manufacturer-specific code");
   EXPECT_EQ(text_of_error_register(0x85), "generic, voltage, manufacturer");
 }
 

@@ -146,7 +146,7 @@ TEST_P(Watched, AnAxisThatStillMovesAtTheEndKeepsItsWatch) {
     axis.run_at(static_cast<std::int32_t>(units.velocity), {}, 20s);
   }
   ASSERT_EQ(said.size(), 1U);
-  EXPECT_THAT(said[0], testing::HasSubstr("stops by its watch"));
+  EXPECT_THAT(said[0], testing::HasSubstr("misses this program's heartbeat"));
   EXPECT_EQ(watched_time(), 0x7F05DCU);
   rig.line.run_until(rig.line.now() + MasterWatch::longest_silence + 2s);
   EXPECT_LT(counts_in_a_second(), 100.0);

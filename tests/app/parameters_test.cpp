@@ -264,7 +264,7 @@ TEST_P(EveryProduct, ARefusedValueTakesTheOthersBack) {
     FAIL() << "the value cannot be";
   } catch (const LoadError& error) {
     EXPECT_EQ(error.outcome(), LoadError::Outcome::rolled_back) << error.what();
-    EXPECT_THAT(error.what(), HasSubstr("was not taken: write refused"));
+    EXPECT_THAT(error.what(), HasSubstr("was not accepted: write refused"));
   } catch (const HostError& error) {
     EXPECT_THAT(error.what(), HasSubstr("nothing was written")) << "the table has the limit";
   }
@@ -316,11 +316,11 @@ TEST(Parameters, AreCheckedBeforeTheFirstWrite) {
     bench.load(with("6083:00 u32 4711\n2011:01 u16 49\n2011:02 u16 501\n6098:00 u8 3\n6041:00 u16 1\n2F00:00 u8 3\n"));
   });
   EXPECT_THAT(problem, HasSubstr("5 of 6 values cannot be loaded"));
-  EXPECT_THAT(problem, HasSubstr("drive.par:4:13: 2011:01: 49 is below the least value, 50"));
-  EXPECT_THAT(problem, HasSubstr("drive.par:5:13: 2011:02: 501 is above the greatest value, 500"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:4:13: 2011:01: 49 is below the minimum, 50"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:5:13: 2011:02: 501 is above the maximum, 500"));
   EXPECT_THAT(problem, HasSubstr("drive.par:6:12: 6098:00: its type is i8, not u8"));
-  EXPECT_THAT(problem, HasSubstr("drive.par:7:13: 6041:00: it is no parameter of this drive"));
-  EXPECT_THAT(problem, HasSubstr("2F00:00: it is about how the drive is reached"));
+  EXPECT_THAT(problem, HasSubstr("drive.par:7:13: 6041:00: it is not a parameter of this drive"));
+  EXPECT_THAT(problem, HasSubstr("2F00:00: it is a communication setting"));
   EXPECT_EQ(bench.differences(factory), "");
   EXPECT_EQ(bench.load(with("6083:00 u32 4711\n")).written.size(), 1U) << "a part of a file is a file";
 }
@@ -391,30 +391,30 @@ class Damaged : public testing::TestWithParam<DamagedFile> {};
 const std::string head = "# servodrome parameters 1\n";
 INSTANTIATE_TEST_SUITE_P(
     Files, Damaged,
-    testing::Values(DamagedFile{"", "drive.par:1:1: the file is empty"},
-                    DamagedFile{"6083:00 u32 1\nend\n", "drive.par:1:1: this is no parameter file"},
-                    DamagedFile{head + "6083:00 u32 1\n", "drive.par:2:1: the file ends without its line \"end\""},
-                    DamagedFile{head + "6083 u32 1\nend\n", "drive.par:2:1: \"6083\" is no object"},
-                    DamagedFile{head + "6083:0G u32 1\nend\n", "drive.par:2:1: \"6083:0G\" is no object"},
-                    DamagedFile{head + "\n6083:00 u33 1\nend\n", "drive.par:3:9: \"u33\" is no type"},
-                    DamagedFile{head + "6083:00 u32\nend\n", "drive.par:2:12: there is no value"},
-                    DamagedFile{head + "6083:00 u8 256\nend\n", "drive.par:2:12: \"256\" is no value of type u8"},
-                    DamagedFile{head + "6083:00 i8 -129\nend\n", "drive.par:2:12: \"-129\" is no value of type i8"},
-                    DamagedFile{head + "6083:00 u32 1.5\nend\n", "drive.par:2:13: \"1.5\" is no value of type u32"},
-                    DamagedFile{head + "2000:00 f32 nan\nend\n", "drive.par:2:13: \"nan\" is no finite number"},
-                    DamagedFile{head + "2000:00 f32 -inf\nend\n", "drive.par:2:13: \"-inf\" is no finite number"},
-                    DamagedFile{head + "2000:00 f32 1e99\nend\n", "drive.par:2:13: \"1e99\" is no value of type f32"},
-                    DamagedFile{head + "2000:00 string \"a\nend\n", "drive.par:2:16: the text has no closing quote"},
-                    DamagedFile{head + "2000:00 string \"\\q\"\nend\n", "drive.par:2:16: after \\ comes"},
-                    DamagedFile{head + "2000:00 string \"\\x4\"\nend\n", "drive.par:2:16: after \\ comes"},
-                    DamagedFile{head + "2000:00 bytes 123\nend\n", "drive.par:2:15: \"123\" is no value of type bytes"},
-                    DamagedFile{head + "2000:00 f32 $NODEID+1\nend\n", "drive.par:2:13: only a whole number"},
-                    DamagedFile{head + "6083:00 u32 1\n 6083:00 u32 2\nend\n",
-                                "drive.par:3:2: 6083:00 is there already, in line 2"},
-                    DamagedFile{head + "vendor: many\nend\n", "drive.par:2:9: \"many\" is no value of type u32"},
-                    DamagedFile{head + "end\n6083:00 u32 1\n",
-                                "drive.par:3:1: something comes behind the line \"end\""},
-                    DamagedFile{head + std::string("60\0", 3) + "83:00 u32 1\nend\n", "holds a zero byte"}));
+    testing::Values(
+        DamagedFile{"", "drive.par:1:1: the file is empty"},
+        DamagedFile{"6083:00 u32 1\nend\n", "drive.par:1:1: this is not a parameter file"},
+        DamagedFile{head + "6083:00 u32 1\n", "drive.par:2:1: the file ends without its line \"end\""},
+        DamagedFile{head + "6083 u32 1\nend\n", "drive.par:2:1: \"6083\" is not an object"},
+        DamagedFile{head + "6083:0G u32 1\nend\n", "drive.par:2:1: \"6083:0G\" is not an object"},
+        DamagedFile{head + "\n6083:00 u33 1\nend\n", "drive.par:3:9: \"u33\" is not a type"},
+        DamagedFile{head + "6083:00 u32\nend\n", "drive.par:2:12: there is no value"},
+        DamagedFile{head + "6083:00 u8 256\nend\n", "drive.par:2:12: \"256\" is not a value of type u8"},
+        DamagedFile{head + "6083:00 i8 -129\nend\n", "drive.par:2:12: \"-129\" is not a value of type i8"},
+        DamagedFile{head + "6083:00 u32 1.5\nend\n", "drive.par:2:13: \"1.5\" is not a value of type u32"},
+        DamagedFile{head + "2000:00 f32 nan\nend\n", "drive.par:2:13: \"nan\" is not a finite number"},
+        DamagedFile{head + "2000:00 f32 -inf\nend\n", "drive.par:2:13: \"-inf\" is not a finite number"},
+        DamagedFile{head + "2000:00 f32 1e99\nend\n", "drive.par:2:13: \"1e99\" is not a value of type f32"},
+        DamagedFile{head + "2000:00 string \"a\nend\n", "drive.par:2:16: the text has no closing quote"},
+        DamagedFile{head + "2000:00 string \"\\q\"\nend\n", "drive.par:2:16: after \\ comes"},
+        DamagedFile{head + "2000:00 string \"\\x4\"\nend\n", "drive.par:2:16: after \\ comes"},
+        DamagedFile{head + "2000:00 bytes 123\nend\n", "drive.par:2:15: \"123\" is not a value of type bytes"},
+        DamagedFile{head + "2000:00 f32 $NODEID+1\nend\n", "drive.par:2:13: only a whole number"},
+        DamagedFile{head + "6083:00 u32 1\n 6083:00 u32 2\nend\n",
+                    "drive.par:3:2: 6083:00 is there already, in line 2"},
+        DamagedFile{head + "vendor: many\nend\n", "drive.par:2:9: \"many\" is not a value of type u32"},
+        DamagedFile{head + "end\n6083:00 u32 1\n", "drive.par:3:1: something comes behind the line \"end\""},
+        DamagedFile{head + std::string("60\0", 3) + "83:00 u32 1\nend\n", "holds a zero byte"}));
 
 TEST_P(Damaged, FileSaysLineAndColumn) {
   EXPECT_THAT(problem_of([&] { read(GetParam().text); }), HasSubstr(GetParam().problem));

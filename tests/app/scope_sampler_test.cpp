@@ -343,7 +343,7 @@ TEST_P(ScopeOnCan, MoreThanItsPdosHoldIsRead) {
   const auto before = pdo_set_up();
   auto sampler = open(many, {});
   EXPECT_EQ(sampler->way(), "SDO");
-  EXPECT_THAT(sampler->remark(), HasSubstr("cannot be had as TPDOs"));
+  EXPECT_THAT(sampler->remark(), HasSubstr("cannot be mapped into TPDOs"));
   EXPECT_EQ(pdo_set_up(), before);
 }
 
@@ -385,7 +385,7 @@ TEST_P(ScopeOnEthercat, WhatCannotBeMappedIsRead) {
     const auto before = pdo_set_up();
     auto sampler = open(channels({"position", "1018:01"}), {.moves = moves});
     EXPECT_EQ(sampler->way(), "SDO");
-    EXPECT_THAT(sampler->remark(), HasSubstr("cannot be had as process data"));
+    EXPECT_THAT(sampler->remark(), HasSubstr("cannot be mapped as process data"));
     EXPECT_GT(record(*sampler, 50ms).rows(), 1U);
     if (moves) {
       Axis402 axis(sampler->objects(), rig.options());

@@ -236,7 +236,7 @@ TEST_P(TuneFails, AFaultWithTheNewGains) {
   TuningRig rig(GetParam());
   const Outcome outcome = tune_with(rig, 16, [&] { rig.drive().inject(drive::Cause::over_voltage, true); });
   EXPECT_THAT(outcome.problem, HasSubstr("left operation enabled"));
-  EXPECT_THAT(outcome.problem, HasSubstr("the old gains are back"));
+  EXPECT_THAT(outcome.problem, HasSubstr("the old gains are restored"));
   EXPECT_TRUE(outcome.gains_are_back);
   EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
 }
@@ -247,7 +247,7 @@ TEST_P(TuneFails, CalledOff) {
   const Outcome outcome = tune_with(
       rig, 16, [&] { called_off = true; }, [&] { return called_off; });
   EXPECT_THAT(outcome.problem, HasSubstr("interrupted"));
-  EXPECT_THAT(outcome.problem, HasSubstr("the old gains are back"));
+  EXPECT_THAT(outcome.problem, HasSubstr("the old gains are restored"));
   EXPECT_TRUE(outcome.gains_are_back);
   EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
   const double standing = rig.shaft_counts();
@@ -258,14 +258,14 @@ TEST_P(TuneFails, CalledOff) {
 TEST_P(TuneFails, PowerGoesOff) {
   TuningRig rig(GetParam());
   const Outcome outcome = tune_with(rig, 16, [&] { rig.power_off(); });
-  EXPECT_THAT(outcome.problem, HasSubstr("could not be put back"));
+  EXPECT_THAT(outcome.problem, HasSubstr("could not be restored"));
   EXPECT_LT(outcome.seconds, 120.0);
 }
 
 TEST_P(TuneFails, TheCableIsCut) {
   TuningRig rig(GetParam());
   const Outcome outcome = tune_with(rig, 16, [&] { rig.cut(); });
-  EXPECT_THAT(outcome.problem, HasSubstr("could not be put back"));
+  EXPECT_THAT(outcome.problem, HasSubstr("could not be restored"));
   EXPECT_LT(outcome.seconds, 120.0);
   // The drive misses its master's heartbeat and stops by itself.
   EXPECT_NE(rig.servo().state(), PowerState::operation_enabled);
@@ -280,7 +280,7 @@ TEST(TuneLimits, ABandwidthThatIsNotPossible) {
   const std::string problem = host::test::problem_of(
       [&] { tune(*tuner, rig.objects(), rig.dialect, rig.units, {.bandwidth_hz = 300.0, .apply = true}); });
   EXPECT_THAT(problem, HasSubstr("300 Hz are not possible"));
-  EXPECT_THAT(problem, HasSubstr("ask for --bandwidth "));
+  EXPECT_THAT(problem, HasSubstr("choose --bandwidth "));
   EXPECT_EQ(read_gains(rig.objects(), rig.dialect)[0].number, 4);
 }
 

@@ -60,7 +60,7 @@ TEST_F(MasterTest, CodesWithoutWordsOfTheirOwnAreDescribedByTheirClass) {
   EXPECT_EQ(text_of_error_code(0x2345), "class: short circuit, device output side");
   EXPECT_EQ(text_of_error_code(0x9ABC), "class: external error");
   EXPECT_EQ(text_of_error_code(0xFF42), "class: device specific");
-  EXPECT_EQ(text_of_error_code(0xB001), "manufacturer's code");
+  EXPECT_EQ(text_of_error_code(0xB001), "manufacturer-specific code");
 }
 
 // Records the SYNCs on the bus, with the time since the start.

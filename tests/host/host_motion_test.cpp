@@ -230,14 +230,14 @@ TEST_F(MotionOfSimulatedDrives, AFollowingErrorStopsTheAxis) {
   strict.wait(500ms);
   EXPECT_LT(std::abs(strict.axis(0).following_error()), 1.5);
   one.drive(0).is_blocked = true;
-  EXPECT_NE(problem_of([&] { strict.wait(500ms); }).find("following error is too great"), std::string::npos);
+  EXPECT_NE(problem_of([&] { strict.wait(500ms); }).find("following error is too large"), std::string::npos);
 }
 
 TEST_F(MotionOfSimulatedDrives, AModeThatIsRefusedIsAFault) {
   bus.drive(0).modes = {8};
   group.enable();
   ASSERT_TRUE(group.axis(0).apply_torque(10.0, 1000.0, 0.0));
-  EXPECT_NE(problem_of([&] { group.wait(2s); }).find("does not take the mode"), std::string::npos);
+  EXPECT_NE(problem_of([&] { group.wait(2s); }).find("does not accept the mode"), std::string::npos);
 }
 
 }  // namespace

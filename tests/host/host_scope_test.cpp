@@ -42,7 +42,7 @@ TEST(ScopeChannel, IsFoundByItsNames) {
   const Channel vendor = named_channel("2105:01@i16", catalogue);
   EXPECT_EQ(vendor.name, "2105_01");
   EXPECT_EQ(vendor.type, dictionary::Type::integer16);
-  EXPECT_THAT(problem_of([&] { named_channel("2105:01@string", catalogue); }), HasSubstr("no type of a number"));
+  EXPECT_THAT(problem_of([&] { named_channel("2105:01@string", catalogue); }), HasSubstr("not a numeric type"));
   EXPECT_THAT(problem_of([&] { named_channel("pozition", catalogue); }), HasSubstr("\"pozition\""));
 }
 

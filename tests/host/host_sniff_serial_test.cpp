@@ -155,7 +155,7 @@ TEST_F(SniffSerial, WhatIsSpoiltIsSaidAndTheNextFrameFound) {
   // The misprinted frame of the manual (L2402), then a valid one.
   std::string said = heard(modbus::test::ismk_wrong_crc);
   said += words_of(all = decoder.finish());
-  EXPECT_EQ(said, "13 bytes that are no frame: checksum or length is wrong");
+  EXPECT_EQ(said, "13 bytes outside a frame: checksum or length is wrong");
   EXPECT_EQ(heard("01 03 32 00 00 02 CA B3"), "station 1 Modbus read 6041:00 Statusword");
   // A frame without its first bytes, followed by a complete one in the same piece.
   heard("04 C0 37 FF FF 76 4D 01 03 32 00 00 02 CA B3");
@@ -169,7 +169,7 @@ TEST_F(SniffSerial, WhatIsSpoiltIsSaidAndTheNextFrameFound) {
   ASSERT_EQ(all.size(), 2U) << words_of(all);
   EXPECT_EQ(all[0].raw, "01 03 04 C0");
   EXPECT_EQ(heard("01 03"), "");
-  EXPECT_EQ(words_of(decoder.finish()), "2 bytes that are no frame: checksum or length is wrong");
+  EXPECT_EQ(words_of(decoder.finish()), "2 bytes outside a frame: checksum or length is wrong");
 }
 
 TEST_F(SniffSerial, WhoSentItDecidesWhereThatIsKnown) {

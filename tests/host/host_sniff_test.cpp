@@ -70,7 +70,7 @@ TEST(SniffCan, ExamplesOfTheIsmcManual) {
       {"602 # 2F 60 60 00 03 00 00 00", "node 2 SDO write 6060:00 Modes of operation = 3 profile velocity"},
       {"602 # 40 61 60 00 00 00 00 00", "node 2 SDO read 6061:00 Modes of operation display"},
       {"582 # 4F 61 60 00 03 00 00 00", "node 2 SDO 6061:00 Modes of operation display is 3 profile velocity"},
-      {"602 # E0 61 60 00 00 00 00 00", "node 2 SDO command E0h is none of SDO"},
+      {"602 # E0 61 60 00 00 00 00 00", "node 2 SDO command E0h is not an SDO command"},
       {"582 # 80 61 60 00 01 00 04 05",
        "node 2 SDO abort 6061:00 Modes of operation display: 0504 0001h command specifier not valid or unknown"},
       {"601 # 23 81 60 00 40 42 0F 00", "node 1 SDO write 6081:00 Profile velocity = 1000000 (000F4240h)"},
@@ -209,7 +209,7 @@ TEST_F(SniffEthercat, FromTheFirstFrameToProcessData) {
   EXPECT_EQ(exchange(4, 0x1001, 0x0130, {0, 0, 0, 0, 0, 0}, {0x11, 0, 0, 0, 0x16, 0}, 1),
             "slave 2 AL status INIT with error 0016h invalid mailbox configuration");
   EXPECT_TRUE(last.error);
-  EXPECT_EQ(exchange(4, 0x1001, 0x0130, {0, 0}, {0, 0}, 0), "slave 2 nobody answered: read AL status");
+  EXPECT_EQ(exchange(4, 0x1001, 0x0130, {0, 0}, {0, 0}, 0), "slave 2 no slave answered: read AL status");
   write(0x0800, {0x00, 0x10, 48, 0, 0x26, 0, 1, 0, 0x00, 0x11, 48, 0, 0x22, 0, 1, 0});
   EXPECT_EQ(mail({0x00, 0x20, 0x40, 0x41, 0x60, 0, 0, 0, 0, 0}, false), "slave 2 SDO read 6041:00 Statusword");
   EXPECT_EQ(mail({0x00, 0x30, 0x4B, 0x41, 0x60, 0, 0x37, 0x02, 0, 0}, true),
@@ -316,7 +316,7 @@ TEST(CaptureFile, PcapOfEitherByteOrder) {
   EXPECT_EQ(frames_in(header + packet + packet.substr(0, 20), &error).size(), 1U);
   EXPECT_EQ(error.substr(0, 45), "x, byte 76: the file ends within a packet; gi");
   frames_in(header + words(7, 5, 0x7FFFFFFF, 16), &error);
-  EXPECT_NE(error.find("byte 40: a packet of 2147483647 bytes cannot be"), std::string::npos) << error;
+  EXPECT_NE(error.find("byte 40: a packet length of 2147483647 bytes is not possible"), std::string::npos) << error;
   // Big-endian, microseconds.
   frames = frames_in(words(0xD4C3B2A1, 0x04000200, 0, 0, 0xFFFF0000, 0xE3000000) +
                      words(0x07000000, 0x05000000, 0x10000000, 0x10000000) + packet.substr(16));
@@ -341,8 +341,8 @@ TEST(CaptureFile, WhatIsNoneIsRefusedAtItsPlace) {
   std::string error;
   frames_in("(1.0) can0 123#11\nhello\n", &error);
   EXPECT_EQ(error,
-            "x:2: \"hello\" is no line of a candump log or a serial log; give a candump log (candump -L), a serial log "
-            "(time and bytes), or a pcap or pcapng file");
+            "x:2: \"hello\" is not a line of a candump log or a serial log; give a candump log (candump -L), a serial "
+            "log (time and bytes), or a pcap or pcapng file");
   for (const std::string& bad : {std::string("(1.0) can0 123#1"), std::string("(1.0) can0 12#11"),
                                  std::string("(1.0 can0 123#11"), std::string(100'000, 'x'), std::string(8, '\0')}) {
     error.clear();

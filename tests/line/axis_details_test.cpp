@@ -125,7 +125,7 @@ TEST_F(AxisDetails, HomingLegsAreThoseOfTheStandardsFigures) {
   ASSERT_EQ(seven["legs"].size(), 4U);
   EXPECT_EQ(seven["legs"][0], json::parse(R"({"direction": "positive", "speed": "switch", "until": "home_rising",
     "then": "stop", "next": 2, "on_limit": 1,
-    "text": "positive, at the speed during search for switch, until the home switch becomes active; then to rest; at the positive limit switch to rest, then leg 2"})"));
+    "text": "positive, at the speed during search for switch, until the home switch becomes active; then stop; at the positive limit switch stop, then leg 2"})"));
   EXPECT_EQ(seven["legs"][3]["until"], "index");
   EXPECT_EQ(seven["legs"][3]["then"], "latch");
   EXPECT_TRUE(seven["legs"][3]["next"].is_null());

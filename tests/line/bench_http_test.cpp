@@ -379,7 +379,7 @@ TEST(BenchHttp, BracketsWithinBracketsAreRefused) {
   }
   const std::string in_text = R"({"value":")" + std::string(1000, '[') + R"(\"[[[["})";
   EXPECT_THAT(Client(running.port()).ask("PUT", "/api/v1/axes/x/objects/6081/0", {}, in_text).body(),
-              HasSubstr("wrong kind"));
+              HasSubstr("wrong type"));
   // Nested values in a line file.
   for (const std::string& nested :
        {std::string(500'000, '['), "a = " + std::string(500'000, '['), "a" + std::string(3, '\n') + [] {

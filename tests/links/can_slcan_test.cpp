@@ -228,7 +228,7 @@ TEST(SlcanClient, Errors) {
     open_can_client("slcan:/dev/null");
     FAIL();
   } catch (const LinkError& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("is no serial port"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("is not a serial port"));
   }
   EXPECT_THROW(open_can_client("slcan:/dev/null", {.bit_rate = 12345}), LinkError);
 }

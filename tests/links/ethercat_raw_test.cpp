@@ -258,7 +258,7 @@ TEST_F(EthercatRaw, InterfacesThatCannotBeUsedAreErrorsThatSayWhy) {
               AllOf(HasSubstr("cannot open \"raw:nowhere\": there is no interface \"nowhere\""),
                     HasSubstr("ip link add nowhere type veth")));
   EXPECT_THAT(error_of("raw:lo"),
-              AllOf(HasSubstr("\"lo\" is no Ethernet interface"), HasSubstr("udp:127.0.0.1:34980")));
+              AllOf(HasSubstr("\"lo\" is not an Ethernet interface"), HasSubstr("udp:127.0.0.1:34980")));
   shell("ip link set plug mtu 1400");
   EXPECT_THAT(error_of("raw:plug"),
               AllOf(HasSubstr("MTU of interface \"plug\" is 1400"), HasSubstr("ip link set plug mtu 1500")));

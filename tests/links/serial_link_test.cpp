@@ -113,7 +113,7 @@ TEST_F(SerialLinkTest, WhatCannotBeOpened) {
     return "no error";
   };
   EXPECT_THAT(error_of("serial:/nonexistent/tty"), testing::HasSubstr("\"/nonexistent/tty\" cannot be opened"));
-  EXPECT_THAT(error_of("serial:/dev/null"), testing::HasSubstr("is no serial port"));
+  EXPECT_THAT(error_of("serial:/dev/null"), testing::HasSubstr("is not a serial port"));
   EXPECT_THAT(error_of("pty:/nonexistent/x"), testing::HasSubstr("choose a path"));
   EXPECT_THAT(error_of("mem:"), testing::HasSubstr("same process"));
   EXPECT_THAT(error_of("tcp:no.such.host.invalid:1"), testing::HasSubstr("is unknown"));

@@ -219,7 +219,7 @@ TEST_F(Parameters, ARefusedFileIsTakenBack) {
   EXPECT_EQ(response.status, 409U) << response.body;
   EXPECT_THAT(response.body, HasSubstr("1600:01"));
   EXPECT_THAT(response.body, HasSubstr("0604 0041h"));
-  EXPECT_THAT(response.body, HasSubstr("taken back"));
+  EXPECT_THAT(response.body, HasSubstr("were restored"));
   EXPECT_EQ(ask(Method::get, "axes/generic402/parameters").body, before);
 }
 

@@ -50,7 +50,7 @@ void wait_for_next(host::ObjectClient& objects, const Options& options, host::Ti
 void monitor_bus(const Options& options) {
   if (bus_kind(options.bus).kind != BusKind::can) {
     throw Failure::wrong_use(
-        "monitor: this bus has one master, which nobody else can listen to; write --axis, or objects of a drive");
+        "monitor: a second participant cannot listen to this bus; give --axis, or objects of a drive");
   }
   const auto bus = open_bus(options.bus);
   const host::Time start = bus->now();
@@ -257,7 +257,7 @@ void run(const Options& options) {
     throw Failure::wrong_use("--units: objects are shown in the drive's own units; leave it out, or write --axis");
   }
   if (options.objects.empty() && !options.eds.empty()) {
-    throw Failure::wrong_use("--eds: it is for the names of objects; write which to show");
+    throw Failure::wrong_use("--eds: it gives names to objects; give the objects to show");
   }
   const InterruptGuard guard(InterruptGuard::Command::only_looks);
   try {
@@ -286,8 +286,9 @@ void add_monitor(CLI::App& app) {
   command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
   command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
   add_unit_options(*command, options->units);
-  command->add_option("--for", options->seconds, "Seconds after which to end")->check(number_within(0.001, 1e9));
-  command->add_option("--interval", options->interval_s, "Seconds between two looks at the drive")
+  command->add_option("--for", options->seconds, "Duration in seconds; until Ctrl-C if not given")
+      ->check(number_within(0.001, 1e9));
+  command->add_option("--interval", options->interval_s, "Seconds between two readings of the drive")
       ->check(number_within(0.001, 3600.0))
       ->capture_default_str();
   command->callback([options] { run(*options); });

@@ -101,7 +101,7 @@ void add_home(CLI::App& app) {
   command->add_option("--zero-speed", options->zero_speed, "Speed during search for zero (6099h sub 2)");
   command->add_option("--acceleration", options->acceleration, "Homing acceleration (609Ah)");
   command->add_option("--offset", options->offset, "Home offset (607Ch)");
-  add_motion_options(*command, *options, "Seconds the motion may take");
+  add_motion_options(*command, *options, "Seconds to wait until the motion is complete");
   command->callback([options] { home(*options); });
 }
 
@@ -115,7 +115,7 @@ void add_move(CLI::App& app) {
   command->add_option("--acceleration", options->acceleration, "Profile acceleration (6083h)");
   command->add_option("--deceleration", options->deceleration,
                       "Profile deceleration (6084h); as --acceleration if not given");
-  add_motion_options(*command, *options, "Seconds the motion may take");
+  add_motion_options(*command, *options, "Seconds to wait until the motion is complete");
   command->callback([options] { move(*options); });
 }
 

@@ -41,7 +41,7 @@ std::optional<Type> type_of(const Options& options, const host::ObjectCatalogue&
 
 // For features that only CANopen has.
 host::SdoClient& sdo_of(DriveLink& link) {
-  if (link.sdo() == nullptr) throw Failure::wrong_use("--block: the SDO block protocol is CANopen's");
+  if (link.sdo() == nullptr) throw Failure::wrong_use("--block: only CANopen has the SDO block protocol");
   return *link.sdo();
 }
 

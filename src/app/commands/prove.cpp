@@ -296,8 +296,8 @@ void run(const Options& options) {
   const BusKind kind = bus_kind(options.bus).kind;
   if (kind != BusKind::can && kind != BusKind::ethercat) {
     throw Failure::wrong_use(
-        "prove: it goes through all drives of a CAN bus or an EtherCAT segment; `servodrome home` and `move` prove one "
-        "over this protocol");
+        "prove: it tests all drives of a CAN bus or an EtherCAT segment; over this protocol use `servodrome home` and "
+        "`servodrome move`");
   }
   if (kind == BusKind::ethercat) {
     prove_ethercat(options, methods);
@@ -312,8 +312,8 @@ void add_prove(CLI::App& app) {
   using namespace prove_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
   CLI::App* command =
-      app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print how it went");
-  add_bus_options(*command, options->bus, "Seconds each motion may take");
+      app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print the results");
+  add_bus_options(*command, options->bus, "Seconds to wait until each motion is complete");
   command->get_option("--bus")->description(
       "CAN link: socketcand:HOST:PORT/BUS, slcan:PATH or socketcan:INTERFACE; or EtherCAT: udp:HOST[:PORT] or "
       "raw:INTERFACE");
@@ -321,8 +321,8 @@ void add_prove(CLI::App& app) {
   add_cycle_options(*command, options->bus);
   command
       ->add_option("--method", options->methods,
-                   "Homing method, or NODE=METHOD for one node; if not given one that needs no switch and moves by a "
-                   "revolution at most: 34, or what the drive has in its place")
+                   "Homing method, or NODE=METHOD for one node; if not given, a method without switches that moves one "
+                   "revolution at most: 34, or the drive's equivalent")
       ->allow_extra_args(false);
   command->add_option("--revolutions", options->revolutions, "How far to move from home, in motor revolutions")
       ->check(number_within(-16384.0, 16384.0))
@@ -336,7 +336,7 @@ void add_prove(CLI::App& app) {
       ->capture_default_str();
   command
       ->add_option("--units-per-revolution", options->units_per_revolution,
-                   "Position units of a motor revolution; by 6092h or 608Fh if not given, else 131072")
+                   "Position units per motor revolution; from 6092h or 608Fh if not given, else 131072")
       ->check(number_within(1e-3, 1e9));
   command->callback([options] { run(*options); });
 }

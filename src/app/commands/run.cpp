@@ -170,12 +170,12 @@ void run(const Options& options) {
 void add_run(CLI::App& app) {
   using namespace run_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "run",
-      "Carry out a motion script: commands for one axis or several, with waits and expectations; docs/script.md "
-      "has its language. Exit status 1 with the line that failed");
+  CLI::App* command =
+      app.add_subcommand("run",
+                         "Run a motion script: commands for one axis or several, with waits and expectations; "
+                         "docs/script.md describes the language. Exit status 1 and the line if a command fails");
   command->add_option("SCRIPT", options->script, "File; - for standard input")->required();
-  command->add_flag("--check", options->check, "Look for mistakes only; no bus is opened");
+  command->add_flag("--check", options->check, "Check the script only; no bus is opened");
   command->add_flag("--quiet", options->quiet, "Print only what the script prints, gets and probes");
   command->add_option("--eds", options->eds, "Electronic data sheet with the drives' own objects, names and types");
   add_bus_options(*command, options->bus, "Seconds");
@@ -184,9 +184,9 @@ void add_run(CLI::App& app) {
   add_serial_options(*command, options->bus);
   add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
-  command->add_flag("--disable", options->disable,
-                    "Disable the drives at the end, instead of leaving those that the script enabled at rest (on "
-                    "EtherCAT always)");
+  command->add_flag(
+      "--disable", options->disable,
+      "Disable the drives at the end; otherwise drives that the script enabled hold their position (not on EtherCAT)");
   command->callback([options] { run(*options); });
 }
 

@@ -109,7 +109,7 @@ struct Station {
 void check_range(const Options& options) {
   if (options.last != 0 && options.first > options.last) {
     throw Failure::wrong_use(
-        fmt::format("--first {} lies behind --last {}; give the lower number first", options.first, options.last));
+        fmt::format("--first {} is greater than --last {}; exchange them", options.first, options.last));
   }
 }
 
@@ -298,8 +298,8 @@ void list_buses(const Options& options) {
   }
   if (buses.empty()) {
     throw Failure::did_not_work(
-        "this computer has no CAN interface, network card or serial port, and no line runs; `servodrome up` starts "
-        "one");
+        "this computer has no CAN interface, network card or serial port, and no line is running; `servodrome up` "
+        "starts one");
   }
 }
 
@@ -345,17 +345,21 @@ void add_scan(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "scan", "List the nodes of a CANopen bus, the slaves of an EtherCAT segment, or the stations of a serial line");
   add_bus_options(*command, options->bus,
-                  "Seconds to wait for an answer to each question; 0.25 on CAN, 0.05 on a serial line if not given");
+                  "Seconds to wait for each answer; 0.25 on CAN, 0.05 on a serial line if not given");
   command->get_option("--timeout")->default_str("");
   add_serial_options(*command, options->bus);
   command->remove_option(command->get_option("--product"));
-  command->add_flag("--buses", options->buses, "List the buses of this computer, and those of a line that runs on it");
+  command->add_flag("--buses", options->buses,
+                    "List the buses of this computer, and those of a line that is running on it");
   command
       ->add_option(
           "--eds", options->eds,
-          "Electronic data sheet or DCF by whose vendor and product code nodes are recognised; several may be given")
+          "Electronic data sheet or DCF to recognise nodes by vendor and product code; may be given several times")
       ->allow_extra_args(false);
-  command->add_option("--esi", options->esi, "The same for EtherCAT slaves: slave information file")
+  command
+      ->add_option("--esi", options->esi,
+                   "Slave information file (ESI) to recognise EtherCAT slaves by vendor and product code; may be given "
+                   "several times")
       ->allow_extra_args(false);
   command->add_option("--first", options->first, "Lowest station of a serial line to ask")
       ->check(CLI::Range(1, 247).description(""))

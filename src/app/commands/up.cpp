@@ -231,7 +231,7 @@ void print_table(std::FILE* out, const nlohmann::ordered_json& ready) {
                  what.get<std::string>());
     }
     if (const std::size_t notes = axis["notes"].size(); notes != 0) {
-      fmt::print(out, "{}: the description was taken otherwise than written in {} places; --json lists them\n", name,
+      fmt::print(out, "{}: the description could not be used as written in {} places; --json lists them\n", name,
                  notes);
     }
   }
@@ -328,23 +328,22 @@ void add_up(CLI::App& app) {
   CLI::App* command = app.add_subcommand("up", "Run a line of drives until Ctrl-C");
   command->add_option("LINE", options->file, "Line file (TOML); the built-in line with five drives if not given");
   command
-      ->add_option(
-          "--eds", options->descriptions.data_sheets,
-          "Run a drive of this electronic data sheet (EDS, DCF) instead of a line file; several: one axis each")
+      ->add_option("--eds", options->descriptions.data_sheets,
+                   "Run a drive of this electronic data sheet (EDS, DCF) instead of a line file; may be given several "
+                   "times, once per axis")
       ->allow_extra_args(false);
   command
-      ->add_option(
-          "--esi", options->descriptions.slaves,
-          "Run a drive of this EtherCAT slave information (ESI) instead of a line file; several: one axis each")
+      ->add_option("--esi", options->descriptions.slaves,
+                   "Run a drive of this EtherCAT slave information (ESI) instead of a line file; may be given several "
+                   "times, once per axis")
       ->allow_extra_args(false);
   command->add_option("--device", options->descriptions.device,
-                      "Type, name or product code of the device, where the ESI file has several");
+                      "Type, name or product code of the device, if the ESI file has several");
   command
-      ->add_option(
-          "--bus", options->buses,
-          "NAME=LINK or LINK: how a bus is reached, instead of what the line file says "
-          "(socketcand:HOST:PORT/BUS, slcan:PATH, socketcan:INTERFACE; udp:HOST:PORT, raw:INTERFACE for EtherCAT; "
-          "pty:PATH, serial:DEVICE, tcp:HOST:PORT for an RS485 line)")
+      ->add_option("--bus", options->buses,
+                   "NAME=LINK or LINK: link of a bus, instead of the one in the line file (socketcand:HOST:PORT/BUS, "
+                   "slcan:PATH, socketcan:INTERFACE; udp:HOST:PORT, raw:INTERFACE for EtherCAT; pty:PATH, "
+                   "serial:DEVICE, tcp:HOST:PORT for an RS485 line)")
       ->allow_extra_args(false);
   command->add_option(
       "--log", options->log,

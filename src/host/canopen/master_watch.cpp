@@ -94,7 +94,8 @@ void MasterWatch::end() noexcept {
     try {
       if (moves(*watching.drive)) {
         if (tell_)
-          tell_(fmt::format("{}: it still moves, and stops by its watch of this program", watching.drive->where()));
+          tell_(fmt::format("{}: the axis still moves; it stops when the drive misses this program's heartbeat",
+                            watching.drive->where()));
         continue;
       }
       watching.drive->write<std::uint32_t>(consumer_heartbeat_time, 1, 0);
@@ -106,8 +107,8 @@ void MasterWatch::end() noexcept {
       // values.
       const std::string watch = freed ? "" : fmt::format("1016h:01 = {:08X}h", ours);
       const std::string option = watching.option_changed ? fmt::format("6007h = {}", malfunction) : "";
-      tell_(fmt::format("{}: it keeps {}{}{} of this program until its next reset", watching.drive->where(), watch,
-                        !watch.empty() && !option.empty() ? " and " : "", option));
+      tell_(fmt::format("{}: {}{}{} could not be restored and stays until the drive's next reset",
+                        watching.drive->where(), watch, !watch.empty() && !option.empty() ? " and " : "", option));
     }
   }
   watching_.clear();

@@ -35,7 +35,7 @@ SdoError::SdoError(const std::string& bus, std::uint8_t node_id, ObjectAddress o
 SdoClient::SdoClient(Bus& bus, std::uint8_t node_id, const SdoOptions& options)
     : bus_(bus), node_id_(node_id), options_(options) {
   if (node_id < 1 || node_id > 127) {
-    throw HostError(fmt::format("{} is no node-ID", node_id), bus.name(), "give one from 1 to 127");
+    throw HostError(fmt::format("{} is not a node-ID", node_id), bus.name(), "give one from 1 to 127");
   }
   listening_ = bus_.listen([this](const Frame& frame) {
     const auto emergency = parse_emergency(frame);

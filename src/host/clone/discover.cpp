@@ -214,7 +214,7 @@ DeviceFile objects_of_slave(CoeClient& coe, const CloneProgress& progress) {
   DeviceFile device;
   const std::vector<std::uint16_t> indices = coe.list(ObjectList::all);
   for (std::size_t i = 0; i < indices.size(); ++i) {
-    progress("describing object", i, indices.size());
+    progress("reading the description of object", i, indices.size());
     if (indices[i] < 0x1000) continue;
     const ObjectDescription object = coe.describe(indices[i]);
     const bool has_parts = object.code == array || object.code == record;
@@ -239,7 +239,7 @@ DeviceFile objects_that_answer(ObjectClient& objects, const CloneProgress& progr
   std::size_t done = 0;
   for (const Area& area : areas) {
     for (unsigned index = area.first; index <= area.last; ++index) {
-      progress("looking for object", done++, of);
+      progress("searching for object", done++, of);
       find_object(objects, static_cast<std::uint16_t>(index), device);
     }
   }

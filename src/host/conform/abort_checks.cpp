@@ -16,7 +16,7 @@ std::uint16_t absent_index(ObjectClient& objects) {
       return index;
     }
   }
-  Trial::skip("it has each of 5FFEh, 9FFEh and 0FFEh");
+  Trial::skip("it has all of 5FFEh, 9FFEh and 0FFEh, so no missing object is known");
 }
 
 void no_object(Trial& trial, int) {
@@ -95,9 +95,9 @@ void value_range(Trial& trial, int) {
 
 constexpr std::array rows{
     Check{"abort.no-object", "CiA 301 7.2.4.3.17, table 22; ETG.1000.6 table 41",
-          "An object that is not there is refused with 0602 0000h", Demand::nothing, buses::all, no_object},
+          "A missing object is refused with 0602 0000h", Demand::nothing, buses::all, no_object},
     Check{"abort.no-sub-index", "CiA 301 table 22; ETG.1000.6 table 41",
-          "A sub-index that is not there is refused with 0609 0011h", Demand::nothing, buses::sdo, no_sub},
+          "A missing sub-index is refused with 0609 0011h", Demand::nothing, buses::sdo, no_sub},
     Check{"abort.read-only", "CiA 301 table 22; ETG.1000.6 table 41",
           "A write to a constant is refused with 0601 0002h", Demand::nothing, buses::all, read_only},
     Check{"abort.too-long", "CiA 301 table 22; ETG.1000.6 table 41",

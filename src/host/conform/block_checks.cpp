@@ -152,15 +152,15 @@ void wrong_sequence_number(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"sdo.block-download", "CiA 301 7.2.4.3.9 to 7.2.4.3.11", "A value is taken in a block", Demand::nothing,
+    Check{"sdo.block-download", "CiA 301 7.2.4.3.9 to 7.2.4.3.11", "A block download is accepted", Demand::nothing,
           buses::can, downloads},
     Check{"sdo.block-crc", "CiA 301 7.2.4.3.11, 7.2.4.3.16, table 22",
           "A block with a wrong CRC is refused with 0504 0004h, and changes nothing", Demand::nothing, buses::can,
           wrong_crc},
     Check{"sdo.block-abort", "CiA 301 7.2.4.3.17", "A block that the client aborts changes nothing", Demand::nothing,
           buses::can, aborted},
-    Check{"sdo.block-repeat", "CiA 301 7.2.4.3.10", "A segment that did not come is asked for again", Demand::nothing,
-          buses::can, missing_segment},
+    Check{"sdo.block-repeat", "CiA 301 7.2.4.3.10", "A missing segment is requested again", Demand::nothing, buses::can,
+          missing_segment},
     Check{"sdo.block-sequence", "CiA 301 7.2.4.3.10, table 22", "Sequence number 0 is refused with 0504 0003h",
           Demand::nothing, buses::can, wrong_sequence_number},
 };

@@ -145,16 +145,16 @@ constexpr auto assignment = "ETG.1000.6 5.6.7.4, ETG.1020 12";
 
 constexpr std::array rows{
     Check{"coe.object-list", information,
-          "The list of objects is as long as it says, in order, and has the mandatory ones", Demand::nothing,
+          "The list of objects has the reported length, is sorted, and contains the mandatory objects", Demand::nothing,
           buses::ethercat, lists},
     Check{"coe.descriptions", information, "Each entry can be read as it is described", Demand::nothing,
           buses::ethercat, descriptions},
-    Check{"coe.read-only", information, "What is described as read-only cannot be written", Demand::nothing,
+    Check{"coe.read-only", information, "Objects described as read-only cannot be written", Demand::nothing,
           buses::ethercat, read_only_entries},
-    Check{"coe.rx-assignment", assignment, "1C12h is changed by its procedure only", Demand::nothing, buses::ethercat,
-          assignment_rules, 0},
-    Check{"coe.tx-assignment", assignment, "1C13h is changed by its procedure only", Demand::nothing, buses::ethercat,
-          assignment_rules, 1},
+    Check{"coe.rx-assignment", assignment, "1C12h can be changed by its procedure only", Demand::nothing,
+          buses::ethercat, assignment_rules, 0},
+    Check{"coe.tx-assignment", assignment, "1C13h can be changed by its procedure only", Demand::nothing,
+          buses::ethercat, assignment_rules, 1},
     Check{"coe.assignment-in-operation", assignment, "The assignment cannot be changed in OP", Demand::nothing,
           buses::ethercat, assignment_in_operation},
 };

@@ -423,9 +423,9 @@ constexpr auto interpolation_bits = "CiA 402-2, interpolated position mode, stat
 constexpr auto halting = "CiA 402-2, controlword bit 8, object 605Dh";
 constexpr auto changing = "CiA 402-2, object 6060h";
 
-constexpr auto bit_12 = "Bit 12 says that the target is followed, and only then";
+constexpr auto bit_12 = "Bit 12 is set while the target is followed, and only then";
 constexpr auto rest = "A target that does not change leaves the axis at rest";
-constexpr auto nothing_new = "Without new targets nothing moves";
+constexpr auto nothing_new = "Without new targets the axis does not move";
 constexpr auto stops = "Halt stops the axis, whatever the targets";
 constexpr auto out = "Another mode of operation stops the axis, whatever the targets";
 
@@ -451,9 +451,9 @@ constexpr std::array rows{
     Check{"cst.no-targets", torque_mode, nothing_new, Demand::enable, buses::all, waits, cst},
     Check{"cst.tracks", torque_mode, "The torque follows the targets", Demand::motion, with_cycles, tracks_torque, cst},
     Check{"cst.leave", changing, out, Demand::motion, with_cycles, leaves, cst},
-    Check{"ip.data-record", "CiA 402-2, object 60C1h", "The mode has its data record", Demand::nothing, with_cycles,
-          data_record},
-    Check{"ip.active", interpolation_bits, "Bit 12 says that interpolation is active, by bit 4 and only then",
+    Check{"ip.data-record", "CiA 402-2, object 60C1h", "The data record of the mode exists", Demand::nothing,
+          with_cycles, data_record},
+    Check{"ip.active", interpolation_bits, "Bit 12 is set while interpolation is active (bit 4), and only then",
           Demand::enable, with_cycles, follows_when_enabled, ip},
     Check{"ip.at-rest", interpolation, rest, Demand::enable, with_cycles, stands, ip},
     Check{"ip.no-targets", interpolation, nothing_new, Demand::enable, buses::all, waits, ip},

@@ -30,7 +30,7 @@ MailboxClient& mailbox_of(Trial& trial) {
 std::string_view file_of(Trial& trial) {
   const std::string_view file = trial.settings().foe_file.empty() ? trial.settings().dialect.foe_file
                                                                   : std::string_view(trial.settings().foe_file);
-  if (file.empty()) Trial::skip("no file that it offers is known: give --foe-file");
+  if (file.empty()) Trial::skip("no file name is known: give --foe-file");
   return file;
 }
 
@@ -147,14 +147,14 @@ void packet_number(Trial& trial, int) {
 constexpr auto codes = "ETG.1000.6 5.8, table 93";
 
 constexpr std::array rows{
-    Check{"foe.unknown-file", codes, "A file that it does not have is error 8001h", Demand::nothing, buses::ethercat,
+    Check{"foe.unknown-file", codes, "A missing file gives error 8001h", Demand::nothing, buses::ethercat,
           unknown_file},
     Check{"foe.read", "ETG.1000.6 5.8", "A file that it offers can be read", Demand::nothing, buses::ethercat, reads},
-    Check{"foe.packet-number", codes, "A wrong packet number is error 8005h, and ends the transfer", Demand::nothing,
+    Check{"foe.packet-number", codes, "A wrong packet number gives error 8005h and ends the transfer", Demand::nothing,
           buses::ethercat, packet_number},
-    Check{"foe.stray-packet", codes, "A packet without a transfer is an error", Demand::nothing, buses::ethercat,
+    Check{"foe.stray-packet", codes, "A packet without a transfer gives an error", Demand::nothing, buses::ethercat,
           stray_packets},
-    Check{"foe.unknown-operation", codes, "An unknown operation is an error", Demand::nothing, buses::ethercat,
+    Check{"foe.unknown-operation", codes, "An unknown operation gives an error", Demand::nothing, buses::ethercat,
           unknown_operation},
 };
 

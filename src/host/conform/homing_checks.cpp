@@ -160,12 +160,13 @@ void offset(Trial& trial, int) {
 constexpr auto contract = "CiA 402-2, homing mode, statusword";
 
 constexpr std::array rows{
-    Check{"homing.not-by-itself", "CiA 402-2, homing mode, controlword bit 4", "Nothing happens without bit 4",
+    Check{"homing.not-by-itself", "CiA 402-2, homing mode, controlword bit 4", "Homing does not start without bit 4",
           Demand::enable, buses::all, not_by_itself},
-    Check{"homing.attained", contract, "Homing attained and target reached are told, and home is zero", Demand::enable,
-          buses::all, attained},
-    Check{"homing.offset", "CiA 402-2, object 607Ch", "The home offset moves zero", Demand::motion, buses::all, offset},
-    Check{"homing.not-attained-while-searching", contract, "Home is not attained as long as it is searched",
+    Check{"homing.attained", contract, "Homing attained and target reached are set, and the position is zero",
+          Demand::enable, buses::all, attained},
+    Check{"homing.offset", "CiA 402-2, object 607Ch", "The home offset shifts the zero position", Demand::motion,
+          buses::all, offset},
+    Check{"homing.not-attained-while-searching", contract, "Homing attained is not set during the search",
           Demand::motion, buses::all, not_attained_while_searching},
 };
 

@@ -219,19 +219,19 @@ constexpr unsigned can = buses::can;
 
 constexpr std::array rows{
     Check{"lss.selective", "CiA 305, switch state selective and global",
-          "It is configured when it is selected by its address, and only then", Demand::nothing, can, selective},
-    Check{"lss.global", "CiA 305, switch state global", "All nodes are configured by a global switch", Demand::nothing,
-          can, global},
-    Check{"lss.inquire", "CiA 305, inquire identity and node-ID", "It says what 1018h has, and its node-ID",
+          "It enters configuration state only when it is selected by its address", Demand::nothing, can, selective},
+    Check{"lss.global", "CiA 305, switch state global", "A global switch puts all nodes into configuration state",
+          Demand::nothing, can, global},
+    Check{"lss.inquire", "CiA 305, inquire identity and node-ID", "It reports the contents of 1018h and its node-ID",
           Demand::nothing, can, inquires},
-    Check{"lss.identify", "CiA 305, identify remote slave", "It answers to its own numbers, and to no others",
-          Demand::nothing, can, identifies},
-    Check{"lss.node-id", "CiA 305, configure node-ID", "What is no node-ID is refused, and its own is taken",
+    Check{"lss.identify", "CiA 305, identify remote slave", "It answers to its own numbers only", Demand::nothing, can,
+          identifies},
+    Check{"lss.node-id", "CiA 305, configure node-ID", "An invalid node-ID is refused, and its own is accepted",
           Demand::nothing, can, node_id},
-    Check{"lss.bit-timing", "CiA 305, configure bit timing", "A bit rate that there is not is refused", Demand::nothing,
-          can, bit_timing},
+    Check{"lss.bit-timing", "CiA 305, configure bit timing", "An unknown bit rate is refused", Demand::nothing, can,
+          bit_timing},
     Check{"lss.fastscan", "CiA 305, fastscan, identify non-configured remote slave",
-          "Without node-ID it is found by fastscan, and gets it back", Demand::nothing, can, fastscan},
+          "Without node-ID it is found by fastscan and accepts its node-ID again", Demand::nothing, can, fastscan},
 };
 
 }  // namespace

@@ -88,10 +88,9 @@ void stray_segment(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"mailbox.unsupported-protocol", "ETG.1000.4 5.6, table 30",
-          "A protocol that it does not have is refused with 0002h", Demand::nothing, buses::ethercat,
-          unsupported_protocol},
-    Check{"mailbox.short-mail", "ETG.1000.4 5.6, table 30", "A mail without room for its header is a mailbox error",
+    Check{"mailbox.unsupported-protocol", "ETG.1000.4 5.6, table 30", "An unsupported protocol is refused with 0002h",
+          Demand::nothing, buses::ethercat, unsupported_protocol},
+    Check{"mailbox.short-mail", "ETG.1000.4 5.6, table 30", "A mail shorter than its header gives a mailbox error",
           Demand::nothing, buses::ethercat, short_mail},
     Check{"mailbox.unknown-sdo-command", "ETG.1000.6 table 41", "An unknown command is refused with 0504 0001h",
           Demand::nothing, buses::ethercat, unknown_command},

@@ -216,11 +216,11 @@ constexpr auto handover = "CiA 402-2, profile position mode, set-points";
 constexpr auto bits = "CiA 402-2, profile position mode, statusword";
 
 constexpr std::array rows{
-    Check{"pp.acknowledge", handover, "A set-point is acknowledged, and the acknowledgement goes with bit 4",
+    Check{"pp.acknowledge", handover, "A set-point is acknowledged, and the acknowledgement is cleared with bit 4",
           Demand::motion, buses::all, acknowledge},
-    Check{"pp.target-reached", bits, "Target reached is told at the target", Demand::motion, buses::all,
+    Check{"pp.target-reached", bits, "Target reached is set at the target", Demand::motion, buses::all,
           moves_to_target},
-    Check{"pp.not-reached-under-way", bits, "Target reached is not told under way", Demand::motion, buses::all,
+    Check{"pp.not-reached-under-way", bits, "Target reached is not set during the motion", Demand::motion, buses::all,
           not_reached_under_way},
     Check{"pp.edge", handover, "Only the edge of bit 4 starts a motion", Demand::motion, buses::all, edge_only},
     Check{"pp.relative", "CiA 402-2, profile position mode, controlword bit 6",
@@ -228,7 +228,7 @@ constexpr std::array rows{
     Check{"pp.queue", handover, "Bit 5 = 0: a second set-point waits for the first", Demand::motion, buses::all, queue},
     Check{"pp.change-at-once", handover, "Bit 5 = 1: a second set-point replaces the first", Demand::motion, buses::all,
           change_at_once},
-    Check{"pp.halt", "CiA 402-2, controlword bit 8, object 605Dh", "Halt stops the axis, and bit 10 tells it",
+    Check{"pp.halt", "CiA 402-2, controlword bit 8, object 605Dh", "Halt stops the axis, and bit 10 reports it",
           Demand::motion, buses::all, halts},
 };
 

@@ -83,7 +83,7 @@ Outcome run_check(const Check& check, Subject& subject) {
     outcome.reason = skipped.why;
   } catch (const Ended&) {
   } catch (const HostError& error) {
-    trial.expect(false, "see where it stopped", "an answer that lets the check go on", error.what());
+    trial.expect(false, "check where it stopped", "an answer with which the check can continue", error.what());
   }
   outcome.duration = subject.services().now() - start;
   return outcome;

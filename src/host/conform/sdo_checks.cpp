@@ -153,7 +153,8 @@ void one_answer(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"sdo.one-answer", "CiA 301 7.2.4.2", "A request is answered once", Demand::nothing, buses::can, one_answer},
+    Check{"sdo.one-answer", "CiA 301 7.2.4.2", "A request is answered exactly once", Demand::nothing, buses::can,
+          one_answer},
     Check{"sdo.multiplexer", "CiA 301 7.2.4.3.6", "An answer has the index and sub-index of its request",
           Demand::nothing, buses::can, echoed_multiplexer},
     Check{"sdo.unknown-command", "CiA 301 table 22", "An unknown command is refused with 0504 0001h", Demand::nothing,
@@ -162,13 +163,13 @@ constexpr std::array rows{
           Demand::nothing, buses::can, stray_segment},
     Check{"sdo.toggle", "CiA 301 7.2.4.3.7, table 22", "A wrong toggle bit ends the transfer with 0503 0000h",
           Demand::nothing, buses::can, wrong_toggle},
-    Check{"sdo.segmented-upload", "CiA 301 7.2.4.3.7", "Segments alternate and bring the size that was indicated",
-          Demand::nothing, buses::can, segmented_upload},
-    Check{"sdo.segmented-download", "CiA 301 7.2.4.3.4", "A value is taken in segments", Demand::nothing, buses::can,
-          segmented_download},
+    Check{"sdo.segmented-upload", "CiA 301 7.2.4.3.7", "Segments toggle and have the indicated size", Demand::nothing,
+          buses::can, segmented_upload},
+    Check{"sdo.segmented-download", "CiA 301 7.2.4.3.4", "A segmented download is accepted", Demand::nothing,
+          buses::can, segmented_download},
     Check{"sdo.abort-by-client", "CiA 301 7.2.4.3.17", "A transfer that the client aborts changes nothing",
           Demand::nothing, buses::can, download_aborted},
-    Check{"sdo.block-upload", "CiA 301 7.2.4.3.12", "A block upload is refused, or brings what segments bring",
+    Check{"sdo.block-upload", "CiA 301 7.2.4.3.12", "A block upload is refused, or has the same data as segments",
           Demand::nothing, buses::can, block_upload},
 };
 

@@ -66,10 +66,10 @@ void rules(Trial& trial, int) {
 }
 
 constexpr std::array rows{
-    Check{"time.consumer", "CiA 301 7.5.2.15, object 1012h", "A time stamp is consumed, or not, as bit 31 says",
+    Check{"time.consumer", "CiA 301 7.5.2.15, object 1012h", "A time stamp is consumed according to bit 31",
           Demand::nothing, buses::can, consumer},
     Check{"time.identifier", "CiA 301 7.3.5, 7.5.2.15, object 1012h",
-          "What it cannot do is refused with 0609 0030h, and a restricted identifier is refused", Demand::nothing,
+          "Unsupported settings are refused with 0609 0030h, and restricted identifiers are refused", Demand::nothing,
           buses::can, rules},
 };
 

@@ -144,13 +144,13 @@ void off_is_off(Trial& trial, int) {
 constexpr auto clause = "CiA 402-2, touch probe, objects 60B8h, 60B9h";
 
 constexpr std::array rows{
-    Check{"probe.first", clause, "Probe 1 says that it is on, and forgets everything when it is off", Demand::nothing,
+    Check{"probe.first", clause, "Probe 1 reports that it is on, and clears its status when it is off", Demand::nothing,
           buses::all, switches_on, 0},
-    Check{"probe.second", clause, "Probe 2 says that it is on, and forgets everything when it is off", Demand::nothing,
-          buses::all, switches_on, 1},
+    Check{"probe.second", clause, "Probe 2 reports that it is on, and clears its status when it is off",
+          Demand::nothing, buses::all, switches_on, 1},
     Check{"probe.latch", "CiA 402-2, touch probe, objects 60B8h to 60BAh",
-          "The first index is latched, where it is, and no further one", Demand::motion, buses::all, latches},
-    Check{"probe.off", clause, "A probe that is off sees nothing", Demand::motion, buses::all, off_is_off},
+          "Only the first index is latched, at its position", Demand::motion, buses::all, latches},
+    Check{"probe.off", clause, "A probe that is off captures nothing", Demand::motion, buses::all, off_is_off},
 };
 
 }  // namespace

@@ -145,7 +145,7 @@ void Trial::bring_to(PowerState wanted) {
       control(0x0080);
     } while (!wait_for(PowerState::switch_on_disabled, 200ms) && now() < deadline);
     if (state() == PowerState::fault) {
-      skip(fmt::format("the drive is in fault, 603Fh = {:04X}h, and cannot be reset: put away its cause first",
+      skip(fmt::format("the drive is in fault, 603Fh = {:04X}h, and cannot be reset: remove its cause first",
                        objects().read_if_present<std::uint16_t>(0x603F).value_or(0)));
     }
   }
@@ -196,7 +196,7 @@ void Trial::set_mode(OperationMode mode) {
 
 AxisUnits Trial::units() {
   const auto units = subject_.units();
-  if (!units) skip("neither 608Fh, 6091h and 6092h nor --units-per-revolution say what a revolution is");
+  if (!units) skip("neither 608Fh, 6091h and 6092h nor --units-per-revolution give the units per revolution");
   return *units;
 }
 

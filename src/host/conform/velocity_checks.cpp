@@ -91,14 +91,14 @@ void torque_mode(Trial& trial, int) {
 constexpr auto bits = "CiA 402-2, profile velocity mode, statusword";
 
 constexpr std::array rows{
-    Check{"pv.target-reached", bits, "Velocity reached is told when it is", Demand::motion, buses::all,
+    Check{"pv.target-reached", bits, "Velocity reached is set at the velocity", Demand::motion, buses::all,
           velocity_reached},
-    Check{"pv.zero-speed", bits, "Bit 12 says that the speed is zero, and only then", Demand::motion, buses::all,
+    Check{"pv.zero-speed", bits, "Bit 12 is set when the speed is zero, and only then", Demand::motion, buses::all,
           zero_speed_bit},
     Check{"pv.halt", "CiA 402-2, controlword bit 8, object 605Dh", "Halt stops the axis", Demand::motion, buses::all,
           halts},
-    Check{"pt.target-reached", "CiA 402-2, profile torque mode, statusword", "Torque reached is told", Demand::enable,
-          buses::all, torque_mode},
+    Check{"pt.target-reached", "CiA 402-2, profile torque mode, statusword", "Torque reached is set at the torque",
+          Demand::enable, buses::all, torque_mode},
 };
 
 }  // namespace

@@ -296,7 +296,7 @@ void CanCyclicBus::send_outputs() {
 void CanCyclicBus::check() const {
   for (const auto& station : stations_) {
     if (station->losses <= options_.tolerated_losses) continue;
-    throw HostError(fmt::format("its PDOs did not come to {} SYNCs in a row", station->losses), station->where(),
+    throw HostError(fmt::format("its PDOs were missing after {} SYNCs in a row", station->losses), station->where(),
                     "check that it is powered and operational (`servodrome scan`), and the bus's load");
   }
 }

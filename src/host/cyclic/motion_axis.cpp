@@ -31,9 +31,9 @@ const char* name(AxisFault fault) {
     case AxisFault::none: return "no fault";
     case AxisFault::drive_fault: return "the drive has a fault";
     case AxisFault::left_operation: return "the drive left operation enabled by itself";
-    case AxisFault::communication_lost: return "its process data did not come";
-    case AxisFault::following_error: return "the following error is too great";
-    case AxisFault::mode_refused: return "the drive does not take the mode of operation";
+    case AxisFault::communication_lost: return "its process data were not received";
+    case AxisFault::following_error: return "the following error is too large";
+    case AxisFault::mode_refused: return "the drive does not accept the mode of operation";
     case AxisFault::homing_failed: return "homing failed";
   }
   return "unknown fault";
@@ -45,8 +45,8 @@ const char* remedy_of(AxisFault fault) {
     case AxisFault::drive_fault: return "look at its error code 603Fh, remove the cause and reset the fault";
     case AxisFault::left_operation:
       return "check its supply, enable and safety inputs, and whether another master commands it";
-    case AxisFault::communication_lost: return "check cables and power, and see with `servodrome scan` what is there";
-    case AxisFault::following_error: return "check load, brake and limits, or move more gently";
+    case AxisFault::communication_lost: return "check cables and power; `servodrome scan` lists the drives";
+    case AxisFault::following_error: return "check load, brake and limits, or reduce the dynamics";
     case AxisFault::mode_refused: return "see 6502h for the modes that it has, and that 6060h and 6061h are mapped";
     case AxisFault::homing_failed: return "check switches, method 6098h and speeds 6099h";
   }
@@ -60,9 +60,8 @@ MotionAxis::MotionAxis(const CyclicAxis& axis, Time period, const MotionAxisOpti
       mode_timeout_cycles_(static_cast<std::uint64_t>(std::max<std::int64_t>(options.mode_timeout / period, 1))),
       settling_cycles_(static_cast<std::uint64_t>(std::max<std::int64_t>(settling / period, 4))) {
   if (!axis_.can_command(options.position_mode)) {
-    throw HostError(
-        fmt::format("its process data have no target and position for {}", host::name(options.position_mode)),
-        axis_.where(), "map 607Ah (or 60C1h sub 1) and 6064h");
+    throw HostError(fmt::format("its process data lack target and position for {}", host::name(options.position_mode)),
+                    axis_.where(), "map 607Ah (or 60C1h sub 1) and 6064h");
   }
   generator_.reset({});
 }

@@ -40,8 +40,8 @@ constexpr std::size_t expedited_bytes = 4;
 constexpr std::size_t largest_upload = std::size_t{64} << 20;
 
 constexpr const char* mailbox_remedy =
-    "see with `servodrome scan` whether it is in PREOP or above, end any other master of the segment (two take each "
-    "other's answers), or give a longer --timeout";
+    "check with `servodrome scan` that it is in PREOP or above, stop any other master of the segment (two masters read "
+    "each other's answers), or give a longer --timeout";
 
 Mail request_of(std::uint8_t command, ObjectAddress object) {
   Mail mail(header + initiate_size);

@@ -358,7 +358,7 @@ void CyclicExchange::to_operational() {
   const Time near = options_.period / 16;
   while (reference_ && (clock_error_ > near || clock_error_ < -near)) {
     if (master_.now() >= deadline) {
-      throw EthercatError(EthercatError::Kind::refused, "the cycle does not come together with the reference clock",
+      throw EthercatError(EthercatError::Kind::refused, "the cycle does not synchronise with the reference clock",
                           master_.name(), "give a longer cycle; this computer may be too slow or too busy for it");
     }
     master_.wait(options_.period);
@@ -380,7 +380,7 @@ void CyclicExchange::check() const {
   if (statistics_.losses_in_a_row <= tolerated) return;
   throw EthercatError(EthercatError::Kind::working_counter,
                       fmt::format("process data were not exchanged {} times in a row", statistics_.losses_in_a_row),
-                      master_.name(), "see with `servodrome scan` which slaves are there; check cables and power");
+                      master_.name(), "check cables and power; `servodrome scan` lists the slaves");
 }
 
 }  // namespace servodrome::host

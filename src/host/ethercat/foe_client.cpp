@@ -98,7 +98,7 @@ std::vector<std::uint8_t> FoeClient::read(std::string_view file, std::uint32_t p
   for (std::uint32_t packet = 1;; ++packet) {
     const Mail answer = ask(request, file);
     if (answer[0] != data_packet || load_u32(&answer[2]) != packet) {
-      fail(file, fmt::format("packet {} was to come, and operation {} came", packet, answer[0]), "try again");
+      fail(file, fmt::format("packet {} was expected, but operation {} was received", packet, answer[0]), "try again");
     }
     content.insert(content.end(), answer.begin() + header, answer.end());
     if (content.size() > largest_file) fail(file, "the file has no end", "see the slave's manual");

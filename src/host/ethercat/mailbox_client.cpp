@@ -41,10 +41,9 @@ const char* text(ethercat::MailboxError error) {
 }  // namespace
 
 void MailboxClient::timed_out(const std::string& happened) const {
-  throw EthercatError(
-      EthercatError::Kind::no_answer, happened, where(),
-      "see whether it is in PREOP or above (`servodrome scan`), end any other master of the segment (two take each "
-      "other's answers), and give a longer --timeout if it is busy");
+  throw EthercatError(EthercatError::Kind::no_answer, happened, where(),
+                      "check that it is in PREOP or above (`servodrome scan`), stop any other master of the segment "
+                      "(two masters read each other's answers), and give a longer --timeout if it is busy");
 }
 
 bool MailboxClient::full(std::uint16_t number) {
@@ -74,7 +73,7 @@ void MailboxClient::send(MailboxType type, std::span<const std::uint8_t> mail, T
     // which it recognises by the counter.
     if ((back && datagram.counter != 0) || (back && may_be_there && full(0))) break;
     may_be_there = may_be_there || !back;
-    if (master_.now() >= deadline) timed_out("it does not fetch its mail");
+    if (master_.now() >= deadline) timed_out("it does not read its mailbox");
     if (back) master_.wait(poll_interval);
   }
   counter_ = counter_ % 7 + 1;
@@ -118,8 +117,8 @@ std::optional<MailboxClient::Letter> MailboxClient::fetch() {
   last_received_ = counter;
   if (length > room_in()) {
     throw EthercatError(EthercatError::Kind::malformed,
-                        fmt::format("its mail says {} bytes, and its mailbox has {}", length, room_in()), where(),
-                        "take it to INIT and PREOP again, which resets its mailbox");
+                        fmt::format("the header of its mail gives {} bytes, but its mailbox has {}", length, room_in()),
+                        where(), "take it to INIT and PREOP again, which resets its mailbox");
   }
   const auto begin = bytes.begin() + mailbox_header_size;
   return Letter{static_cast<MailboxType>(bytes[5] & 0x0F), Mail(begin, begin + static_cast<std::ptrdiff_t>(length))};

@@ -18,8 +18,9 @@ constexpr const char* start_or_choose = "start `servodrome up` or give --bus LIN
 
 [[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
   // Over UDP a missing listener shows only after the first frame.
-  if (error.code() == std::errc::connection_refused) throw HostError("nothing listens there", name, start_or_choose);
-  throw HostError("the link failed: " + error.code().message(), name, "see whether what it leads to still runs");
+  if (error.code() == std::errc::connection_refused) throw HostError("no server listens there", name, start_or_choose);
+  throw HostError("the link failed: " + error.code().message(), name,
+                  "check that the program or device at its other end still runs");
 }
 
 }  // namespace
@@ -52,7 +53,8 @@ void EthercatMaster::no_answer() const {
 void EthercatMaster::absent(std::uint16_t station, std::uint16_t offset, const char* doing) const {
   throw EthercatError(EthercatError::Kind::working_counter,
                       fmt::format("{} {:04X}h: the slave does not answer (working counter 0)", doing, offset),
-                      slave_text(*this, station), "see with `servodrome scan` whether it is still there and powered");
+                      slave_text(*this, station),
+                      "check with `servodrome scan` that it is still connected and powered");
 }
 
 // ---- Time ----

@@ -38,7 +38,7 @@ std::vector<std::uint16_t> read_each(EthercatMaster& master, unsigned count, std
     if (datagrams[i].counter == 0) {
       throw EthercatError(EthercatError::Kind::working_counter,
                           fmt::format("the slave at position {} of {} does not answer", i + 1, count), master.name(),
-                          "the line changes while it is scanned: see whether cables are loose, and scan again");
+                          "the segment changes during the scan: check for loose cables, and scan again");
     }
     values.push_back(ethercat::load_u16(data[i].data()));
   }

@@ -59,7 +59,8 @@ SiiClient::Status SiiClient::wait_until_idle(std::uint16_t word) {
     if ((status.bits & busy) == 0) return status;
     if (master_.now() >= deadline) {
       fail(word, "the memory stays busy",
-           "see that no other master is at work and that time is not standing still; then switch the slave off and on");
+           "check that no other master is active and that virtual time is not stopped; then switch the slave off and "
+           "on");
     }
     master_.wait(poll_interval);
   }
@@ -79,9 +80,9 @@ SiiClient::Status SiiClient::command(std::uint16_t control, std::uint16_t word, 
     if ((status.bits & (acknowledge_error | write_enable_error)) == 0) return status;
     if (attempt < attempts) continue;
     if ((status.bits & write_enable_error) != 0) {
-      fail(word, "the slave does not let it be written", "see whether its EEPROM is write-protected");
+      fail(word, "the slave refuses the write", "check whether its EEPROM is write-protected");
     }
-    fail(word, "the memory does not acknowledge", "see whether the address is within it; the EEPROM may be missing");
+    fail(word, "the memory does not acknowledge", "check that the address is within it; the EEPROM may be missing");
   }
 }
 
@@ -117,7 +118,7 @@ std::vector<std::uint8_t> SiiClient::read_all() {
 
 void SiiClient::write(std::uint16_t word, std::span<const std::uint8_t> bytes) {
   if (bytes.size() % 2 != 0) {
-    fail(word, fmt::format("{} bytes are no words", bytes.size()), "give an even number of bytes");
+    fail(word, fmt::format("{} bytes are not whole words", bytes.size()), "give an even number of bytes");
   }
   for (std::size_t i = 0; i < bytes.size(); i += 2) {
     command(write_command | write_enable, static_cast<std::uint16_t>(word + i / 2), bytes.subspan(i, 2));

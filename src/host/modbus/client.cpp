@@ -20,7 +20,7 @@ auto over_link(const std::string& name, const Action& action) {
   try {
     return action();
   } catch (const links::LinkError& error) {
-    throw HostError(error.what(), name, "see whether the device or the line is up");
+    throw HostError(error.what(), name, "check that the device or the line is running");
   }
 }
 
@@ -77,7 +77,7 @@ std::string ModbusClient::where(std::uint8_t unit) const { return fmt::format("{
 
 void ModbusClient::malformed(std::uint8_t unit, std::string_view what) const {
   throw ModbusError(ModbusError::Kind::malformed, modbus::Exception::none, std::string(what), where(unit),
-                    "see whether another device has the same address");
+                    "check whether another device has the same address");
 }
 
 void ModbusClient::discard_received() {
@@ -189,7 +189,7 @@ Bytes ModbusClient::exchange_bytes(std::span<const std::uint8_t> bytes, Time tim
 std::vector<std::uint16_t> ModbusClient::registers_of(std::uint8_t unit, const Bytes& response,
                                                       std::uint16_t count) const {
   if (response.size() != 2U + 2U * count || response[1] != 2U * count) {
-    malformed(unit, fmt::format("{} bytes were answered instead of {} registers", response.size(), count));
+    malformed(unit, fmt::format("the answer has {} bytes instead of {} registers", response.size(), count));
   }
   std::vector<std::uint16_t> registers(count);
   for (std::size_t i = 0; i < count; ++i) registers[i] = modbus::read_u16(&response[2 + 2 * i]);

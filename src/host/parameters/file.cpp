@@ -128,7 +128,7 @@ ObjectAddress parse_address(const Reader& reader, std::string_view word) {
   const auto index = formed ? number(word.substr(0, index_digits)) : std::nullopt;
   const auto sub = formed ? number(word.substr(index_digits + 1)) : std::nullopt;
   if (!index || !sub) {
-    reader.fail(fmt::format("\"{}\" is no object", word), "write INDEX:SUB with four and two hexadecimal digits");
+    reader.fail(fmt::format("\"{}\" is not an object", word), "write INDEX:SUB with four and two hexadecimal digits");
   }
   return {static_cast<std::uint16_t>(*index), static_cast<std::uint8_t>(*sub)};
 }
@@ -140,13 +140,13 @@ std::vector<std::byte> parse_bytes(const Reader& reader, std::string_view word, 
   try {
     bytes = parse_value(word, type);
   } catch (const HostError& error) {
-    reader.fail(fmt::format("\"{}\" is no value of type {}: {}", word, short_word(type), error.happened()),
+    reader.fail(fmt::format("\"{}\" is not a value of type {}: {}", word, short_word(type), error.happened()),
                 "correct the value or remove the line");
   }
   if (type == Type::real32) {
     float number = 0;
     std::memcpy(&number, bytes.data(), sizeof number);
-    if (!std::isfinite(number)) reader.fail(fmt::format("\"{}\" is no finite number", word), "correct the value");
+    if (!std::isfinite(number)) reader.fail(fmt::format("\"{}\" is not a finite number", word), "correct the value");
   }
   return bytes;
 }
@@ -156,7 +156,7 @@ ParameterValue parse_parameter(Reader& reader, std::string_view first) {
   const std::string_view type_word = reader.word();
   const auto type = parse_type(type_word);
   if (!type) {
-    reader.fail(fmt::format("\"{}\" is no type", type_word),
+    reader.fail(fmt::format("\"{}\" is not a type", type_word),
                 "write i8 .. i64, u8 .. u64, bool, f32, string or bytes behind the object");
   }
   value.type = *type;
@@ -309,7 +309,7 @@ ParameterFile ParameterFile::read(std::istream& in, const std::string& name) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
     Reader reader(name, line, number);
     if (number == 1 && line != first_line) {
-      reader.fail("this is no parameter file", fmt::format("its first line is \"{}\"", first_line));
+      reader.fail("this is not a parameter file", fmt::format("its first line is \"{}\"", first_line));
     }
     if (line.find('\0') != std::string::npos) reader.fail("the line holds a zero byte", "the file is damaged");
     const std::string_view first = reader.word();

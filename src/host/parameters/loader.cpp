@@ -31,14 +31,14 @@ std::string objection(const ParameterValue& value, const Parameter& parameter) {
   if (value.type == Type::real32) {
     float number = 0;
     std::memcpy(&number, value.bytes.data(), sizeof number);
-    return std::isfinite(number) ? "" : "it is no finite number";
+    return std::isfinite(number) ? "" : "it is not a finite number";
   }
   const std::int64_t number = dictionary::decode_number(value.type, value.bytes);
   if (parameter.minimum && number < *parameter.minimum) {
-    return fmt::format("{} is below the least value, {}", number, *parameter.minimum);
+    return fmt::format("{} is below the minimum, {}", number, *parameter.minimum);
   }
   if (parameter.maximum && number > *parameter.maximum) {
-    return fmt::format("{} is above the greatest value, {}", number, *parameter.maximum);
+    return fmt::format("{} is above the maximum, {}", number, *parameter.maximum);
   }
   return {};
 }
@@ -48,7 +48,7 @@ void require_product(const ParameterFile& file, const std::string& file_name, co
   if (same == true) return;
   throw HostError(same ? fmt::format("the parameters are of another product, {}; the drive is {}", file.identity.text(),
                                      drive.text())
-                       : fmt::format("it cannot be told whether the parameters, of {}, fit the drive, {}",
+                       : fmt::format("it is not known whether the parameters, of {}, fit the drive, {}",
                                      file.identity.text(), drive.text()),
                   file_name, "give the file of this product, or --force if you know that they fit");
 }
@@ -82,9 +82,9 @@ Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string
     if (options.progress) options.progress("checking", done++, file.values.size());
     const Parameter* parameter = list.find(value.address);
     if (parameter == nullptr && list.rules().is_connection(value.address)) {
-      complain(value, "it is about how the drive is reached; write --connection to load it as well");
+      complain(value, "it is a communication setting; give --connection to load it as well");
     } else if (parameter == nullptr && !options.skip_absent) {
-      complain(value, "it is no parameter of this drive");
+      complain(value, "it is not a parameter of this drive");
     } else if (parameter == nullptr) {
       plan.skipped.push_back(value.address);
     } else if (const std::string problem = objection(value, *parameter); !problem.empty()) {
@@ -94,7 +94,7 @@ Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string
     } else if (options.skip_absent) {
       plan.skipped.push_back(value.address);
     } else {
-      complain(value, "the drive does not have it, or not on this bus; write --skip-absent to leave it out");
+      complain(value, "the drive does not have it, or not on this bus; give --skip-absent to skip it");
     }
   }
   if (problems.empty()) return plan;
@@ -122,11 +122,12 @@ bool answers(ObjectClient& objects, ObjectAddress address) {
   const std::vector<ObjectAddress> written = writer.written();
   if (written.empty()) throw cause;
   if (!answers(objects, written.front())) {
-    throw LoadError(cause,
-                    fmt::format("the drive does not answer any more; {} objects were written (not stored): {}; when it "
-                                "is back, load the file again, or switch it off and on to have what was stored",
-                                written.size(), text_of(written)),
-                    LoadError::Outcome::bus_lost, written, written);
+    throw LoadError(
+        cause,
+        fmt::format("the drive does not answer any more; {} objects were written (not stored): {}; when it answers "
+                    "again, load the file again, or switch it off and on to return to the stored values",
+                    written.size(), text_of(written)),
+        LoadError::Outcome::bus_lost, written, written);
   }
   WantedValues before = writer.before();
   std::erase_if(before,
@@ -148,12 +149,13 @@ bool answers(ObjectClient& objects, ObjectAddress address) {
   }
   if (not_restored.empty()) {
     throw LoadError(cause,
-                    fmt::format("{}; all {} objects written before were taken back", cause.remedy(), written.size()),
+                    fmt::format("{}; the previous values of all {} objects written before were restored",
+                                cause.remedy(), written.size()),
                     LoadError::Outcome::rolled_back, written, {});
   }
   throw LoadError(cause,
-                  fmt::format("of {} objects written before, these could not be taken back: {} ({}); load a file that "
-                              "is known to be good",
+                  fmt::format("of {} objects written before, these previous values could not be restored: {} ({}); "
+                              "load a file that is known to be good",
                               written.size(), text_of(not_restored), why),
                   LoadError::Outcome::partly, written, not_restored);
 }

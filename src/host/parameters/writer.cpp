@@ -196,12 +196,12 @@ void ParameterWriter::bring_to(const WantedValues& wanted) {
       const auto has = read_parameter(objects_, address, value.type).value_or(std::vector<std::byte>{});
       throw HostError(
           words != refused_.end()
-              ? fmt::format("the value {} was not taken: {}", text_of_value(value.bytes, value.type), words->second)
+              ? fmt::format("the value {} was not accepted: {}", text_of_value(value.bytes, value.type), words->second)
               : fmt::format("{} was written and {} is read back", text_of_value(value.bytes, value.type),
                             text_of_value(has, value.type)),
           fmt::format("{}, {}", objects_.where(), text_of(address)),
-          words != refused_.end() ? "see the drive's manual for what this object allows, and in which state"
-                                  : "see the drive's manual for what alters it");
+          words != refused_.end() ? "see the drive's manual for the permitted values and states of this object"
+                                  : "see the drive's manual for conditions that change it");
     }
     last_changes = changes;
     refused_.clear();

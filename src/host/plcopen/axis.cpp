@@ -16,7 +16,7 @@ bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
 Axis::Axis(MotionAxis& motion, const AxisConfiguration& configuration)
     : motion_(motion), configuration_(configuration), scale_(configuration.counts_per_unit) {
   if (!std::isfinite(scale_) || scale_ == 0.0) {
-    throw HostError("counts_per_unit is 0 or no number", motion.axis().where(), "give counts for a unit of position");
+    throw HostError("counts_per_unit is 0 or no number", motion.axis().where(), "give the counts per unit of position");
   }
 }
 

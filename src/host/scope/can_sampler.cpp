@@ -82,17 +82,17 @@ std::unique_ptr<Sampler> open_can_sampler(Bus& bus, SdoClient& sdo, std::vector<
   std::string reason;
   if (!options.polls) {
     if (options.period && *options.period < shortest_sync_period) {
-      throw HostError("a CAN bus is sampled up to 1000 times a second", sdo.where(), "give a lower rate");
+      throw HostError("a CAN bus can be sampled up to 1000 times per second", sdo.where(), "give a lower rate");
     }
     if (const auto used = use_by_others(bus, sdo)) {
-      reason = fmt::format("read by SDO, not to disturb another master: {}", *used);
+      reason = fmt::format("read by SDO, in order not to disturb another master: {}", *used);
     } else {
       try {
         const auto [cycle, cycles] = cycles_of(options.period.value_or(usual_sync_period), longest_sync_period);
         return make_process_data_sampler(std::make_unique<CanSession>(bus, sdo, channels, cycle), channels, cycles,
                                          "TPDOs on SYNC");
       } catch (const HostError& error) {
-        reason = fmt::format("read by SDO, since they cannot be had as TPDOs: {}", error.happened());
+        reason = fmt::format("read by SDO, because they cannot be mapped into TPDOs: {}", error.happened());
       }
     }
   }

@@ -168,10 +168,10 @@ std::unique_ptr<Sampler> open_ethercat_sampler(EthercatMaster& master, std::span
                     "leave the motion to that master, and record without it");
   }
   std::string reason;
-  if (is_used) reason = "read by SDO, not to disturb another master: the slave is operational";
+  if (is_used) reason = "read by SDO, in order not to disturb another master: the slave is operational";
   if (!is_used && !options.polls) {
     if (options.period && *options.period < shortest_cycle) {
-      throw HostError("EtherCAT is sampled up to 4000 times a second", slave.where(), "give a lower rate");
+      throw HostError("EtherCAT can be sampled up to 4000 times per second", slave.where(), "give a lower rate");
     }
     const auto [cycle, cycles] = cycles_of(options.period.value_or(usual_cycle), longest_cycle);
     try {
@@ -180,7 +180,7 @@ std::unique_ptr<Sampler> open_ethercat_sampler(EthercatMaster& master, std::span
                                        options.moves ? "process data in OP" : "process data in SAFEOP");
     } catch (const CoeError& error) {
       if (!error.from_slave()) throw;
-      reason = fmt::format("read by SDO, since they cannot be had as process data: {}", error.what());
+      reason = fmt::format("read by SDO, because they cannot be mapped as process data: {}", error.what());
     }
   }
   std::unique_ptr<Session> session;

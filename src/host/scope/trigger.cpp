@@ -77,10 +77,10 @@ TriggerText parse_trigger(std::string_view text) {
     const std::string_view number = without_blanks(whole.substr(at + word.size()));
     if (channel.empty()) refuse_trigger(text, "a channel is missing");
     const auto value = trigger_value(number);
-    if (!value) refuse_trigger(text, fmt::format("\"{}\" is no number", number));
+    if (!value) refuse_trigger(text, fmt::format("\"{}\" is not a number", number));
     return {.channel = std::string(channel), .condition = condition, .value = *value};
   }
-  refuse_trigger(text, "it does not say what is waited for");
+  refuse_trigger(text, "the condition is missing");
 }
 
 bool Trigger::fires(std::optional<double> before, double now) const {

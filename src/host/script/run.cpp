@@ -109,8 +109,9 @@ class Runner {
   void read_scale(const Step& step, const Member& member) {
     const std::pair key{step.axis, step.units};
     if (!scales_.contains(key)) {
-      scales_.emplace(key, UnitScale::of(*member.axis, step.units,
-                                         "say it behind `units` (`units revolutions NUMBER`, `units mm FEED NUMBER`)"));
+      scales_.emplace(key,
+                      UnitScale::of(*member.axis, step.units,
+                                    "give them after `units` (`units revolutions NUMBER`, `units mm FEED NUMBER`)"));
     }
   }
 

@@ -95,12 +95,12 @@ Decoded CanDecoder::decode(const Frame& frame, Time time) {
   decoded.kind = FrameKind::can;
   if (frame.length > frame.data.size()) {
     decoded.kind = FrameKind::garbage;
-    decoded.text = fmt::format("a length of {} is no classical CAN frame", frame.length);
+    decoded.text = fmt::format("a length of {} is not a classical CAN frame", frame.length);
     decoded.error = true;
     return decoded;
   }
   if (frame.extended) {
-    decoded.text = "29-bit identifier: none of CANopen";
+    decoded.text = "29-bit identifier: not used by CANopen";
     return decoded;
   }
   if (decode_service(frame, decoded)) return decoded;

@@ -252,7 +252,8 @@ std::optional<CapturedFrame> CaptureFile::next_line() {
     } else {
       int character = EOF;
       while ((character = std::getc(file_)) != EOF && character != '\n') {
-        if (line.size() == longest_line || character == 0) refuse("this is no line of a candump log or a serial log");
+        if (line.size() == longest_line || character == 0)
+          refuse("this is not a line of a candump log or a serial log");
         line += static_cast<char>(character);
       }
       if (character == EOF && line.empty()) return std::nullopt;
@@ -267,7 +268,7 @@ std::optional<CapturedFrame> CaptureFile::next_line() {
     std::string shown = line.substr(0, 40);
     std::replace_if(
         shown.begin(), shown.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-    refuse(fmt::format("\"{}\" is no line of a candump log or a serial log", shown));
+    refuse(fmt::format("\"{}\" is not a line of a candump log or a serial log", shown));
   }
 }
 
@@ -275,7 +276,7 @@ std::optional<CapturedFrame> CaptureFile::next_packet() {
   std::array<std::uint8_t, 16> header{};
   if (!read(header.data(), header.size(), "a packet header", true)) return std::nullopt;
   const std::uint32_t length = u32(&header[8]);
-  if (length > most_packet) refuse(fmt::format("a packet of {} bytes cannot be", length));
+  if (length > most_packet) refuse(fmt::format("a packet length of {} bytes is not possible", length));
   const std::uint64_t nanoseconds = u32(&header[4]) * (1'000'000'000 / interfaces_[0].ticks_per_second);
   const links::Time time(static_cast<std::int64_t>(u32(header.data()) * 1'000'000'000ULL + nanoseconds));
   std::vector<std::uint8_t> bytes(length);
@@ -290,7 +291,8 @@ void CaptureFile::read_section(const std::uint8_t* length) {
   if (u32(order.data()) != pcapng_byte_order) swapped_ = true;
   if (u32(order.data()) != pcapng_byte_order) refuse("the section header has no byte order");
   const std::uint32_t bytes = u32(length);
-  if (bytes < 28 || bytes > most_packet) refuse(fmt::format("a section header of {} bytes cannot be", bytes));
+  if (bytes < 28 || bytes > most_packet)
+    refuse(fmt::format("a section header length of {} bytes is not possible", bytes));
   std::vector<std::uint8_t> rest(bytes - 12);
   read(rest.data(), rest.size(), "the section header", false);
   interfaces_.clear();
@@ -308,7 +310,7 @@ std::optional<CapturedFrame> CaptureFile::next_block() {
   }
   const std::uint32_t length = u32(&header[4]);
   if (length < 12 || length % 4 != 0 || length > most_packet)
-    refuse(fmt::format("a block of {} bytes cannot be", length));
+    refuse(fmt::format("a block length of {} bytes is not possible", length));
   std::vector<std::uint8_t> block(length - 8);
   read(block.data(), block.size(), "a block", false);
   const std::size_t size = block.size() - 4;  // a block ends with its length again

@@ -184,7 +184,7 @@ Decoded EthercatDecoder::decode_datagram(const Datagram& datagram, const Sent* s
     }
     if (returned && working_counter == 0) {
       decoded.error = true;
-      decoded.text = fmt::format("nobody answered: {} {}", write ? "write" : "read", register_name(offset));
+      decoded.text = fmt::format("no slave answered: {} {}", write ? "write" : "read", register_name(offset));
     } else if (one != nullptr && has_data) {
       describe_memory(*one, offset, data, write, decoded);
     } else {

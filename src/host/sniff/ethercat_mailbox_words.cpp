@@ -72,7 +72,7 @@ void EthercatDecoder::describe_mailbox(Slave& slave, std::span<const std::uint8_
   const std::size_t length = load_u16(data.data());
   const std::span<const std::uint8_t> message = data.subspan(ethercat::mailbox_header_size);
   if (length > message.size()) {
-    decoded.text = fmt::format("mailbox message that says it has {} bytes, of {}", length, message.size());
+    decoded.text = fmt::format("mailbox message whose length is {} bytes, with {} present", length, message.size());
     decoded.error = true;
     return;
   }

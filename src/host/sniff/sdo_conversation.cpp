@@ -180,7 +180,7 @@ SdoConversation::Heard SdoConversation::hear_client(std::span<const std::uint8_t
       if (!known_) return {"block transfer"};
       return block_end(command >> 2 & 7U, catalogue);
     }
-    default: return {fmt::format("command {:02X}h is none of SDO", command)};
+    default: return {fmt::format("command {:02X}h is not an SDO command", command)};
   }
   return {"of wrong length"};
 }
@@ -243,7 +243,7 @@ SdoConversation::Heard SdoConversation::hear_server(std::span<const std::uint8_t
       promised_ = (command & sdo::block_size_indicated) != 0 && names_object ? ethercat::load_u32(&message[4]) : 0;
       heard.text = fmt::format("{} has {} bytes, in blocks", title(catalogue), promised_);
       return heard;
-    default: return {fmt::format("command {:02X}h is none of SDO", command)};
+    default: return {fmt::format("command {:02X}h is not an SDO command", command)};
   }
   return {"of wrong length"};
 }

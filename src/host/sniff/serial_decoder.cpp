@@ -207,8 +207,8 @@ void SerialDecoder::give_up(std::size_t bytes, std::vector<Decoded>& all) {
   decoded.error = true;
   decoded.raw = hex_text(garbage_);
   decoded.text = garbage_.size() == 1
-                     ? "1 byte that is no frame: checksum or length is wrong"
-                     : fmt::format("{} bytes that are no frame: checksum or length is wrong", garbage_.size());
+                     ? "1 byte outside a frame: checksum or length is wrong"
+                     : fmt::format("{} bytes outside a frame: checksum or length is wrong", garbage_.size());
   all.push_back(std::move(decoded));
   garbage_.clear();
 }

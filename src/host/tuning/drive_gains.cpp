@@ -87,8 +87,8 @@ TuningUnits tuning_units_of(ObjectClient& objects, const TuningDialect& dialect,
   }
   const auto torque_mnm = objects.read_if_present<std::uint32_t>(0x6076).value_or(0);
   if (torque_mnm == 0) {
-    throw HostError("6076h (rated torque) is not there or 0", objects.where(),
-                    "torques cannot be told in Nm without it: set it to the motor's rated torque in mNm");
+    throw HostError("6076h (rated torque) is missing or 0", objects.where(),
+                    "torques cannot be converted to Nm without it: set it to the motor's rated torque in mNm");
   }
   units.torque_unit = torque_mnm * 1e-6;  // for 0.1 % of the rated torque
   const auto current_ma = objects.read_if_present<std::uint32_t>(0x6075).value_or(0);
@@ -143,9 +143,9 @@ std::vector<GainValue> numbers_of(const Proposal& proposal, const TuningDialect&
   for (const GainObject& gain : dialect.gains) {
     const double number = std::round(wanted(gain.role) / unit_of(gain, units));
     if (number > gain.greatest || (number < 1.0 && gain.role == velocity_kp)) {
-      throw HostError(fmt::format("{} ({}) would have to be {:.0f}, and it goes from 1 to {:.0f}", gain.name,
+      throw HostError(fmt::format("{} ({}) would have to be {:.0f}, but its range is 1 to {:.0f}", gain.name,
                                   text_of(gain.object), number, gain.greatest),
-                      where, "ask for another --bandwidth");
+                      where, "choose another --bandwidth");
     }
     values.push_back({&gain, static_cast<std::int64_t>(number)});
   }

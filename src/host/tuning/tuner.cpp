@@ -27,8 +27,8 @@ ProcessObject mapped(std::optional<ProcessObject> object, ObjectAddress address,
                      const char* pdo) {
   if (object) return *object;
   throw HostError(
-      fmt::format("{} is not among its process data, and the velocity loop is measured with it", text_of(address)),
-      where, fmt::format("map it into {}", pdo));
+      fmt::format("{} is not in its process data, but is needed to measure the velocity loop", text_of(address)), where,
+      fmt::format("map it into {}", pdo));
 }
 
 std::int32_t whole_number(double value) {
@@ -67,8 +67,7 @@ void Tuner::fail(const std::string& happened, const std::string& remedy) const {
 
 std::string text_of_losses(std::uint64_t cycles) {
   if (cycles == 0) return {};
-  return fmt::format("; {} cycles were lost meanwhile: choose a longer --cycle, or a computer that is less busy",
-                     cycles);
+  return fmt::format("; {} cycles were lost: choose a longer --cycle, or a computer with less load", cycles);
 }
 
 // Evaluates the inputs and computes the next command. A problem brakes the axis at once by a quick stop of the drive.
@@ -104,12 +103,12 @@ void Tuner::cycle() {
       if (over_torque_ > over_torque_cycles) {
         stop_because(fmt::format("more than {:.0f} % of {} for {} cycles", 100.0 * options_.torque_limit,
                                  dialect_.full_torque_text, over_torque_cycles),
-                     "the axis is blocked or rings: look at it, or allow more with --torque");
+                     "the axis is blocked or oscillates: check it, or raise the torque limit with --torque");
       }
       const double slack = travel_slack * turn;
       if (travelled_ < -slack || travelled_ > options_.travel_revolutions * turn + slack) {
-        stop_because(fmt::format("the axis is {:.2f} revolutions from where it stood", travelled_ / turn),
-                     fmt::format("it was allowed {:g} forward and {:g} back; allow more with --travel",
+        stop_because(fmt::format("the axis is {:.2f} revolutions from its start", travelled_ / turn),
+                     fmt::format("the limits are {:g} forward and {:g} back; allow more with --travel",
                                  options_.travel_revolutions, travel_slack));
       }
     }
@@ -278,7 +277,7 @@ Tuner::Record Tuner::record(const Multisine& excitation, unsigned periods, doubl
     }
     const std::uint64_t bad = lost_cycles() - lost_before;
     if (bad * 100 > n) {
-      fail("too many cycles were lost, which spoils the measurement", fmt::format("at most 1 % of {} may be", n));
+      fail("too many cycles were lost for a valid measurement", fmt::format("at most 1 % of {} may be lost", n));
     }
     const std::size_t whole = record.command.size() / period * period;
     record.command.resize(whole);
@@ -334,7 +333,7 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
   }
   const auto loop = identify_loop(found.velocity_by_command, found.torque_by_command, sample_s_, notch);
   if (!loop) {
-    fail("what was measured is no PI controller on an inertia",
+    fail("the measured response does not match a PI controller with an inertia",
          "check that the axis turns freely, or let it move more with --travel or --seconds");
   }
   found.controller = loop->controller;
@@ -352,7 +351,7 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
                                 std::polar(1.0, w * (loop->effective_delay_s - law.delay_s)));
   }
   if (found.frequencies_hz.size() < fewest_frequencies) {
-    fail(fmt::format("the axis answers clearly to {} of {} frequencies only", found.frequencies_hz.size(),
+    fail(fmt::format("the axis responds clearly at only {} of {} frequencies", found.frequencies_hz.size(),
                      found.velocity_by_command.size()),
          "check that it turns freely; measure with longer --seconds");
   }

@@ -97,7 +97,7 @@ Response answered(Act act) {
   } catch (const ApiError& error) {
     return error_response(error);
   } catch (const std::exception& error) {
-    return error_response({500, fmt::format("the server has a defect: {}", error.what()), "server",
+    return error_response({500, fmt::format("internal error of the server: {}", error.what()), "server",
                            "please report it with this request"});
   }
 }
@@ -111,11 +111,11 @@ Response dispatch(Line& line, const Request& request, std::span<const RouteGroup
     if (wanted.response) return std::move(*wanted.response);
   }
   if (wanted.allow.empty()) {
-    return error_response({404, "there is nothing at this address", std::string(wanted.path.substr(0, 200)),
+    return error_response({404, "unknown address", std::string(wanted.path.substr(0, 200)),
                            "docs/bench-api.md lists the addresses; they begin with /api/v1/"});
   }
   Response refusal = error_response(
-      {405, "this address does not have that method", std::string(wanted.path), "it has " + wanted.allow});
+      {405, "this address does not support the method", std::string(wanted.path), "it has " + wanted.allow});
   refusal.allow = wanted.allow;
   return refusal;
 }

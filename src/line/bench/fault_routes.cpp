@@ -46,7 +46,7 @@ Injectable injectable(Axis& axis, const std::string& name) {
   std::vector<std::string_view> names;
   names.reserve(plant::injection_names.size());
   for (const plant::InjectionName& known : plant::injection_names) names.push_back(known.name);
-  throw ApiError{422, fmt::format("there is nothing called \"{}\" to inject", name.substr(0, 40)), "inject",
+  throw ApiError{422, fmt::format("there is no fault \"{}\" to inject", name.substr(0, 40)), "inject",
                  suggestion(name, names) + "; or give a fault code of the drive such as \"0x2310\""};
 }
 

@@ -244,13 +244,13 @@ std::optional<Response> HttpConnection::refusal_of_address(const Message& messag
   if (const auto coding = message[http::field::transfer_encoding];
       message.count(http::field::transfer_encoding) > 1 || (!coding.empty() && !beast::iequals(coding, "chunked"))) {
     return error_response({501,
-                           fmt::format("the transfer coding \"{}\" is not understood", text_of(coding).substr(0, 40)),
+                           fmt::format("the transfer coding \"{}\" is not supported", text_of(coding).substr(0, 40)),
                            "Transfer-Encoding", "send Content-Length, or Transfer-Encoding: chunked"});
   }
   for (const http::field field : {http::field::host, http::field::origin, http::field::authorization}) {
     if (message.count(field) > 1) {
       const std::string name = text_of(http::to_string(field));
-      return error_response({400, fmt::format("the field {} is there more than once", name), name, "send it once"});
+      return error_response({400, fmt::format("the field {} is present more than once", name), name, "send it once"});
     }
   }
   return std::nullopt;
@@ -296,7 +296,8 @@ void HttpConnection::upgrade(Message&& message) {
   }
   // Refuses frames before the answer to the handshake (RFC 6455 4.1 forbids them).
   if (!refusal && buffer_.size() != 0) {
-    refusal = error_response({400, "there is something behind the handshake", "body", "wait for its answer"});
+    refusal =
+        error_response({400, "data follow the handshake request", "body", "wait for the answer to the handshake"});
   }
   if (!refusal && handlers.refuse_upgrade) refusal = handlers.refuse_upgrade();
   if (refusal) {

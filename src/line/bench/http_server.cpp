@@ -83,10 +83,9 @@ std::chrono::steady_clock::duration HttpServer::take_turn() {
 void HttpServer::count_failure(const std::exception& error) {
   ++failures_;
   if (!std::has_single_bit(failures_) || !handlers_.report) return;
-  handlers_.report(
-      fmt::format("bench API: an exception ended a connection, the {}. so far: {}; please report it with "
-                  "the request that did it",
-                  failures_, error.what()));
+  handlers_.report(fmt::format(
+      "bench API: an exception ended a connection ({} so far): {}; please report it with the request that caused it",
+      failures_, error.what()));
 }
 
 void HttpServer::charge(std::chrono::steady_clock::duration spent) {

@@ -24,7 +24,7 @@ unsigned hexadecimal(std::string_view text, unsigned maximum, std::string_view w
   unsigned value = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);
   if (error != std::errc() || end != digits.data() + digits.size() || value > maximum) {
-    throw ApiError{400, fmt::format("\"{}\" is no {}", text.substr(0, 40), what), "address",
+    throw ApiError{400, fmt::format("\"{}\" is not {}", text.substr(0, 40), what), "address",
                    "write index and sub-index in hexadecimal: objects/6041/0"};
   }
   return value;
@@ -67,7 +67,7 @@ struct Place {
 };
 
 [[noreturn]] void wrong_value(const Place& object, std::string_view expected) {
-  throw ApiError{400, "the value is of the wrong kind", object.where,
+  throw ApiError{400, "the value has the wrong type", object.where,
                  fmt::format("{} takes {}", describe::word(object.entry.type), expected)};
 }
 
@@ -132,8 +132,8 @@ Bytes bytes_of(const Place& object, const Json& value) {
 }  // namespace
 
 ObjectName object_address(std::string_view index, std::string_view sub) {
-  return {static_cast<std::uint16_t>(hexadecimal(index, 0xFFFF, "index")),
-          static_cast<std::uint8_t>(hexadecimal(sub, 0xFF, "sub-index"))};
+  return {static_cast<std::uint16_t>(hexadecimal(index, 0xFFFF, "an index")),
+          static_cast<std::uint8_t>(hexadecimal(sub, 0xFF, "a sub-index"))};
 }
 
 std::vector<std::pair<std::string, ObjectName>> object_list(std::string_view rest) {

@@ -23,7 +23,7 @@ constexpr const char* page_note = R"(<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Servodrome</title></head><body>
 <h1>Servodrome</h1>
 <p>The line is running. The studio's page is not built: <code>./run</code> builds it, or
-<code>servodrome up --studio FOLDER</code> says where it is.</p>
+<code>servodrome up --studio FOLDER</code> gives its folder.</p>
 <p>The bench API is at <a href="/api/v1/axes">/api/v1/axes</a>.</p>
 </body></html>
 )";
@@ -76,7 +76,7 @@ Response page_response(const Request& request, std::string body, const char* typ
 }
 
 Response nothing_there(std::string_view path) {
-  return error_response({404, "there is nothing at this address", std::string(path.substr(0, 200)),
+  return error_response({404, "unknown address", std::string(path.substr(0, 200)),
                          "the page is at /, the API below /api/v1/ (docs/bench-api.md)"});
 }
 
@@ -101,8 +101,8 @@ StaticFiles::StaticFiles(const std::string& folder) {
 Response StaticFiles::answer(const Request& request) const {
   const std::string_view path = std::string_view(request.target).substr(0, request.target.find('?'));
   if (request.method != Method::get) {
-    Response refusal =
-        error_response({405, "this address does not have that method", std::string(path.substr(0, 200)), "it has GET"});
+    Response refusal = error_response(
+        {405, "this address does not support the method", std::string(path.substr(0, 200)), "it has GET"});
     refusal.allow = "GET";
     return refusal;
   }

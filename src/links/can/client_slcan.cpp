@@ -58,7 +58,7 @@ void SlcanClient::open_tty() {
   }
   termios settings{};
   if (::tcgetattr(tty_.get(), &settings) != 0) {
-    fail(system_error(errno), "is no serial port", "name a tty or the line's slcan: path");
+    fail(system_error(errno), "is not a serial port", "name a tty or the line's slcan: path");
   }
   ::cfmakeraw(&settings);
   settings.c_cflag |= CLOCAL | CREAD;

@@ -47,16 +47,15 @@ ifreq ask(int socket, unsigned long request, const std::string& interface, const
 
 void check_interface(int socket, const std::string& interface, const std::string& link) {
   if (::if_nametoindex(interface.c_str()) == 0) {
-    fail_raw(
-        link, fmt::format("there is no interface \"{}\"", interface),
-        fmt::format("\"ip link\" lists those there are; a pair of virtual ones: ip link add {0} type veth peer name "
-                    "{0}-master && ip link set {0} up && ip link set {0}-master up",
-                    interface));
+    fail_raw(link, fmt::format("there is no interface \"{}\"", interface),
+             fmt::format("\"ip link\" lists the interfaces; a pair of virtual ones: ip link add {0} type veth peer "
+                         "name {0}-master && ip link set {0} up && ip link set {0}-master up",
+                         interface));
   }
   if (ask(socket, SIOCGIFHWADDR, interface, link).ifr_hwaddr.sa_family != ARPHRD_ETHER) {
     errno = EINVAL;
-    fail_raw(link, fmt::format("\"{}\" is no Ethernet interface", interface),
-             "name one that is; programs on this computer reach the line with udp:127.0.0.1:34980");
+    fail_raw(link, fmt::format("\"{}\" is not an Ethernet interface", interface),
+             "name an Ethernet interface; programs on this computer reach the line with udp:127.0.0.1:34980");
   }
   if ((ask(socket, SIOCGIFFLAGS, interface, link).ifr_flags & IFF_UP) == 0) {
     errno = ENETDOWN;
@@ -120,7 +119,7 @@ PacketSocket::PacketSocket(const std::string& interface, const std::string& link
     : socket_(::socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {
   if (!socket_.is_open()) {
     fail_raw(link, "raw Ethernet is not permitted",
-             "run as root (sudo), or give the program the right (sudo setcap cap_net_raw+ep PROGRAM), or use "
+             "run as root (sudo), or give the program the capability (sudo setcap cap_net_raw+ep PROGRAM), or use "
              "udp:127.0.0.1:34980, which needs none");
   }
   const int socket = socket_.get();

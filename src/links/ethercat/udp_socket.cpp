@@ -58,7 +58,7 @@ FileDescriptor udp_connect(const Endpoint& endpoint, const std::string& link) {
   const Addresses addresses = resolve(endpoint, 0, link);
   FileDescriptor socket = open_socket(*addresses);
   if (!socket.is_open() || ::connect(socket.get(), addresses->ai_addr, addresses->ai_addrlen) != 0) {
-    fail_udp(link, "see whether there is a way to this address (ip route)");
+    fail_udp(link, "check that there is a route to this address (ip route)");
   }
   return socket;
 }

@@ -47,7 +47,7 @@ const Recording& Recordings::add(Source& source, const std::string& body) {
   plan.id = last_id_ + 1;
   auto recording = std::make_shared<Recording>(std::move(plan), std::move(trigger));
   if (!make_room(bytes)) {
-    throw ApiError{409, "the recordings that are not done take all the memory", "recordings",
+    throw ApiError{409, "no memory is left for another recording, because unfinished recordings use it", "recordings",
                    "delete one: DELETE /api/v1/recordings/{id}"};
   }
   ++last_id_;

@@ -47,7 +47,7 @@ void StreamSession::receive(std::string_view message, WallTime now) {
 void StreamSession::obey(const std::string& message) {
   BodyReader reader(message);
   if (reader.object().size() != 1) {
-    throw ApiError{400, "a message has one key", "message",
+    throw ApiError{400, "a message must have one key", "message",
                    R"(send {"subscribe": ...}, {"unsubscribe": ...} or )"
                    R"({"watch": ...})"};
   }

@@ -99,7 +99,7 @@ class WebSockets::Connection final : public std::enable_shared_from_this<Connect
                            session_->receive(beast::buffers_to_string(buffer_.data()),
                                              std::chrono::steady_clock::now());
                          } else {
-                           close("messages are text");
+                           close("messages must be text");
                          }
                          buffer_.consume(buffer_.size());
                          read();
@@ -186,8 +186,9 @@ WebSockets::~WebSockets() {
 
 std::optional<Response> WebSockets::refuse() const {
   if (connections_.size() < most_clients) return std::nullopt;
-  return error_response(
-      {503, fmt::format("{} clients are connected to the stream", connections_.size()), address, "close one of them"});
+  return error_response({503,
+                         fmt::format("no further stream is possible: {} clients are connected", connections_.size()),
+                         address, "close one of them"});
 }
 
 void WebSockets::accept(Upgrade&& upgrade) {
