@@ -66,7 +66,7 @@ void Axis402::set_limits(const AxisLimits& limits) {
     try {
       for (auto undo = before.rbegin(); undo != before.rend(); ++undo) objects_.download(undo->first, undo->second);
     } catch (const HostError&) {
-      // What went wrong first is told.
+      // The original error is rethrown below; this one is ignored.
     }
     throw;
   }

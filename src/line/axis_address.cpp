@@ -20,9 +20,9 @@ class AxisAddressReader {
   }
 
  private:
-  // The fieldbus: its own of the product's kind, found by name, or the only one there is.
+  // Finds the axis' fieldbus among those of the product's kind: by name, or the only one that exists.
   void read_fieldbus_address(TableReader& reader, AxisSettings& axis) {
-    if (axis.product == nullptr) {  // it is unknown which bus it needs, and which of these keys
+    if (axis.product == nullptr) {  // marks all keys as known: the kind of bus is unknown
       for (const char* key : {"bus", "alias", "oscillator_ppm", "cable_ns", "sync_error_limit"}) reader.node(key);
       read_node(reader, axis);
       return;
@@ -43,7 +43,7 @@ class AxisAddressReader {
     }
   }
 
-  // Index into `names`, which are the buses that the axis can stand on.
+  // Returns the index into `names`, which are the buses that fit the product.
   std::optional<std::size_t> read_fieldbus(TableReader& reader, const AxisSettings& axis,
                                            const std::vector<std::string_view>& names) {
     std::string bus;
@@ -124,7 +124,7 @@ class AxisAddressReader {
     }
   }
 
-  // A drive may be set to another bit rate than its bus, but not to one that it does not have.
+  // A drive may be set to a bit rate other than that of its bus, but only to one that it supports.
   void check_bit_rate(TableReader& reader, const AxisSettings& axis) {
     if (axis.product == nullptr || axis.product->describe == nullptr || (axis.bit_rate == 0 && !axis.bus)) return;
     const std::uint32_t rate = axis.bit_rate != 0 ? axis.bit_rate : settings_.buses[*axis.bus].bit_rate;

@@ -22,7 +22,7 @@ namespace {
 
 std::string last_error() { return std::strerror(errno); }
 
-// Closes what the constructor opened unless it got to its end.
+// Closes the opened file, unless the constructor succeeds.
 struct OpenFile {
   int number;
   ~OpenFile() {
@@ -69,7 +69,7 @@ FileMedium::FileMedium(const std::string& path, std::uint32_t size)
 
 FileMedium::~FileMedium() { ::close(file_); }
 
-// The path still leads to the file that was opened.
+// Returns true if the path still refers to the file that was opened.
 bool FileMedium::in_place() const {
   struct stat opened {};
   struct stat found {};

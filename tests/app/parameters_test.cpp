@@ -1,5 +1,5 @@
-// Parameters of every product: saved, changed, loaded into a drive as it leaves the factory; cut off in the middle;
-// what a file may not hold. In virtual time, over CAN, EtherCAT and Modbus.
+// Parameters of every product: saved, changed, and loaded into a drive with factory settings; interrupted loads;
+// invalid files. In virtual time, over CAN, EtherCAT and Modbus.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sstream>
@@ -83,11 +83,11 @@ struct Bench {
     }
     return text;
   }
-  // Every parameter that takes another value gets one; how many did.
+  // Changes every parameter that accepts another value; returns the number of changes.
   std::size_t change_all() {
     std::size_t changed = 0;
     for (const Parameter& parameter : list->all()) {
-      // An input of the iSMK with another function or level could enable the motor.
+      // A different function or level of an iSMK input could enable the motor.
       const bool is_input = parameter.address.index == 0x2010 && product.name.starts_with("ismk");
       if (parameter.address.index < 0x2000 || is_input || dictionary::size_of(parameter.type) == 0) continue;
       const auto now = read_parameter(*objects, parameter.address, parameter.type);
@@ -105,7 +105,7 @@ struct Bench {
     }
     return changed;
   }
-  // The third TPDO gets another mapping, type and identifier.
+  // Gives the third TPDO another mapping, type and identifier.
   void remap() {
     if (!bus) return;
     objects->write<std::uint32_t>(0x1802, 1, 0x80000480U + node);
@@ -186,7 +186,7 @@ TEST_P(EveryProduct, SavesAndLoadsIntoAFactoryDrive) {
   std::printf("%s: %zu parameters, %zu changed, %zu written\n", GetParam().c_str(), file.values.size(), changed,
               report.written.size());
   ParameterFile back = factory;
-  // 605Dh of a ProNet is 0 from the factory, which cannot be written (its README, C21).
+  // 605Dh of a ProNet is 0 by default, a value that cannot be written (its README, C21).
   std::erase_if(back.values, [&](const ParameterValue& value) {
     return GetParam() == "pronet" && value.address == ObjectAddress{0x605D, 0};
   });
@@ -194,7 +194,7 @@ TEST_P(EveryProduct, SavesAndLoadsIntoAFactoryDrive) {
   EXPECT_TRUE(compare(back.values, target.save().values, target.node_id, true).empty()) << target.differences(back);
 }
 
-// The supply goes away in the middle of the writing.
+// The supply fails in the middle of the load.
 TEST_P(EveryProduct, ALoadThatIsCutSaysWhatWasWrittenAndASecondCompletes) {
   Bench source(GetParam());
   source.change_all();
@@ -236,7 +236,7 @@ TEST_P(EveryProduct, ALoadThatIsCutSaysWhatWasWrittenAndASecondCompletes) {
   EXPECT_EQ(target.differences(file), "");
 }
 
-// A value that no table forbids and the drive refuses: what was written before is taken back.
+// A value that no table forbids but the drive refuses: the values written before must be restored.
 TEST_P(EveryProduct, ARefusedValueTakesTheOthersBack) {
   Bench target(GetParam());
   target.remap();
@@ -256,7 +256,7 @@ TEST_P(EveryProduct, ARefusedValueTakesTheOthersBack) {
     EXPECT_TRUE(change({0x1A02, 1}, 0x60640020));
   }
   EXPECT_TRUE(change({0x60C2, 2}, 63) || change({0x6084, 0}, 4712));
-  // No drive has homing method 99 or quick stop 17.
+  // No drive has homing method 99 or quick stop option 99.
   EXPECT_TRUE(change(GetParam().starts_with("jmc") ? ObjectAddress{0x6098, 0} : ObjectAddress{0x605D, 0}, 99));
   try {
     target.load(file);
@@ -270,7 +270,7 @@ TEST_P(EveryProduct, ARefusedValueTakesTheOthersBack) {
   EXPECT_EQ(target.differences(before), "");
 }
 
-// Over Modbus: those that have a register.
+// Over Modbus: only objects that have a register.
 class OverModbus : public testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Products, OverModbus, testing::Values("generic402", "ismk"));
 
@@ -324,7 +324,7 @@ TEST(Parameters, AreCheckedBeforeTheFirstWrite) {
   EXPECT_EQ(bench.load(with("6083:00 u32 4711\n")).written.size(), 1U) << "a part of a file is a file";
 }
 
-// What is stored outlives the power; the file of one node fits another.
+// Stored parameters survive power-off, and the file of one node can be loaded into another.
 TEST(Parameters, AreStoredAndRelativeToTheNode) {
   for (const char* product : {"generic402", "ismc", "ismk"}) {
     Bench bench(product);
@@ -340,7 +340,7 @@ TEST(Parameters, AreStoredAndRelativeToTheNode) {
   EXPECT_FALSE(store_parameters(*Bench("pronet").objects, parameter_rules_of("pronet")));
 }
 
-// A node that says by its heartbeat that it is operational is so again afterwards.
+// A node whose heartbeat shows operational must be operational again afterwards.
 TEST(Parameters, PdosAreChangedInPreOperationalAndTheNodeIsStartedAgain) {
   Bench bench("generic402");
   Master master(*bench.bus);
@@ -360,7 +360,7 @@ TEST(Parameters, PdosAreChangedInPreOperationalAndTheNodeIsStartedAgain) {
   EXPECT_TRUE(was_pre_operational);
 }
 
-// By the drive's own description, without our dictionary.
+// With the drive's own description instead of this project's dictionary.
 TEST(Parameters, AreFoundByAnEdsAndBySdoInformation) {
   Bench can("generic402");
   std::istringstream in(describe::eds(can.product.describe()));

@@ -1,4 +1,4 @@
-// Motion scripts: what is told of a wrong one, and what a right one does with every product on every bus it has.
+// Motion scripts: error messages of invalid ones, and execution of valid ones with every product on every bus it has.
 #include <fstream>
 #include <gmock/gmock.h>
 #include <iterator>
@@ -147,7 +147,7 @@ TEST(ScriptText, TheExampleOfTheManualIsOne) {
   EXPECT_GT(script.count_steps(), 10U);
 }
 
-// Words that belong to a script in any order: whatever comes of it, it is a script or mistakes.
+// Random sequences of script words: the parser must either accept them or report mistakes.
 TEST(ScriptText, NothingMakesTheParserFail) {
   const char* const words[] = {"axis", "a",  "1",       "use",      "units", "revolutions", "timeout", "move",  "to",
                                "by",   "-1", "repeat",  "end",      "\n",    "expect",      "6041",    "==",    "\"",
@@ -184,7 +184,7 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
       if (!text.empty()) said.push_back(text);
     };
   }
-  // An ISMC has no object that says what a revolution is.
+  // An ISMC has no object with the units of a revolution, so the script must give the number.
   static Script of_product(std::string_view text) {
     std::string own(text);
     constexpr std::string_view units = "units revolutions";
@@ -193,7 +193,7 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
       own.insert(at + units.size(), " 131072");
     return parsed(own);
   }
-  // What it fails with; "" if it does not.
+  // The error message of the script; "" if it succeeds.
   std::string problem_of(std::string_view text) {
     try {
       run(of_product(text), pointers, options);
@@ -211,7 +211,7 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
     rig.line.run_until(rig.line.now() + 100ms);
     return (shaft(axis) - before) / 0.1;
   }
-  // At which `turns` something is to happen, once, while the axis moves.
+  // Calls `what` once, when the axis has moved by `turns`.
   void when(double turns, std::function<void()> what) {
     options.progress = [this, turns, what = std::move(what), done = false](const AxisStatus&) mutable {
       if (done || std::abs(shaft()) < turns) return;
@@ -230,7 +230,7 @@ class ScriptRun : public testing::TestWithParam<RigCase> {
 INSTANTIATE_TEST_SUITE_P(Every, ScriptRun, testing::ValuesIn(test::every_product),
                          [](const auto& row) { return row.param.name(); });
 
-// A revolution at two per second, in every unit there is.
+// A revolution at two per second, in every unit.
 TEST_P(ScriptRun, TakesEveryUnit) {
   struct Row {
     std::string units;

@@ -1,4 +1,4 @@
-// The checks against drives on an RS485 line, in virtual time.
+// The conformance checks against drives on an RS485 line, in virtual time.
 #include <gmock/gmock.h>
 
 #include "conform/conform_rig.hpp"
@@ -7,7 +7,7 @@
 namespace servodrome::host::conform::test {
 namespace {
 
-// Falsifies what comes back: called with all bytes of an answer.
+// Modifies requests and answers; the callbacks receive all bytes of a frame.
 class FalseClient final : public links::ByteClient {
  public:
   using Bytes = std::vector<std::uint8_t>;
@@ -25,7 +25,7 @@ class FalseClient final : public links::ByteClient {
     if (!from_drive_) return client_.receive(bytes, timeout);
     Bytes part;
     if (!client_.receive(part, timeout)) return false;
-    // To the end of the frame, which a millisecond of silence is.
+    // Collects bytes until the end of the frame: 2 ms of silence.
     for (Bytes more; client_.receive(more, 2ms); more.clear()) part.insert(part.end(), more.begin(), more.end());
     from_drive_(part);
     bytes.insert(bytes.end(), part.begin(), part.end());

@@ -62,7 +62,7 @@ TEST_F(MasterTest, CodesWithoutWordsOfTheirOwnAreDescribedByTheirClass) {
   EXPECT_EQ(text_of_error_code(0xB001), "manufacturer's code");
 }
 
-// The SYNCs on the wire, with the time since the watch began.
+// Records the SYNCs on the bus, with the time since the start.
 struct SyncWatch final : links::BusObserver {
   explicit SyncWatch(CanLine& its_line) : line(its_line), start(its_line.now()) { line.wire.add_observer(*this); }
   ~SyncWatch() { line.wire.remove_observer(*this); }

@@ -1,4 +1,4 @@
-// The master's own trajectory, and an axis that follows it, without a bus: process data in memory.
+// The master's own trajectory and an axis that follows it, without a bus: the process data are in memory.
 #include <cmath>
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ TEST(SetPointGenerator, LinearProfileIsTheClosedForm) {
   SetPointGenerator generator(0.001);
   generator.reset({100.0, 0.0, 0.0});
   ASSERT_TRUE(generator.move_to(600.0, 0.0, linear));
-  // Up in 0.2 s over 100, down in 0.4 s over 200, between them 200 at 1000/s.
+  // Accelerates for 0.2 s over 100 counts, decelerates for 0.4 s over 200, and covers 200 at 1000/s in between.
   EXPECT_DOUBLE_EQ(generator.duration_s(), 0.8);
   for (int cycle = 1; cycle <= 900; ++cycle) {
     generator.advance();
@@ -32,7 +32,8 @@ TEST(SetPointGenerator, LinearProfileIsTheClosedForm) {
   EXPECT_EQ(generator.state().velocity, 0.0);
 }
 
-// The second profile begins where the first ends, within a cycle: no time is lost, no velocity jumps.
+// The second profile starts exactly at the end of the first, within a cycle: no time is lost and the velocity does not
+// jump.
 TEST(SetPointGenerator, ContinuesAtTheEndOfAProfile) {
   SetPointGenerator generator(0.0007);
   generator.reset({});
@@ -154,7 +155,7 @@ TEST_F(MotionOfSimulatedDrives, TorqueRampsAndIsHeldBackAtTheVelocityLimit) {
   group.wait(5s);
   EXPECT_LT(group.axis(0).velocity(), 20'000.0);
   EXPECT_GT(group.axis(0).velocity(), 17'000.0);
-  // And back: the profile takes over at the velocity there is.
+  // Back to position mode: the profile starts at the present velocity.
   const double velocity = group.axis(0).velocity();
   group.axis(0).run_at(0.0, {30'000.0, 50'000.0, 50'000.0, 0.0});
   group.wait(10ms);

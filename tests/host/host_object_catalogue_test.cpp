@@ -61,7 +61,7 @@ TEST(ObjectCatalogue, ReadsAnEds) {
   EXPECT_THROW(ObjectCatalogue::read_eds(empty, "x.eds"), HostError);
 }
 
-// "P01-02" in front of a name, and "d08", which is an address as well.
+// "P01-02" at the start of a name, and "d08", which is also a valid address.
 TEST(ObjectCatalogue, ResolvesMakersNumbers) {
   std::istringstream eds(
       "[2001]\nParameterName=P01 Main\nObjectType=0x9\nSubNumber=3\n[2001sub0]\nParameterName=Highest\nDataType=5\n"

@@ -1,4 +1,4 @@
-// Captures in words: our manuals' own examples, whole conversations, and files that are no captures.
+// Decoding of captures: the examples of the manuals, complete conversations, and invalid files.
 #include <cstring>
 #include <gtest/gtest.h>
 #include <random>
@@ -16,7 +16,7 @@ namespace {
 
 using canopen::test::frame_of;
 
-// Source and words of a frame.
+// Source and text of a frame.
 std::string said(CanDecoder& decoder, const char* frame) {
   const Decoded decoded = decoder.decode(frame_of(frame), {});
   return decoded.source.empty() ? decoded.text : decoded.source + " " + decoded.text;
@@ -55,7 +55,7 @@ TEST(SniffCan, ServicesWithoutMemory) {
   for (const auto& [frame, words] : frames) EXPECT_EQ(said(decoder, frame), words) << frame;
 }
 
-// ISMC manual, its worked SDO examples (tests/products/ismc_examples_test.cpp has them against the drive).
+// The SDO examples of the ISMC manual (tests/products/ismc_examples_test.cpp runs them against the drive).
 TEST(SniffCan, ExamplesOfTheIsmcManual) {
   CanDecoder decoder;
   const std::pair<const char*, const char*> frames[] = {
@@ -105,7 +105,7 @@ TEST(SniffCan, ABlockTransferIsPutTogether) {
   EXPECT_EQ(said(decoder, "582 # A1 00 00 00 00 00 00 00"), "node 2 SDO block written 2F10:00");
 }
 
-// A master maps controlword and mode to RPDO1, and moves it to another COB-ID.
+// A master maps controlword and mode to RPDO1 and changes its COB-ID.
 TEST(SniffCan, AMappingThatIsWrittenIsUsed) {
   CanDecoder decoder;
   for (const char* frame :
@@ -114,7 +114,7 @@ TEST(SniffCan, AMappingThatIsWrittenIsUsed) {
         "603 # 23 00 14 01 20 02 00 00"}) {
     decoder.decode(frame_of(frame), {});
   }
-  // Not before the drive took it.
+  // The change takes effect only after the drive's confirmation.
   EXPECT_EQ(said(decoder, "220 # 06 00 01"), "node 32 RPDO1 06 00 01");
   decoder.decode(frame_of("583 # 60 00 14 01 00 00 00 00"), {});
   EXPECT_EQ(said(decoder, "220 # 06 00 01"),
@@ -122,7 +122,7 @@ TEST(SniffCan, AMappingThatIsWrittenIsUsed) {
   const Decoded shorter = decoder.decode(frame_of("220 # 06 00"), {});
   EXPECT_TRUE(shorter.error);
   EXPECT_EQ(shorter.text, "RPDO1 6040:00 Controlword = 6 (0006h), 1 bytes missing");
-  // An aborted write changes nothing.
+  // An aborted write has no effect.
   decoder.decode(frame_of("603 # 2F 00 16 00 01 00 00 00"), {});
   decoder.decode(frame_of("583 # 80 00 16 00 00 00 01 06"), {});
   EXPECT_EQ(decoder.decode(frame_of("220 # 06 00 01"), {}).values.size(), 2U);
@@ -177,7 +177,7 @@ std::vector<std::uint8_t> ethercat_frame(bool returned, unsigned command, unsign
 
 class SniffEthercat : public testing::Test {
  protected:
-  // A datagram there and back.
+  // Sends a datagram and receives it back; returns the text.
   std::string exchange(unsigned command, unsigned address, unsigned offset, const std::vector<std::uint8_t>& there,
                        const std::vector<std::uint8_t>& back, unsigned working_counter, bool positional = false) {
     EXPECT_TRUE(decoder.decode(ethercat_frame(false, command, address, offset, there, 0), {}).empty());
@@ -253,7 +253,7 @@ TEST_F(SniffEthercat, AnyBytesAreDecoded) {
   for (int i = 0; i < 50'000; ++i) {
     std::vector<std::uint8_t> data(random() % 64);
     for (auto& byte : data) byte = static_cast<std::uint8_t>(random() >> 8);
-    // Addresses that are used, so that sync managers, FMMUs and mailboxes are set up wildly.
+    // Mostly addresses in use, so that sync managers, FMMUs and mailboxes get random settings.
     const unsigned offsets[] = {0x0800, 0x0600, 0x1000, 0x1100, 0x0010, static_cast<unsigned>(random() & 0xFFFF)};
     auto frame = ethercat_frame(random() % 4 != 0, static_cast<unsigned>(random() % 16),
                                 static_cast<unsigned>(0x1001 + random() % 2), offsets[random() % 6], data, 1);
@@ -349,7 +349,7 @@ TEST(CaptureFile, WhatIsNoneIsRefusedAtItsPlace) {
     EXPECT_FALSE(error.empty()) << bad.substr(0, 20);
   }
   EXPECT_TRUE(frames_in("").empty());
-  // A device that never ends.
+  // An endless input.
   std::FILE* zero = std::fopen("/dev/zero", "rb");
   ASSERT_NE(zero, nullptr);
   CaptureFile endless(zero, "/dev/zero");

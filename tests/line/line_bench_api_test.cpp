@@ -117,7 +117,7 @@ TEST_F(BenchApi, ServesRoutesOfOthersWithTheirContext) {
     EXPECT_EQ(shelf.last_query, value) << query;
   }
   EXPECT_EQ(ask_shelf(Method::post, "/shelf").status, 201U);
-  // An address that both have: the methods of both are told.
+  // If both groups have an address, the answer lists the methods of both.
   EXPECT_EQ(ask_shelf(Method::delete_, "/axes").status, 204U);
   EXPECT_EQ(ask_shelf(Method::post, "/axes").allow, "GET, DELETE");
   EXPECT_EQ(ask_shelf(Method::get, "/axes").status, 200U);
@@ -130,7 +130,7 @@ struct Refusal {
   const char* body;
   unsigned status;
   const char* what;
-  const char* abort;  // nullptr: not the drive's
+  const char* abort;  // nullptr: not refused by the drive
 };
 
 void PrintTo(const Refusal& refusal, std::ostream* out) { *out << refusal.name; }
@@ -190,7 +190,7 @@ const std::vector<Refusal> refusals{
     {"advance_what", Method::post, "/clock/advance", "", 400, "not JSON", nullptr},
 };
 
-// Everything a request could change.
+// All state that a request could change.
 std::string state_of(Line& line) {
   std::string state;
   for (const char* target : {"/axes", "/axes/left/plant", "/axes/left/inputs", "/axes/left/faults", "/axes/right/plant",
@@ -269,7 +269,7 @@ TEST_F(BenchApi, ThePlantCanBePushed) {
   EXPECT_EQ(plant["ambient_c"], 30.0);
   EXPECT_EQ(plant["position_counts"], 777);
   EXPECT_EQ(plant["locked_rotor"], false);
-  pass(100ms);  // half a Nm towards larger counts, and nothing holds the shaft
+  pass(100ms);  // 0.5 Nm in positive direction, and nothing holds the shaft
   EXPECT_GT(get("/axes/right")["position_counts"], 10000);
   ask(Method::put, "/axes/right/plant", R"({"locked_rotor": true})");
   pass(50ms);
@@ -294,7 +294,7 @@ TEST_F(BenchApi, InjectedFaultsReachTheDrive) {
   EXPECT_EQ(get("/axes/left/faults")["injected"], json::array());
 }
 
-// Those of the ISMC that are off from the factory are switched on: 2017h bit 1 (L2823) and 2200h.
+// Faults of the ISMC that are off by factory setting are switched on: 2017h bit 1 (L2823) and 2200h.
 TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
   for (const char* axis : {"left", "right"}) {
     const std::string target = fmt::format("/axes/{}", axis);
@@ -317,7 +317,8 @@ TEST_F(BenchApi, EveryFaultOfADriveCanBeInjectedByItsCode) {
   }
 }
 
-// Two alarms of an iSMK have the code 7331h: their causes tell them apart. It remembers both without objects for it.
+// Two alarms of an iSMK have the code 7331h; their causes distinguish them. The iSMK keeps a history of both without
+// objects for it.
 TEST(BenchFaults, CausesAndHistory) {
   Line line(settings_of(R"(
 clock = "virtual"
@@ -334,7 +335,7 @@ product = "ismk"
     return response.body.empty() ? json() : json::parse(response.body);
   };
   EXPECT_EQ(ask(Method::get, "/faults")["history"], json::array());
-  ask(Method::put, "/objects/2605/3", R"({"value": 65535})");  // keeps alarms of a motor that is not enabled
+  ask(Method::put, "/objects/2605/3", R"({"value": 65535})");  // also keeps alarms of a motor that is not enabled
   for (const char* cause : {"encoder_connection", "brake_resistor", "motor_contact"}) {
     ask(Method::post, "/faults", fmt::format(R"({{"inject":"{}"}})", cause));
     line.run_until(line.now() + 20ms);
@@ -439,7 +440,7 @@ TEST_F(BenchApi, RandomRequestsAreAnsweredAndRefusalsChangeNothing) {
       ASSERT_EQ(state_of(line_), before) << request.target << " " << request.body;
     }
     if (i % 100 == 0) pass(1ms);
-    if (i % 5000 == 0) {  // something to work on again
+    if (i % 5000 == 0) {  // gives the drives power again for the next requests
       for (const char* axis : {"left", "right"})
         ask(Method::post, fmt::format("/axes/{}/power", axis), R"({"action":"on"})");
     }
@@ -447,7 +448,7 @@ TEST_F(BenchApi, RandomRequestsAreAnsweredAndRefusalsChangeNothing) {
   for (const unsigned status : {200U, 204U, 400U, 404U, 405U, 409U, 422U}) EXPECT_GT(counts[status], 100) << status;
 }
 
-// --- Who may do what
+// --- Access control
 
 struct Visit {
   const char* name;
@@ -456,7 +457,7 @@ struct Visit {
   const char* origin;  // nullptr: none
   const char* authorization;
   bool from_loopback;
-  unsigned status;  // 0: may pass
+  unsigned status;  // 0: the request is allowed
 };
 
 void PrintTo(const Visit& visit, std::ostream* out) { *out << visit.name; }

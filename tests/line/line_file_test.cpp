@@ -36,7 +36,8 @@ TEST(LineFile, TheShippedLinesAreRight) {
   EXPECT_EQ(eight.settings.axes[7].bus, 1U);
 }
 
-// What the plant cannot show, or no machine has: the line runs, and the one who wrote it is told. Each at its limit.
+// Values that the plant cannot represent, or that no machine has: the line accepts them with a warning. Each value is
+// at its limit.
 TEST(LineFile, WarnsOfWhatThePlantCannotShow) {
   struct Case {
     const char* group;
@@ -177,7 +178,7 @@ product = "ismc"
 [axis.travel]
 start = 1152921504606846977
 )");
-  EXPECT_EQ(line.axes[0].plant.encoder.start_position_counts, 1152921504606846977);  // 2^60 + 1: no double holds it
+  EXPECT_EQ(line.axes[0].plant.encoder.start_position_counts, 1152921504606846977);  // 2^60 + 1: not a double
 }
 
 TEST(LineFile, TheDriveIsToldTheTruthUnlessTheNameplateSaysElse) {
@@ -225,7 +226,7 @@ struct Mistake {
 
 void PrintTo(const Mistake& mistake, std::ostream* out) { *out << mistake.name; }
 
-// A bus and an axis on lines 1 to 5, for mistakes that need them.
+// A bus and an axis on lines 1 to 5, for errors that need them.
 #define AXIS "[[bus]]\nname='can0'\n[[axis]]\nname='x'\nproduct='ismc'\n"
 
 // An RS485 line and an axis on lines 1 to 7.

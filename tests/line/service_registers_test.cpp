@@ -6,7 +6,8 @@
 namespace servodrome::line {
 namespace {
 
-// What a product's Modbus registers stand for is in the table that its service port sees; the fieldbus may see less.
+// The objects of a product's Modbus registers are in the table of its service port; the table of the fieldbus may have
+// fewer objects.
 TEST(ServiceRegisters, AreInTheTableOfTheServicePort) {
   for (const Product& product : all_products()) {
     if (product.serial == nullptr) continue;

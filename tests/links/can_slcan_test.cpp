@@ -76,7 +76,7 @@ TEST_F(SlcanLinkTest, APathInUseIsRefusedAndStaysWithWhoHasIt) {
     }
     EXPECT_EQ(std::filesystem::read_symlink(path), device);
   }
-  // When the first link ends, the path is free again.
+  // After the first link has ended, another one can use the path.
   link.reset();
   link = open_can_link(SlcanName{path.string()}, rig.bus, rig.io, rig);
   EXPECT_TRUE(open_tty().is_open());
@@ -106,7 +106,7 @@ TEST_F(SlcanLinkTest, FramesBothWays) {
   EXPECT_TRUE(client.has("r7011\r"));
 }
 
-// Closed: neither frames nor acknowledge.
+// A closed channel receives no frames and does not acknowledge.
 TEST_F(SlcanLinkTest, ClosedChannelTakesNoPart) {
   RawClient client = open_tty();
   rig.bus.transmit(rig.node, {.id = 0x81}, rig.time);
@@ -115,7 +115,7 @@ TEST_F(SlcanLinkTest, ClosedChannelTakesNoPart) {
   EXPECT_EQ(rig.bus.counters().frames, 0U);
   EXPECT_EQ(rig.bus.error_state(rig.node), ErrorState::passive);
   client.write("O\r");
-  // The node's frame was waiting for an acknowledge.
+  // The node's frame waited for an acknowledge.
   ASSERT_TRUE(rig.until([&] { return client.has("t0810\r"); }));
   client.write("C\r");
   client.clear();
@@ -132,7 +132,7 @@ TEST_F(SlcanLinkTest, SurvivesClientsThatComeAndGo) {
     RawClient client = open_channel();
     client.write("t6011AA\r");
     ASSERT_TRUE(rig.until([&] { return client.text() == "z\rt5811AA\r"; })) << i << client.text();
-    // Traffic that was not read must not reach the next client.
+    // Frames that a client did not read must not reach the next client.
     rig.bus.transmit(rig.node, {.id = 0x99}, rig.time);
     rig.run_bus();
     client.close();

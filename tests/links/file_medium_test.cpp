@@ -29,7 +29,7 @@ struct FileMediumTest : testing::Test {
   FileMediumTest(const FileMediumTest&) = delete;
   FileMediumTest& operator=(const FileMediumTest&) = delete;
 
-  // What opening says, or "" when it works.
+  // Returns the error of opening the file, or "" if there is none.
   static std::string complaint(const std::string& file, std::uint32_t size) {
     try {
       const FileMedium medium(file, size);
@@ -116,7 +116,7 @@ TEST_F(FileMediumTest, AFileThatShrankDoesNotAnswer) {
   EXPECT_FALSE(medium.read(8, bytes));
 }
 
-// What is written to a file that has no name any more is lost with the process.
+// Data written to a file without a name would be lost at the end of the process.
 TEST_F(FileMediumTest, AFileThatIsNoMoreThereDoesNotAnswer) {
   std::array<std::byte, 8> bytes{};
   const auto expect_answers = [&](FileMedium& medium, bool answers) {
@@ -128,7 +128,7 @@ TEST_F(FileMediumTest, AFileThatIsNoMoreThereDoesNotAnswer) {
   expect_answers(medium, true);
   fs::rename(path, path + ".moved");
   expect_answers(medium, false);
-  std::ofstream(path) << std::string(64, 'x');  // another file of that name
+  std::ofstream(path) << std::string(64, 'x');  // another file with that name
   expect_answers(medium, false);
   fs::remove(path);
   expect_answers(medium, false);

@@ -1,4 +1,4 @@
-// The buses of a computer, from a tree of files as Linux has them.
+// The buses of a computer, from a tree of files like those of Linux.
 #include "links/local_buses.hpp"
 
 #include <fstream>

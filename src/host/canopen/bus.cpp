@@ -10,7 +10,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A link that has no room for a frame (a controller's transmit queue) gets this long to make some.
+// Timeout of send() while the link has no room for the frame (the controller's transmit queue is full).
 constexpr Time send_patience = 1s;
 
 [[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
@@ -99,7 +99,7 @@ void Bus::dispatch(const Frame& frame) {
 void Bus::run_timers() {
   for (Timer& timer : timers_) {
     if (timer.due > now()) continue;
-    // Periods in which the bus was not run are left out.
+    // Periods that elapsed while the bus was not running are skipped.
     timer.due += ((now() - timer.due) / timer.period + 1) * timer.period;
     timer.action();
   }

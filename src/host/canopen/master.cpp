@@ -66,7 +66,7 @@ void Master::command(NmtCommand command, std::uint8_t node_id) {
 void Master::command_and_wait(NmtCommand nmt_command, std::uint8_t node_id, Time timeout) {
   bus_.drain();
   NodeHealth& node = nodes_[node_id & 0x7F];
-  node.state.reset();  // what was heard before the command proves nothing
+  node.state.reset();  // a state received before the command is no confirmation
   const bool is_reset = nmt_command == NmtCommand::reset_node || nmt_command == NmtCommand::reset_communication;
   const unsigned boot_ups = node.boot_ups;
   command(nmt_command, node_id);

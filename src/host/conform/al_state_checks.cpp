@@ -1,4 +1,4 @@
-// The EtherCAT state machine, register by register, the working counter, the watchdog and the distributed clock.
+// The EtherCAT state machine at register level, the working counter, the watchdog and the distributed clock.
 #include <algorithm>
 
 #include "host/conform/check_tables.hpp"
@@ -13,7 +13,7 @@ namespace reg = ethercat::reg;
 EthercatSlave& slave_of(Trial& trial) { return trial.subject().ethercat().slave; }
 EthercatMaster& master_of(Trial& trial) { return trial.subject().ethercat().master; }
 
-// Writes AL control, and waits until the slave is there or says why not.
+// Writes AL control and polls until the slave has reached the state or reports an error.
 AlStatus request(Trial& trial, unsigned control) {
   EthercatMaster& master = master_of(trial);
   const std::uint16_t station = slave_of(trial).station();
@@ -125,7 +125,7 @@ void set_length(Trial& trial, unsigned channel, std::uint16_t length) {
 
 void mailbox_configuration(Trial& trial, int) {
   if (!slave_of(trial).has_mailbox()) Trial::skip("it has no mailbox");
-  go_to(trial, AlState::init);  // sync managers are off
+  go_to(trial, AlState::init);  // switches the sync managers off
   const AlStatus seen = request(trial, static_cast<unsigned>(AlState::pre_operational));
   trial.expect(
       seen.error() && seen.code == AlStatusCode::invalid_mailbox_configuration && seen.state() == AlState::init,

@@ -1,4 +1,4 @@
-// The contract of the homing mode: bits 10, 12 and 13, the home offset. With methods that do not move the axis.
+// The homing mode: bits 10, 12 and 13, and the home offset. Uses methods that do not move the axis.
 #include <cmath>
 
 #include "host/conform/check_tables.hpp"
@@ -11,7 +11,8 @@ using namespace std::chrono_literals;
 
 constexpr std::uint16_t target_reached = 0x0400;
 
-// 35, or 37 where 60E3h lists it or 35 is refused: the present position is home. Skips where there is neither.
+// Method 35; or 37 if 60E3h lists it or 35 is refused: the present position becomes home. Skips the check if the drive
+// has neither.
 std::int8_t choose_method(Trial& trial) {
   const auto listed = [&](std::int8_t method) {
     const auto count = trial.objects().read_if_present<std::uint8_t>(0x60E3, 0).value_or(0);
@@ -28,7 +29,7 @@ std::int8_t choose_method(Trial& trial) {
   Trial::skip("it has neither homing method 37 nor 35, which do not move the axis");
 }
 
-// Speeds of zero are an error to some drives.
+// Enables homing mode with speeds and acceleration above 0, because some drives treat 0 as an error.
 void prepare(Trial& trial) {
   trial.units();
   trial.enable(OperationMode::homing);
@@ -53,8 +54,8 @@ Bits bits_of(Trial& trial) {
   return {signals.attained, signals.error};
 }
 
-// What homing changed cannot be written back: the axis is homed once more where it stands, so that its position is that
-// from before.
+// The position cannot simply be written back, so the axis is homed again where it stands, with an offset that restores
+// the former position.
 void put_position_back(Trial& trial, std::int32_t before) {
   for (const std::int32_t sign : {1, -1}) {
     trial.control(0x000F);
@@ -101,7 +102,7 @@ void not_by_itself(Trial& trial, int) {
                fmt::format("{:04X}h", trial.statusword()));
 }
 
-// After a new start the old result does not stand: a search for a switch that is not there goes on, or fails.
+// Starting a new homing clears the old result: a search for a switch that does not exist continues or fails.
 void not_attained_while_searching(Trial& trial, int) {
   trial.units();
   trial.enable(OperationMode::homing);
@@ -118,7 +119,7 @@ void not_attained_while_searching(Trial& trial, int) {
   const std::int32_t start = trial.position();
   trial.control(0x000F);
   trial.control(0x001F);
-  // A tenth of a revolution at most, and a third of a second.
+  // Moves at most a tenth of a revolution and takes at most 0.3 s.
   const Time end = trial.now() + 300ms;
   bool told = false;
   bool moved = false;

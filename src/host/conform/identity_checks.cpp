@@ -1,4 +1,4 @@
-// Objects that every device, or every drive, has to have.
+// Mandatory objects, of every device or of every drive.
 #include "host/conform/check_tables.hpp"
 #include "host/conform/trial.hpp"
 
@@ -53,7 +53,7 @@ void drive_object(Trial& trial, int row) {
                value ? fmt::format("{:X}h", *value) : "there is no such object");
 }
 
-// A write of another signature stores nothing; one of the right signature would, and is not sent.
+// A wrong signature must be refused. The right one is not sent, because it would store or restore the parameters.
 void signature(Trial& trial, int row) {
   const std::uint16_t index = row == 0 ? 0x1010 : 0x1011;
   ObjectClient& objects = trial.subject().services();

@@ -23,7 +23,7 @@ std::string text_of_mail(const Mail& mail) {
   return text;
 }
 
-// Expects a mailbox error of one of these codes.
+// Sends the mail and expects a mailbox error with one of these codes.
 void expect_mailbox_error(Trial& trial, MailboxType type, const Mail& mail, std::initializer_list<const char*> codes,
                           const char* sent) {
   MailboxClient& mailbox = mailbox_of(trial);
@@ -57,7 +57,7 @@ void short_mail(Trial& trial, int) {
                        "a CoE mail of one byte, shorter than its header");
 }
 
-// A request behind the CoE header; the answer without it.
+// Sends an SDO request with a CoE header, and returns the answer without the header.
 std::optional<Mail> ask_sdo(Trial& trial, const std::array<std::uint8_t, 8>& sdo) {
   Mail mail(ethercat::coe_header_size);
   ethercat::store_u16(mail.data(), static_cast<unsigned>(CoeService::sdo_request) << 12);

@@ -38,7 +38,7 @@ void supported_taken(Trial& trial, int) {
   }
 }
 
-// Refused, or not displayed: it is not taken in any case.
+// The drive must refuse an unsupported mode, or at least must not display it.
 void unsupported_refused(Trial& trial, int) {
   const std::uint32_t modes = supported(trial);
   trial.bring_to(PowerState::switch_on_disabled);

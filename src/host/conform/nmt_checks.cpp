@@ -1,4 +1,4 @@
-// Network management and error control on CAN. What resets the node comes last of all.
+// Network management and error control on CAN. Checks that reset the node come last.
 #include <algorithm>
 #include <cmath>
 
@@ -23,7 +23,7 @@ NmtCommand command_to(NmtState state) {
   }
 }
 
-// States are seen by a heartbeat of 20 ms.
+// Sets a heartbeat of 20 ms, which shows the node's states.
 void need_heartbeat(Trial& trial) {
   if (!trial.objects().read_if_present<std::uint16_t>(0x1017))
     Trial::skip("it has no 1017h, so its state cannot be seen");
@@ -120,7 +120,7 @@ void heartbeat_period(Trial& trial, int) {
                fmt::format("{} in 300 ms", heartbeats.arrivals().size()));
 }
 
-// Loss of a heartbeat is told by an emergency 8130h, whatever else comes of it.
+// The node must report the loss of a heartbeat by emergency 8130h; other reactions are not checked.
 void heartbeat_consumer(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::uint32_t>(0x1016, 1)) Trial::skip("it has no 1016h");
   constexpr std::uint32_t producer = 126;

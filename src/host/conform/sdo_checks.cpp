@@ -12,7 +12,7 @@ using dictionary::AbortCode;
 constexpr std::uint8_t initiate_upload = 0x40;
 constexpr std::uint8_t toggle = 0x10;
 
-// A text of more than 4 bytes to upload in segments.
+// An object with a text of more than 4 bytes, for a segmented upload.
 std::uint16_t long_object(Trial& trial) {
   for (const std::uint16_t index : {std::uint16_t{0x1008}, std::uint16_t{0x1009}, std::uint16_t{0x100A}}) {
     const auto refusal = Trial::refusal_of([&] { trial.subject().can().sdo.upload({index, 0}); });
@@ -69,7 +69,7 @@ void wrong_toggle(Trial& trial, int) {
   trial.require(initiated && ((*initiated)[0] & 0xE2) == 0x40, text_of_sdo(request(initiate_upload, index, 0)),
                 "a segmented upload begins", initiated ? text_of_sdo(*initiated) : "no answer");
   expect_abort(trial, request(0x60 | toggle, 0, 0), AbortCode::toggle_bit_not_alternated);
-  // The transfer is over with that.
+  // The abort has ended the transfer.
   expect_abort(trial, request(0x60, 0, 0), AbortCode::command_specifier_unknown);
 }
 
@@ -129,7 +129,7 @@ void download_aborted(Trial& trial, int) {
   trial.expect(after == *before, "read 6081h", fmt::format("{}, as before", *before), fmt::format("{}", after));
 }
 
-// A server without block transfer says so; one with it brings the same as by segments.
+// A server without block transfer must refuse it; one with it must return the same bytes as a segmented upload.
 void block_upload(Trial& trial, int) {
   const std::uint16_t index = long_object(trial);
   SdoClient& sdo = trial.subject().can().sdo;

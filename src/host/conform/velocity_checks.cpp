@@ -32,7 +32,7 @@ bool runs_at(Trial& trial, std::int32_t wanted, Time patience) {
   return true;
 }
 
-// There and back, so that the axis stays about where it is.
+// Runs in both directions, so that the axis ends about where it started.
 void velocity_reached(Trial& trial, int) {
   prepare(trial);
   for (const std::int32_t sign : {1, -1}) {
@@ -75,7 +75,7 @@ void halts(Trial& trial, int) {
                text_of_state(trial.statusword()));
 }
 
-// Without torque demand nothing happens; the bits are there all the same.
+// With a torque demand of 0 the axis does not move, but bit 10 must be set all the same.
 void torque_mode(Trial& trial, int) {
   trial.bring_to(PowerState::switch_on_disabled);
   trial.set_mode(OperationMode::profile_torque);

@@ -17,7 +17,7 @@ constexpr const char* check_wiring =
 constexpr const char* start_or_choose = "start `servodrome up` or give --bus LINK";
 
 [[noreturn]] void rethrow(const std::string& name, const links::LinkError& error) {
-  // UDP finds that out with the first frame.
+  // Over UDP a missing listener shows only after the first frame.
   if (error.code() == std::errc::connection_refused) throw HostError("nothing listens there", name, start_or_choose);
   throw HostError("the link failed: " + error.code().message(), name, "see whether what it leads to still runs");
 }
@@ -113,7 +113,7 @@ void EthercatMaster::send(std::span<EthercatDatagram> datagrams, std::vector<Sen
   }
 }
 
-// Is the frame that was received one of those sent?
+// Returns true if the received frame belongs to one of `sent`, and copies its data.
 bool EthercatMaster::take_answer(std::span<EthercatDatagram> datagrams, std::vector<Sent>& sent, std::size_t size) {
   ethercat::Frame frame;
   if (ethercat::parse_payload(std::span(received_).first(size), frame) != ethercat::FrameKind::ethercat) return false;

@@ -23,9 +23,10 @@ constexpr std::uint16_t acknowledge_error = 0x2000;
 constexpr std::uint16_t write_enable_error = 0x4000;
 constexpr std::uint16_t busy = 0x8000;
 
-constexpr Time busy_timeout = 2s;  // an EEPROM takes 10 ms for a word at most; a simulated one waits for its machine
+constexpr Time busy_timeout = 2s;  // an EEPROM needs at most 10 ms for a word; a simulated one depends on its
+                                   // computer's load
 constexpr Time poll_interval = 100us;
-constexpr unsigned attempts = 3;  // while the EEPROM does not acknowledge, it writes
+constexpr unsigned attempts = 3;  // an EEPROM that is still writing does not acknowledge
 
 constexpr std::size_t categories_word = 0x40;
 constexpr std::uint16_t end_of_categories = 0xFFFF;
@@ -41,7 +42,7 @@ void SiiClient::fail(std::uint16_t word, const std::string& happened, const std:
 void SiiClient::take_interface() {
   if (taken_) return;
   if ((master_.read<std::uint8_t>(station_, reg::sii_pdi_access) & 1) != 0) {
-    master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x02);  // force
+    master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x02);  // takes the interface by force
   }
   master_.write<std::uint8_t>(station_, reg::sii_configuration, 0x00);
   taken_ = true;
@@ -72,7 +73,7 @@ SiiClient::Status SiiClient::command(std::uint16_t control, std::uint16_t word, 
     ethercat::store_u16(registers.data(), control);
     ethercat::store_u32(&registers[2], word);
     std::copy(data.begin(), data.end(), registers.begin() + 6);
-    // Control, address and data in one datagram: the write enable holds for its frame only.
+    // Control, address and data go in one datagram, because the write enable is valid only within its frame.
     master_.write(station_, reg::sii_control, registers);
     const Status status = wait_until_idle(word);
     if ((status.bits & (acknowledge_error | write_enable_error)) == 0) return status;
@@ -105,7 +106,7 @@ std::vector<std::uint8_t> SiiClient::read_all() {
   std::size_t at = image.size();
   constexpr std::size_t address_space = std::size_t{0x10000} * 2;
   while (at + 4 <= address_space) {
-    // With the header what the same reading brings of the content.
+    // Also reads the first words of the content, which the same read access returns with the header.
     extend(at + 8);
     if (load_u16(&image[at]) == end_of_categories) break;
     at += 4 + 2U * load_u16(&image[at + 2]);

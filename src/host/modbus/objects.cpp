@@ -7,7 +7,7 @@
 namespace servodrome::host {
 namespace {
 
-// Does `access`; what goes wrong is about `object`.
+// Runs `access`; errors refer to `object`.
 template <typename Access>
 auto on_object(ObjectAddress object, const Access& access) {
   try {

@@ -35,19 +35,19 @@ std::string quoted(std::span<const std::byte> bytes) {
   return text + '"';
 }
 
-// Numbers of the communication area that are identifiers, mappings and PDO indices rather than quantities.
+// True for numbers of the communication area that are identifiers, mappings or PDO indices rather than quantities.
 bool is_hexadecimal(ObjectAddress address, Type type) {
   const bool is_time = address.index == 0x1006 || address.index == 0x1007;
   const bool is_assignment = address.index >= 0x1C00 && type == Type::unsigned16;
   return address.index < 0x2000 && !is_time && (type == Type::unsigned32 || is_assignment);
 }
 
-// A line, and how far it is read.
+// Reads one line word by word.
 class Reader {
  public:
   Reader(const std::string& file, std::string_view line, unsigned number) : file_(file), line_(line), number_(number) {}
 
-  // The next word; empty at the end of the line. Text in quotes is one word.
+  // Returns the next word; empty at the end of the line. Text in quotes is one word.
   std::string_view word() {
     skip_blanks();
     begin_ = at_;
@@ -66,7 +66,7 @@ class Reader {
     skip_blanks();
     return std::string(line_.substr(at_));
   }
-  unsigned column() const { return static_cast<unsigned>(begin_) + 1; }  // of the latest word
+  unsigned column() const { return static_cast<unsigned>(begin_) + 1; }  // column of the last word
   unsigned number() const { return number_; }
   [[noreturn]] void fail(const std::string& what, const std::string& remedy) const {
     throw HostError(what, fmt::format("{}:{}:{}", file_, number_, column()), remedy);
@@ -89,7 +89,7 @@ int digit_of(char c) {
   return -1;
 }
 
-// Text in quotes, as quoted() makes it.
+// Decodes text in quotes, as written by quoted().
 std::vector<std::byte> unquoted(const Reader& reader, std::string_view word) {
   if (word.size() < 2 || word.front() != '"') reader.fail("a string stands in quotes", "write \"TEXT\"");
   word = word.substr(1, word.size() - 2);
@@ -99,7 +99,7 @@ std::vector<std::byte> unquoted(const Reader& reader, std::string_view word) {
       bytes.push_back(static_cast<std::byte>(word[i]));
       continue;
     }
-    const char escaped = word[++i];  // there is one: else the closing quote would be escaped
+    const char escaped = word[++i];  // exists, because otherwise the closing quote would be escaped
     if (escaped == '"' || escaped == '\\') {
       bytes.push_back(static_cast<std::byte>(escaped));
       continue;
@@ -187,7 +187,7 @@ std::uint32_t parse_identity(const Reader& reader, std::string_view word) {
   return number;
 }
 
-// `KEY: VALUE`; keys of a later version are not for us to refuse.
+// Parses a `KEY: VALUE` line. Unknown keys are ignored, because a later version of the format may define them.
 void parse_key(Reader& reader, std::string_view key, ParameterFile& file) {
   const std::string_view word = reader.word();
   DriveIdentity& identity = file.identity;
@@ -288,7 +288,7 @@ std::string ParameterFile::text() const {
   if (!date.empty()) text += fmt::format("date: {}\n", date);
   std::uint16_t index = 0;
   for (const ParameterValue& value : values) {
-    if (value.address.index >> 12 != index >> 12) text += "\n";  // a blank line between the areas
+    if (value.address.index >> 12 != index >> 12) text += "\n";  // a blank line between two areas of the dictionary
     index = value.address.index;
     std::string line = fmt::format("{}  {:<6}  {:<14}", text_of(value.address), short_word(value.type), text_of(value));
     if (!value.unit.empty()) line += fmt::format("  [{}]", value.unit);

@@ -14,7 +14,7 @@ namespace {
 
 using dictionary::Type;
 
-constexpr std::size_t most_problems = 10;  // told at once
+constexpr std::size_t most_problems = 10;  // maximum of problems reported at once
 
 std::string place_of(const std::string& file, const ParameterValue& value) {
   return fmt::format("{}:{}:{}", file, value.line, value.column);
@@ -22,7 +22,7 @@ std::string place_of(const std::string& file, const ParameterValue& value) {
 
 bool same_type(Type a, Type b) { return short_word(a) == short_word(b); }
 
-// What is wrong with a value before any drive is asked; empty: nothing.
+// Checks a value without access to the drive; returns the problem, or "" if there is none.
 std::string objection(const ParameterValue& value, const Parameter& parameter) {
   if (!same_type(value.type, parameter.type)) {
     return fmt::format("its type is {}, not {}", short_word(parameter.type), short_word(value.type));
@@ -53,7 +53,7 @@ void require_product(const ParameterFile& file, const std::string& file_name, co
                   file_name, "give the file of this product, or --force if you know that they fit");
 }
 
-// A motor that follows parameters while they change is dangerous, and most drives refuse half of them.
+// Changing parameters while a motor follows its targets is dangerous, and most drives refuse many of them then.
 void require_rest(ObjectClient& objects) {
   const auto word = objects.read_if_present<std::uint16_t>(0x6041);
   if (!word) return;
@@ -68,7 +68,7 @@ struct Plan {
   std::vector<ObjectAddress> skipped;
 };
 
-// Everything that can be found wrong without writing.
+// Makes all checks that need no write.
 Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string& file_name, const ParameterList& list,
              const LoadOptions& options) {
   Plan plan;
@@ -105,7 +105,7 @@ Plan plan_of(ObjectClient& objects, const ParameterFile& file, const std::string
                   objects.where(), "nothing was written");
 }
 
-// Only what the drive answered is a reason to go on talking to it.
+// True if the drive still answers. If not, an attempt to restore values would only run into timeouts.
 bool answers(ObjectClient& objects, ObjectAddress address) {
   try {
     objects.upload(address);
@@ -117,7 +117,7 @@ bool answers(ObjectClient& objects, ObjectAddress address) {
   }
 }
 
-// Takes back what was written; says how that went.
+// Restores the values from before the load, and throws LoadError with the result.
 [[noreturn]] void take_back(ObjectClient& objects, const ParameterWriter& writer, const HostError& cause) {
   const std::vector<ObjectAddress> written = writer.written();
   if (written.empty()) throw cause;
@@ -192,7 +192,7 @@ LoadReport load_parameters(ObjectClient& objects, const ParameterFile& file, con
 bool store_parameters(ObjectClient& objects, const ParameterRules& rules) {
   bool stored = false;
   for (const StoreCommand& command : rules.store) {
-    // In the size that the drive gives it, since commands of makers are bytes and words.
+    // Uses the size that the drive reports, because makers' commands may be 8 or 16 bits wide.
     std::size_t size = sizeof command.value;
     try {
       size = std::clamp<std::size_t>(objects.upload(command.object).size(), 1, size);

@@ -1,4 +1,4 @@
-// TPDOs on SYNC, where no other master uses the bus.
+// Sampling by TPDOs on SYNC, if no other master uses the bus.
 #include <algorithm>
 #include <fmt/format.h>
 
@@ -14,14 +14,14 @@ using namespace std::chrono_literals;
 constexpr Time usual_sync_period = 4ms;
 constexpr Time shortest_sync_period = 1ms;
 constexpr Time longest_sync_period = 20ms;
-// For the frames of another master. One that is there sends SYNC or PDOs, or has started the node.
+// Time to listen for another master. If there is one, it sends SYNC or PDOs, or has started the node.
 constexpr Time shortest_listening = 150ms;
 constexpr Time longest_listening = 3s;
 
 constexpr std::size_t pdo_bytes = 8;
-constexpr std::size_t entries_of_every_drive = 4;  // of a PDO: those with the fewest (ProNet)
+constexpr std::size_t entries_of_every_drive = 4;  // entries that every drive's PDO has; ProNet has the fewest
 
-// First fit, in as few PDOs as that takes.
+// First-fit packing into few PDOs.
 std::vector<std::vector<PdoObject>> pack_into_pdos(const std::vector<Channel>& channels) {
   std::vector<std::vector<PdoObject>> pdos;
   const auto bits = [](const std::vector<PdoObject>& pdo) {
@@ -40,7 +40,7 @@ std::vector<std::vector<PdoObject>> pack_into_pdos(const std::vector<Channel>& c
   return pdos;
 }
 
-// What shows that another master uses the node's process data; nothing: none does.
+// Returns how another master is known to use the node's process data; nullopt: there is no sign of one.
 std::optional<std::string> use_by_others(Bus& bus, SdoClient& sdo) {
   constexpr std::uint32_t sync_id = 0x080;
   constexpr std::uint32_t first_pdo = 0x180;

@@ -32,13 +32,13 @@ ObjectAddress object_named(std::string_view text, const ObjectCatalogue& catalog
     try {
       return catalogue.resolve(std::string(text) + " value");
     } catch (const HostError&) {
-      // What is told is about the name as it was written.
+      // The error message refers to the name as entered.
     }
     throw;
   }
 }
 
-// Letters and digits of a name, "_" for what is between them.
+// Letters and digits of a name in lower case; other characters become "_".
 std::string column_name(std::string_view name) {
   std::string column;
   for (const char c : name) {
@@ -130,7 +130,7 @@ double number_of(Type type, std::span<const std::byte> bytes) {
 }
 
 std::string text_of_number(double number) {
-  constexpr double exact = 9007199254740992.0;  // 2^53: whole numbers up to it are what they say
+  constexpr double exact = 9007199254740992.0;  // 2^53: all integers below it are exact in a double
   if (std::abs(number) < exact && number == std::floor(number)) {
     return fmt::format("{}", static_cast<std::int64_t>(number));
   }

@@ -20,7 +20,7 @@ struct Word {
   bool quoted = false;
 };
 
-// Thrown within a line, which is then left.
+// Thrown within a line; parsing continues with the next line.
 struct LineMistake {
   unsigned column;
   std::string message;
@@ -33,7 +33,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(blanks) - first + 1);
 }
 
-// A script in another encoding, or no script at all, is not to spoil a terminal.
+// Replaces control characters, so that a binary file or another encoding cannot disturb the terminal.
 std::string shown(std::string_view word) {
   std::string text;
   for (const char character : word.substr(0, 40)) {
@@ -119,7 +119,7 @@ class Parser {
   }
 
  private:
-  // Takes the next word; what is missing is told behind the last.
+  // Returns the next word. If it is missing, the error position is the end of the last word.
   const Word& take(const char* what) {
     if (next_ == words_.size()) {
       const Word& last = words_.back();
@@ -218,8 +218,8 @@ class Parser {
     script_.axes.push_back(std::move(axis));
   }
 
-  // `drive`, `counts`, `revolutions`, `rpm` or `degrees`, then how many units a revolution has where that can matter;
-  // `mm` has before it what a revolution moves.
+  // `drive`, `counts`, `revolutions`, `rpm` or `degrees`, then optionally the number of units in a revolution; `mm`
+  // needs the feed in a revolution before that.
   void read_units() {
     const Word& word = take("what units");
     const auto system = unit_system_named(word.text);
@@ -299,7 +299,7 @@ class Parser {
       read_arguments(step, *row);
       check(step, *word);
     } catch (const LineMistake&) {
-      // Its `end` finds it all the same.
+      // Opens the body nevertheless, so that its `end` is no second error.
       if (row->verb == Verb::repeat) open_repeat({}, *word);
       throw;
     }
@@ -452,7 +452,7 @@ class Parser {
   const ObjectCatalogue& catalogue_;
   const CatalogueOf& catalogue_of_;
   Script script_;
-  std::vector<std::vector<Step>*> open_;  // where steps go: the script, then the bodies of the repeats that are open
+  std::vector<std::vector<Step>*> open_;  // where steps are added: the script, then the bodies of the open repeats
   std::vector<Place> repeats_;
   std::vector<Mistake> mistakes_;
   std::vector<Word> words_;

@@ -11,7 +11,7 @@ namespace {
 using serial10::Command;
 using serial10::Frame;
 
-// A drive forgets part of a frame after 50 ms; a new attempt waits a little longer.
+// Pause before a retry: the drive discards an incomplete frame after 50 ms.
 constexpr Time recovery_time = std::chrono::milliseconds(60);
 
 bool answers(const Frame& answer, const Frame& request) {

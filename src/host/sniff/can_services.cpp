@@ -14,7 +14,7 @@ namespace {
 using canopen::Frame;
 using canopen::NmtCommand;
 
-// What an LSS command carries behind its specifier.
+// Content of an LSS command after its specifier.
 enum class Content : std::uint8_t { nothing, number, mode, node_id, bit_timing, delay, result, scan };
 
 struct LssCommand {
@@ -24,7 +24,7 @@ struct LssCommand {
   Content content;
 };
 
-// CiA 305 table 2.
+// LSS commands (CiA 305 table 2).
 constexpr auto lss_commands = std::to_array<LssCommand>({
     {4, true, "switch all", Content::mode},
     {17, true, "configure node-ID", Content::node_id},

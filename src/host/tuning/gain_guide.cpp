@@ -16,7 +16,7 @@ constexpr std::string_view acceleration_forward_does =
     "less following error while the speed changes; right when it is that of the inertia";
 constexpr std::string_view notch_does = "what the loop leaves alone: set it to a resonance of the machine; 0: off";
 
-// 2010h to 2012h of src/products/generic402/README.md.
+// Objects 2010h to 2012h (src/products/generic402/README.md).
 constexpr auto reference = std::to_array<GainLine>({
     {{0x2010, 2}, "Gains", kp_does},
     {{0x2010, 3}, "Gains", ki_does},
@@ -38,7 +38,7 @@ constexpr auto reference = std::to_array<GainLine>({
     {{0x2012, 0}, "Where a gain is 0", "the inertia that the drive makes its gains for, by the rotor's"},
 });
 
-// L1564-1888 of the iSMK manual.
+// iSMK manual L1564-1888.
 constexpr auto ismk = std::to_array<GainLine>({
     {{0x60F9, 1}, "Gain set 0", kp_does},
     {{0x60F9, 2}, "Gain set 0", ki_does},

@@ -7,7 +7,7 @@
 namespace servodrome::host::tuning {
 namespace {
 
-constexpr double first_bandwidth_hz = 50.0;  // that a measurement is laid out for when none is asked for
+constexpr double first_bandwidth_hz = 50.0;  // for the first measurement if no bandwidth is requested
 constexpr double most_bandwidth_hz = 400.0;
 constexpr double share_of_possible = 0.6;
 constexpr double close_enough = 0.05;
@@ -79,8 +79,8 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
   if (!request.apply) return result;
   if (request.steps) result.step_before = tuner.step();
 
-  std::string back;  // how putting back went
-  // Whatever leaves this, unless the promise has come true.
+  std::string back;  // result of restoring the old gains
+  // Restores the old gains on every exit, unless the result was as promised.
   struct PuttingBack {
     ObjectClient& objects;
     std::span<const GainValue> gains;
@@ -90,7 +90,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
       try {
         if (!kept) outcome = put_back_gains(objects, gains);
       } catch (...) {
-        // The caller is to end, and cannot wait for the drive.
+        // The caller wants to end, and cannot wait for the drive.
       }
     }
   };
@@ -104,7 +104,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const TuningDialect& dia
       const double ratio = after.bandwidth_hz.value_or(0.0) / result.bandwidth_hz;
       if (std::abs(ratio - 1.0) < close_enough || correction == most_corrections) break;
       if (ratio <= 0.0) break;
-      // The bandwidth goes with the gain, nearly.
+      // The bandwidth is about proportional to the gain.
       const auto before = result.gains;
       const double factor = std::clamp(1.0 / ratio, 0.5, 2.0);
       aimed.velocity.kp *= factor;

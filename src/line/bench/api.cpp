@@ -33,7 +33,7 @@ std::string_view next_segment(std::string_view& path) {
   return segment;
 }
 
-// What stands for the {} of `pattern` in `path`, or nothing if it does not match.
+// Returns the parts of `path` in the places of {} in `pattern`, or nothing if the path does not match.
 std::optional<std::vector<std::string_view>> match(std::string_view pattern, std::string_view path) {
   std::vector<std::string_view> arguments;
   while (!pattern.empty() && !path.empty()) {
@@ -65,13 +65,13 @@ Response answer_of(Call& call, const Route& route) {
   return {body.is_null() ? 204U : route.status, body.is_null() ? std::string() : to_text(body), {}};
 }
 
-// Where a request is, and what has become of it.
+// The search for a request's route, and its result.
 struct Search {
   Line& line;
   const Request& request;
   std::string_view path;
   std::string_view query;
-  std::string allow{};  // methods that the address has
+  std::string allow{};  // methods of the routes whose pattern matches
   std::optional<Response> response{};
 };
 
@@ -88,7 +88,8 @@ void search(Search& search, const RouteGroup& group) {
   }
 }
 
-// A refusal is an answer; any other exception is a defect of ours, and must not end more than the request.
+// Makes a response of an ApiError (a refusal). Any other exception is a defect of the server and must end only this
+// request.
 template <typename Act>
 Response answered(Act act) {
   try {

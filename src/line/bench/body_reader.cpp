@@ -9,7 +9,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-// What a message quotes of a value.
+// Shortens a value for a message.
 std::string excerpt(const Json& value) {
   constexpr std::size_t longest = 40;
   if (value.is_structured()) return value.is_array() ? "an array" : "an object";
@@ -17,7 +17,7 @@ std::string excerpt(const Json& value) {
   return text.size() <= longest ? text : text.substr(0, longest) + "...";
 }
 
-// Brackets within brackets cost stack where values are copied, printed and taken apart.
+// Limits the nesting: copying, printing and destroying nested values uses stack for each level.
 constexpr int deepest_body = 32;
 
 bool nests_deeper_than(int most, std::string_view text) {

@@ -6,7 +6,7 @@
 #include "line/bench/axis_view.hpp"
 #include "line/bench/routes.hpp"
 
-// The homing methods of a drive, leg by leg, from the table that its homing runs by.
+// The homing methods of a drive, leg by leg, from the table that its homing uses.
 namespace servodrome::line::bench {
 namespace {
 
@@ -57,7 +57,8 @@ const auto& row_of(const Words& words, Key key) {
 
 const char* word(Direction direction) { return direction == Direction::negative ? "negative" : "positive"; }
 
-// The limit switch of this end stands in the way of a leg that runs towards it, and is left by one that runs away.
+// Returns the end of the travel whose limit switch matters for a leg: the end that the leg runs towards, or the end
+// that it leaves (limit_released).
 Direction limit_of(const Leg& leg) {
   return leg.until == Until::limit_released ? opposite(leg.direction) : leg.direction;
 }

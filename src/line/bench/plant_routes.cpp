@@ -10,7 +10,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-// "DI3" is wire 3.
+// Returns the number of an input wire: "DI3" is wire 3.
 int wire_of(const Axis& axis, std::string_view name) {
   int wire = -1;
   if (name.starts_with("DI")) {
@@ -64,8 +64,8 @@ Json show_plant(Call& call) {
               {"position_counts", axis.plant().position_counts()}};
 }
 
-// A number of the plant that may change while it runs: what the change does to the parameters, for plant::validate to
-// judge, and to the plant.
+// A number of the plant that may change while it runs. `change` changes the parameters, which plant::validate checks;
+// `set` changes the plant.
 struct Quantity {
   std::string_view key;
   void (*change)(plant::Parameters& parameters, double value);
@@ -90,14 +90,14 @@ constexpr std::array quantities{
              &plant::Plant::set_ambient_c},
 };
 
-// Accepts all of the changes or none.
+// Checks all changes before the first one is made. Throws ApiError.
 void check(const plant::Plant& plant, const std::array<std::optional<double>, quantities.size()>& values,
            std::optional<std::int64_t> position) {
   const auto judge = [](const plant::Parameters& parameters) {
     const std::vector<std::string> messages = plant::validate(parameters);
     if (!messages.empty()) throw ApiError{422, messages.front(), "body", "choose a value the plant can be run with"};
   };
-  // One by one first, in the order in which they will be set, because the plant checks each of them.
+  // First each change in the order in which they will be set, because the plant checks each one as well.
   plant::Parameters changed = plant.parameters();
   for (std::size_t i = 0; i < quantities.size(); ++i) {
     if (!values[i]) continue;

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::uintmax_t largest_file = 16 * 1024 * 1024;
 
-// Nothing that was not served from here runs, is shown or is spoken to.
+// The page may only load, show and contact what comes from this server.
 constexpr const char* content_security_policy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -54,7 +54,8 @@ const char* type_of(const std::filesystem::path& path) {
   return "application/octet-stream";
 }
 
-// Names that builds give to files. No escapes: %2e is no dot, and there is nothing to be decoded twice.
+// Allows only the characters that builds use in file names. Percent escapes are not decoded, so %2e cannot stand for a
+// dot.
 bool is_plain(std::string_view path) {
   const auto plain = [](char c) {
     return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_' || c == '.' || c == '/' || c == '@';
@@ -68,7 +69,8 @@ Response page_response(const Request& request, std::string body, const char* typ
   response.fields = {{"Content-Security-Policy", content_security_policy},
                      {"Referrer-Policy", "no-referrer"},
                      {"Cross-Origin-Resource-Policy", "same-origin"}};
-  // Browsers ignore it, and complain, where they do not trust the way: without TLS from another machine.
+  // Browsers ignore this field, and print a warning, on connections that they do not trust (from another machine
+  // without TLS).
   if (request.from_loopback) response.fields.emplace_back("Cross-Origin-Opener-Policy", "same-origin");
   return response;
 }
@@ -78,7 +80,7 @@ Response nothing_there(std::string_view path) {
                          "the page is at /, the API below /api/v1/ (docs/bench-api.md)"});
 }
 
-// The file with links followed, if it lies in the folder.
+// Returns the file, with symbolic links resolved, if it is in the folder.
 std::optional<std::filesystem::path> file_within(const std::filesystem::path& folder, std::string_view path) {
   std::error_code error;
   const auto file = std::filesystem::canonical(folder / path.substr(1), error);
@@ -115,7 +117,7 @@ Response StaticFiles::answer(const Request& request) const {
   if (!stream && !stream.eof()) return nothing_there(path);
   const auto tag = fmt::format("\"{:016x}-{:x}\"", std::hash<std::string>()(bytes), bytes.size());
   Response response = page_response(request, std::move(bytes), type_of(*file));
-  // Builds name the files in /assets by what is in them.
+  // The names of files in /assets contain a hash of their content, so browsers may cache them forever.
   const bool is_asset = path.starts_with("/assets/");
   response.fields.emplace_back("Cache-Control", is_asset ? "public, max-age=31536000, immutable" : "no-cache");
   response.fields.emplace_back("ETag", tag);

@@ -17,7 +17,7 @@ struct AddressDeleter {
   void operator()(addrinfo* list) const { ::freeaddrinfo(list); }
 };
 
-// 0 or the reason why there is no connection.
+// Returns 0, or the error that prevented the connection.
 int connect_one(const addrinfo& address, FileDescriptor& socket, Deadline deadline) {
   socket.reset(::socket(address.ai_family, address.ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, address.ai_protocol));
   if (!socket.is_open()) return errno;
@@ -74,7 +74,7 @@ void SocketcandClient::lost(int reason) const {
 }
 
 void SocketcandClient::write(std::string_view text) {
-  // A peer that is gone must be an error here, not a SIGPIPE.
+  // MSG_NOSIGNAL: if the peer is gone, the result must be an error and not a SIGPIPE.
   const Deadline deadline = std::chrono::steady_clock::now() + send_timeout;
   while (!text.empty()) {
     const ssize_t sent = ::send(socket_.get(), text.data(), text.size(), MSG_NOSIGNAL);
@@ -88,7 +88,7 @@ void SocketcandClient::write(std::string_view text) {
   }
 }
 
-// Reads on to the end of the next element; false: the deadline has passed.
+// Reads up to the end of the next element. Returns false if the deadline has passed.
 bool SocketcandClient::next_element(Deadline deadline) {
   for (;;) {
     while (!unread_.empty()) {

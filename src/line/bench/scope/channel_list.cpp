@@ -9,7 +9,7 @@
 namespace servodrome::line::bench {
 namespace {
 
-// "6064:00" or "6064": index and sub-index in hexadecimal.
+// Reads "6064:00" or "6064": index and sub-index in hexadecimal.
 bool parse_object(std::string_view text, std::uint16_t& index, std::uint8_t& sub) {
   const auto parse = [](std::string_view digits, auto& value) {
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value, 16);

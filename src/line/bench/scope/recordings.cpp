@@ -65,7 +65,7 @@ void Recordings::add_moment(Recording::Plan plan, std::vector<std::shared_ptr<Sa
     recordings_.erase(std::find_if(recordings_.begin(), recordings_.end(), is_of_axis));
   }
   const std::size_t bytes = static_cast<std::size_t>(plan.samples) * taps.size() * sizeof(double);
-  if (!make_room(bytes)) return;  // recordings that have not ended take all the memory, and stay
+  if (!make_room(bytes)) return;  // recordings that have not ended use all the memory
   plan.id = ++last_id_;
   plan.fault_moment = true;
   recordings_.push_back(
@@ -96,7 +96,7 @@ std::size_t Recordings::bytes() const {
   return bytes;
 }
 
-// Lets the oldest go that have ended. False, and nothing is gone, if that does not help.
+// Deletes the oldest recordings that have ended. Returns false, and deletes nothing, if that does not make enough room.
 bool Recordings::make_room(std::size_t bytes) {
   std::size_t used = this->bytes();
   std::size_t count = recordings_.size();
