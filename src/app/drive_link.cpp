@@ -39,7 +39,7 @@ bool is_tcp(const std::string& link) {
 
 }  // namespace
 
-// Variants of a product have one port.
+// Variants of a product have the same port.
 const line::Product* product_that_speaks(products::SerialProtocol protocol) {
   const line::Product* found = nullptr;
   for (const line::Product& product : line::all_products()) {
@@ -173,7 +173,7 @@ host::RegisterList register_list_of(const line::Product& product) {
 
 host::RegisterList DriveLink::register_list() const { return register_list_of(*product_); }
 
-// A station without identification may be anything, and addresses mean something else for each product.
+// A station without identification may be any product, and register addresses differ between products.
 const line::Product& modbus_product(host::ModbusClient& client, std::uint8_t unit) {
   std::string name;
   try {
@@ -253,8 +253,8 @@ bool is_drive(host::EthercatSlave& slave) {
 host::OperationOptions operation_options(const BusOptions& options) {
   const auto period =
       std::chrono::duration_cast<host::Time>(std::chrono::duration<double, std::milli>(options.cycle_ms));
-  // Between two computers or under load a frame may take longer than a cycle; it is not lost for that.
-  constexpr std::uint16_t any = 0;  // lost cycles: this computer is no real-time system, and check() counts them
+  // Between two computers or under load a frame may take longer than a cycle; such a late frame does not count as lost.
+  constexpr std::uint16_t any = 0;  // check() counts lost cycles; this computer is no real-time system
   return {.cyclic = {.period = period, .tolerated_losses = 50},
           .distributed_clocks = options.clocks,
           .sync_error_limit = any};
@@ -295,7 +295,7 @@ void DriveLink::operate(const BusOptions& options) {
 std::unique_ptr<host::CyclicBus> DriveLink::open_cyclic(const host::CanDrive& on_can, const BusOptions& options) {
   if (operation_) return std::make_unique<host::EthercatCyclicBus>(*ethercat_, *operation_);
   if (!bus_) throw Failure::wrong_use(fmt::format("--bus {}: it has no process data", options.link));
-  // Some drives answer a SYNC with their next tick, which can be later than half a period.
+  // Some drives answer a SYNC in their next tick, which may be more than half a period later.
   return std::make_unique<host::CanCyclicBus>(
       *bus_, std::vector{on_can},
       host::CanCyclicOptions{.period = operation_options(options).cyclic.period, .waits_whole_period = true});

@@ -11,7 +11,7 @@ namespace {
 constexpr std::size_t help_width = 100;
 constexpr std::size_t help_column = 28;
 
-// Words of `text` in lines that begin at `column`; the first line has `used` characters already.
+// Wraps the words of `text` into lines that begin at `column`; the first line already has `used` characters.
 std::string wrapped_help(const std::string& text, std::size_t column, std::size_t used) {
   std::istringstream words(text);
   std::string lines;

@@ -5,7 +5,7 @@
 namespace servodrome::app {
 namespace {
 
-// A hyphen that is typed is \-; a line that begins with a dot or an apostrophe would be a macro.
+// Escapes a text for roff: a literal hyphen is \-; a dot or an apostrophe at the start of a line would begin a macro.
 std::string roff(const std::string& text) {
   std::string escaped;
   if (text.starts_with('.') || text.starts_with('\'')) escaped = "\\&";
@@ -35,7 +35,7 @@ std::string manual_head_of(const CommandArgument& argument) {
 std::string text_of_arguments(const std::vector<CommandArgument>& arguments) {
   std::string text;
   for (const CommandArgument& argument : arguments) {
-    if (argument.names.back() == "--help") continue;  // said once, above
+    if (argument.names.back() == "--help") continue;  // described once, above
     std::string description = roff(argument.description);
     if (argument.required && argument.names.back().starts_with("-")) description += " (required)";
     if (!argument.default_value.empty()) description += fmt::format(" (default: {})", roff(argument.default_value));

@@ -40,7 +40,7 @@ void run_motion(const MotionOptions& options, const std::function<Motion(const U
     result = motion(axis, motion_progress(axis, options.bus.json, scale));
     seconds = std::chrono::duration<double>(link.objects().now() - start).count();
     position = axis.position();
-    // A slave that leaves OP with its motor on takes that for a fault.
+    // A slave that leaves OP while its motor is on goes to fault.
     if (options.disable || link.operates()) axis.disable();
   } catch (...) {
     end_progress(options.bus.json);

@@ -15,7 +15,7 @@ namespace servodrome::app {
 void write_whole_file(const std::string& path, const std::string& text) {
   std::error_code error;
   std::filesystem::path target = std::filesystem::canonical(path, error);
-  if (error) target = path;  // it is not there yet
+  if (error) target = path;  // the file does not exist yet
   const bool replaces = !std::filesystem::exists(target, error) || std::filesystem::is_regular_file(target, error);
   const std::filesystem::path part = replaces ? std::filesystem::path(target.string() + ".part") : target;
   error.clear();

@@ -30,7 +30,7 @@ bool is_utf8(std::string_view text) {
   return true;
 }
 
-// Names are shown by programs that take UTF-8 alone. What is none is Latin-1, as older files have it.
+// Converts a text to UTF-8 for display. A text that is not UTF-8 is taken as Latin-1, usual in older files.
 void make_utf8(std::string& text) {
   if (is_utf8(text)) return;
   std::string result;
@@ -145,7 +145,7 @@ void settle(DeviceFile& device) {
     }
     settled.push_back(std::move(entry));
   }
-  // One object code throughout, and a count that was made up or left out is the highest sub-index.
+  // All entries of an object get the same object code. A missing count is set to the highest sub-index.
   for (std::size_t begin = 0; begin < settled.size();) {
     std::size_t end = begin + 1;
     while (end < settled.size() && settled[end].index == settled[begin].index) ++end;

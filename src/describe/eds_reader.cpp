@@ -1,4 +1,4 @@
-// Electronic data sheets and device configuration files as makers have them (CiA 306-1).
+// Reads electronic data sheets and device configuration files of makers (CiA 306-1).
 #include <algorithm>
 #include <bit>
 #include <charconv>
@@ -30,7 +30,7 @@ std::string_view trim(std::string_view text) {
   return text.substr(first, text.find_last_not_of(blank) - first + 1);
 }
 
-// A number may have a comment behind it, although only whole lines may be comments.
+// Removes a comment behind a number, although the standard permits only whole lines as comments.
 std::string_view before_comment(std::string_view text) { return trim(text.substr(0, text.find(';'))); }
 
 struct Value {
@@ -39,9 +39,9 @@ struct Value {
 };
 
 struct Section {
-  std::string name;  // as written
+  std::string name;  // as in the file
   unsigned line = 0;
-  std::map<std::string, Value> values;  // keys in small letters
+  std::map<std::string, Value> values;  // keys in lower case
 
   const Value* find(const std::string& key) const {
     const auto found = values.find(key);
@@ -49,7 +49,7 @@ struct Section {
   }
 };
 
-// CiA 301 table 44 and ETG.1020 table 98, where they are not types of a dictionary: bytes of a value.
+// Size in bytes of values of CiA 301 table 44 and ETG.1020 table 98 whose types a dictionary does not support.
 std::optional<std::uint32_t> bytes_of_other_type(std::int64_t number) {
   switch (number) {
     case 0x0B: return 0U;  // UNICODE_STRING
@@ -85,11 +85,11 @@ std::optional<Type> type_of(std::int64_t number) {
   return std::nullopt;
 }
 
-// A short file can describe much (CompactSubObj) or be much of nothing: what is more than any device has is refused
-// before it takes memory.
+// Limits. A short file may describe very many objects (CompactSubObj), or a large one may be filled with useless lines.
+// More than any device has is refused before it takes memory.
 constexpr std::size_t most_entries = 65536;
 constexpr std::size_t most_lines_kept = 400'000;                // sections and keys
-constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // of names and values, of all entries together
+constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // names and values of all entries together
 constexpr std::size_t most_notes = 1000;
 
 class EdsReader {
@@ -116,7 +116,7 @@ class EdsReader {
                            const std::string& remedy) const {
     throw DeviceFileError(device_.file, line, fmt::format("[{}] {}", section.name, key), problem, remedy);
   }
-  // With every entry, so that no more than these are ever there.
+  // Called for every entry, so that the limits can never be exceeded.
   void add(FileEntry&& entry) {
     text_bytes_ += entry.object_name.size() + entry.name.size() + entry.content.size();
     const char* what = nullptr;
@@ -167,7 +167,7 @@ class EdsReader {
         note(number, fmt::format("\"{}\" is neither a section nor a key; left out", line.substr(0, 40)));
         continue;
       }
-      if (present == nullptr) continue;  // a preamble
+      if (present == nullptr) continue;  // text before the first section
       count_line(number);
       present->values[lower(trim(line.substr(0, equals)))] = {std::string(trim(line.substr(equals + 1))), number};
     }
@@ -225,7 +225,7 @@ class EdsReader {
     }
   }
 
-  // Where the header does not say, the factory values of 1018h do.
+  // If the header lacks the identity, uses the factory values of 1018h.
   void read_identity() {
     const auto take = [this](std::optional<std::uint32_t>& number, std::uint8_t sub) {
       const FileEntry* entry = device_.find(0x1018, sub);
@@ -309,7 +309,7 @@ class EdsReader {
     return found;
   }
 
-  // [6099sub1] without [6099].
+  // Reads [6099sub1] if there is no [6099].
   void read_lone_sub(const std::string& name, const Section& section) {
     if (name.size() < 8 || name.compare(4, 3, "sub") != 0) return;
     const auto index = index_of(std::string_view(name).substr(0, 4));
@@ -325,7 +325,7 @@ class EdsReader {
     add(std::move(entry));
   }
 
-  // CiA 306-1 clause 4.6.4.2: one description for all sub-indices, names and values of some in sections of their own.
+  // CiA 306-1 clause 4.6.4.2: one description for all sub-indices; names and values of some are in separate sections.
   void read_compact(const FileEntry& common, const Section& section, std::int64_t count) {
     if (count < 0 || count > 0xFE) {
       refuse(section, section.values.at("compactsubobj").line, "CompactSubObj",
@@ -352,7 +352,7 @@ class EdsReader {
       }
       add(std::move(entry));
     }
-    // Sub-indices that are described for themselves go before.
+    // Sub-indices with their own description have priority.
     const auto own_begin = device_.entries.end() - (count + 1);
     for (const auto& [sub, own] : sub_sections(section)) {
       if (sub > static_cast<unsigned>(count)) continue;
@@ -422,7 +422,7 @@ class EdsReader {
     return std::nullopt;
   }
 
-  // Hexadecimal limits of a signed type are its bits: 0x8000 is the lowest INTEGER16.
+  // Hexadecimal limits of a signed type are bit patterns: 0x8000 is the lowest INTEGER16.
   static std::int64_t of_type(Type type, std::int64_t value) {
     const unsigned bits = dictionary::size_of(type) * 8U;
     if (!dictionary::is_signed(type) || bits == 64 || value <= dictionary::maximum_of(type)) return value;
@@ -464,7 +464,7 @@ class EdsReader {
     entry.default_value = of_type(entry.type, *number);
   }
 
-  // "0x01 0x02", "01 02" or plain text.
+  // Reads bytes from "0x01 0x02", "01 02" or plain text.
   static std::string octets(std::string_view text) {
     std::string bytes;
     std::string digits;
@@ -495,7 +495,7 @@ class EdsReader {
     if (const Value* value = section.find("parametervalue")) read_default(entry, section, *value, "ParameterValue");
   }
 
-  // What the lists of objects promise and no section describes.
+  // Reports objects that are listed but have no section.
   void check_lists() {
     for (const char* name : {"mandatoryobjects", "optionalobjects", "manufacturerobjects"}) {
       const Section* list = section(name);
@@ -512,7 +512,7 @@ class EdsReader {
   DeviceFile device_;
   std::size_t text_bytes_ = 0;
   std::size_t lines_kept_ = 0;
-  std::map<std::string, Section> sections_;  // by name in small letters
+  std::map<std::string, Section> sections_;  // by name in lower case
 };
 
 }  // namespace

@@ -14,14 +14,14 @@ using dictionary::Type;
 
 namespace {
 
-constexpr unsigned deepest_type = 8;  // of types that are other types by another name
+constexpr unsigned deepest_type = 8;  // limit for a chain of types that rename other types
 
 unsigned bits_of(const pugi::xml_node& node) {
   return static_cast<unsigned>(
       std::clamp<std::int64_t>(parse_xml_number(text_of(node.child("BitSize"))).value_or(0), 0, std::int64_t{8} << 20));
 }
 
-// Pairs of hexadecimal digits; the first is the lowest byte of a number.
+// Parses pairs of hexadecimal digits; the first pair is the lowest byte of a number.
 std::optional<std::string> bytes_of(std::string_view digits) {
   std::string bytes;
   for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
@@ -34,7 +34,7 @@ std::optional<std::string> bytes_of(std::string_view digits) {
   return bytes;
 }
 
-// A number of the type: hexadecimal values of signed types are their bits.
+// Converts a number to the type: hexadecimal values of signed types are bit patterns.
 std::int64_t of_type(Type type, std::int64_t value) {
   const unsigned bits = dictionary::size_of(type) * 8U;
   if (!dictionary::is_signed(type) || bits == 64 || value <= dictionary::maximum_of(type)) return value;
@@ -55,7 +55,7 @@ bool EsiDictionaryReader::read(const pugi::xml_node& dictionary) {
   return any;
 }
 
-// Follows a type that is another by another name, as enumerations are.
+// Resolves a type that only renames another type, as enumerations do.
 pugi::xml_node EsiDictionaryReader::data_type(const std::string& name) const {
   std::string wanted = name;
   pugi::xml_node type;
@@ -129,7 +129,7 @@ void EsiDictionaryReader::read_parts(const pugi::xml_node& object, const pugi::x
     type_names.push_back(entry.name);
     parts.push_back(std::move(entry));
   }
-  // The values come in the order of the type's parts, or under their names where some are left out.
+  // The values are in the order of the type's parts; if some are missing, they are found by name.
   const pugi::xml_node info = object.child("Info");
   const auto items = info.children("SubItem");
   const bool in_order = static_cast<std::size_t>(std::distance(items.begin(), items.end())) == parts.size();

@@ -22,23 +22,23 @@ using dictionary::Type;
 
 namespace {
 
-constexpr std::uint32_t string_bytes = 256;   // room of a string or block of bytes whose length is not given
+constexpr std::uint32_t string_bytes = 256;   // size of a string or block of bytes without a given length
 constexpr std::uint32_t domain_bytes = 4096;  // ... of a DOMAIN
 
 bool is_manufacturers(std::uint16_t index) { return index >= 0x2000 && index < 0x6000; }
-// Parameters, mappings and assignments of PDOs: however many of them are described, no struct has them.
+// PDO parameters, mappings and assignments are not fields of a struct, since their number depends on the description.
 bool is_pdo_object(std::uint16_t index) {
   return (index >= 0x1400 && index < 0x1C00) || index == 0x1C12 || index == 0x1C13;
 }
 bool is_storage(std::uint16_t index) { return index == 0x1010 || index == 0x1011; }
 bool is_plain_number(Type type) { return dictionary::size_of(type) != 0 && type != Type::real32; }
 
-// COB-IDs that hold the node-ID, which careless files leave out of their defaults.
+// COB-IDs include the node-ID, but the defaults of some files omit it.
 bool needs_node_id(const Entry& reference, std::int64_t value) {
   return reference.default_adds_node_id && value == reference.default_value;
 }
 
-// What holds the axis, or makes no ratio, while it is 0. In a data sheet that is no value but the want of one.
+// Values for which 0 stops the axis or is no valid ratio. In a data sheet such a 0 means that no value is given.
 constexpr auto never_zero = std::to_array<std::uint32_t>({
     0x607200, 0x607300, 0x607500, 0x607600, 0x607F00, 0x608100, 0x608300, 0x608400, 0x608500, 0x608700,
     0x608F01, 0x608F02, 0x609101, 0x609102, 0x609201, 0x609202, 0x609601, 0x609602, 0x609701, 0x609702,
@@ -46,7 +46,7 @@ constexpr auto never_zero = std::to_array<std::uint32_t>({
 });
 bool is_never_zero(const Entry& entry) { return std::binary_search(never_zero.begin(), never_zero.end(), entry.key()); }
 
-// Speeds and ramps whose factory values count in the reference drive's units, 131072 to a revolution.
+// Speeds and ramps with factory values in the reference drive's units, 131072 per revolution.
 constexpr auto motion_values = std::to_array<std::uint32_t>({
     0x608100,
     0x608300,
@@ -114,7 +114,7 @@ void Composer::compose() {
   list_what_is_not_simulated();
 }
 
-// Objects that every device has, and the dummies that the file allows in a mapping.
+// Adds the objects that every device has, and the dummies that the file permits in a mapping.
 void Composer::complete_device() {
   describe::DeviceFile& device = made_.device;
   if (device.find(0x6040, 0) == nullptr || device.find(0x6041, 0) == nullptr) {
@@ -215,9 +215,9 @@ void Composer::set_range(Entry& entry, const FileEntry& described) {
   entry.minimum = described.minimum.value_or(least);
   entry.maximum = described.maximum.value_or(greatest);
   const bool given = described.minimum || described.maximum;
-  // Both 0 is what tools write that have no limits.
+  // tools write 0 for both if there are no limits
   const bool empty = entry.minimum == 0 && entry.maximum == 0 && entry.default_value != 0;
-  const bool is_read = entry.access != Access::wo;  // of what is only written the default means nothing
+  const bool is_read = entry.access != Access::wo;  // the default of a write-only object has no meaning
   const bool holds_default = !is_read || (entry.default_value >= entry.minimum && entry.default_value <= entry.maximum);
   entry.has_range = given && !empty && holds_default && !entry.default_adds_node_id;
   if (given && !empty && !holds_default && !entry.default_adds_node_id) {
@@ -248,7 +248,7 @@ void Composer::set_text(Entry& entry, const FileEntry& described) {
 void Composer::set_place(Entry& entry, const FileEntry& described, const Entry* reference) {
   if (!entry.fixed_size()) return set_text(entry, described);
   if (is_storage(entry.index) && entry.sub != 0) {
-    entry.owner = Owner::communication;  // answers to a signature
+    entry.owner = Owner::communication;  // uses a signature
     return;
   }
   if (is_pdo_object(entry.index) || (reference != nullptr && reference->owner == Owner::communication)) {
@@ -277,7 +277,7 @@ void Composer::settle_mappings() {
   }
 }
 
-// What is mapped from the factory can be mapped, whatever the objects' own descriptions say of it.
+// An object in a default mapping is mappable, even if its own description says otherwise.
 void Composer::settle_mapping(std::uint16_t index, Pdo direction) {
   Entry& count = *find(index, 0);
   std::int64_t mapped = 0;
@@ -311,7 +311,7 @@ void Composer::choose_modes() {
   const std::uint32_t reference = made_.policy.supported_modes;
   Entry* supported = find(0x6502, 0);
   if (supported == nullptr) return;
-  if (supported->default_value == 0) supported->default_value = reference;  // not said
+  if (supported->default_value == 0) supported->default_value = reference;  // not given
   const auto described = static_cast<std::uint32_t>(supported->default_value);
   made_.policy.supported_modes = described & reference;
   std::vector<std::string> absent;
@@ -343,7 +343,7 @@ void Composer::choose_homing_methods() {
   made_.policy.homing_methods = made_.homing_methods;
 }
 
-// Zeros that would hold the axis, and the reference drive's speeds and ramps in the described units.
+// Replaces zeros that would stop the axis, and converts the reference drive's speeds and ramps to the described units.
 void Composer::settle_motion() {
   constexpr std::uint32_t greatest_encoder = 1U << 24;  // plant::Encoder
   const auto increments = static_cast<double>(default_of(0x608F, 1, 0));

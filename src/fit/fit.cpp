@@ -26,7 +26,7 @@ constexpr std::array<ParameterText, parameter_count> texts{{
     {"torque_delay_s", "delay, torque to motion", "s"},
 }};
 
-// "the position (\"6064\" is in counts ...)" for each role that is missing.
+// Text with the missing roles and, for each recorded but unusable column, the reason: "the position (column ...: ...)".
 std::string missing(const Signals& signals, std::initializer_list<Role> roles) {
   std::vector<std::string> words;
   for (const Role role : roles) {
@@ -74,8 +74,8 @@ void require_motion(const Signals& signals) {
               "motion)");
 }
 
-// No figure is told closer than this: of voltages that are held for a period, and of what currents do between two
-// samples, the model knows the mean only.
+// Least uncertainty that is reported: the model only knows the mean of a voltage during a period, and of a current
+// between two samples.
 constexpr double closest_share = 1e-3;
 constexpr double closest_delay_periods = 0.05;
 
@@ -100,7 +100,7 @@ class Report {
       at(parameter).remedy = remedy;
     }
   }
-  // Tells it if it was found; else it is missed.
+  // Reports the value if it was found, otherwise why it is missing.
   void put(Parameter parameter, const std::optional<Unknown>& found, const std::string& why_not,
            const std::string& remedy) {
     if (found) {
@@ -162,7 +162,8 @@ Result fit(const Signals& signals, const Motor& motor) {
   using enum Parameter;
 
   const Electrical electrical = fit_electrical(signals, motor);
-  // Torque per A of amplitude is half the phases' number times the voltage constant; an A rms is more by sqrt(2).
+  // Torque per A of amplitude is half the number of phases times the voltage constant. An A rms has sqrt(2) times the
+  // amplitude.
   const double per_rms = 0.5 * motor.phases * std::numbers::sqrt2;
   if (electrical.voltage_constant) {
     const Unknown& constant = *electrical.voltage_constant;
@@ -171,7 +172,7 @@ Result fit(const Signals& signals, const Motor& motor) {
   }
   report_electrical(signals, electrical, report, result);
 
-  // What moves the shaft, in Nm; with it what is not certain of its scale.
+  // Torque on the shaft in Nm, and the uncertainty of its scale.
   std::vector<double> torque_nm;
   double uncertain = 0.0;  // relative
   if (signals.has(Role::torque)) {

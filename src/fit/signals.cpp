@@ -17,7 +17,7 @@ namespace {
 
 constexpr double turn = 2.0 * std::numbers::pi;
 
-// What a unit is made of, besides its number.
+// The base of a unit, besides its factor.
 enum class Scale : std::uint8_t { one, counts, rated_torque, rated_current };
 
 struct Unit {
@@ -29,7 +29,7 @@ struct Unit {
 struct RoleText {
   std::string_view word;
   std::string_view text;
-  std::array<std::string_view, 4> names;  // of columns, the better one first
+  std::array<std::string_view, 4> names;  // names of columns, preferred ones first
   std::array<Unit, 10> units;
 };
 
@@ -90,7 +90,7 @@ struct Found {
   std::string unit;
 };
 
-// The factor to SI units. 0: the conversion needs a value that is not given; `why` names it.
+// Returns the factor to SI units; 0 if the conversion needs a value that is not given, which `why` names.
 double factor_of(Role role, std::string_view text, const Motor& motor, std::string& why) {
   double number = 1.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -131,7 +131,7 @@ double factor_of(Role role, std::string_view text, const Motor& motor, std::stri
   return 0.0;
 }
 
-// At the times of another clock, on straight lines between the samples; not a number outside of them.
+// Linear interpolation at the times of another clock; NaN outside the samples.
 std::vector<double> resampled(const std::vector<double>& times, const std::vector<double>& values,
                               const std::vector<double>& at) {
   std::vector<double> result;
@@ -194,7 +194,8 @@ std::optional<Found> find_column(const Table& table, const std::string& axis, Ro
   return std::nullopt;
 }
 
-// A drive's velocity may be in units that are not those of its position: the position then tells.
+// A drive's velocity may have other units than its position: then scales the velocity by comparing it with the
+// position.
 void compare_velocity(Signals& signals) {
   if (!signals.has(Role::position) || !signals.has(Role::velocity)) return;
   const std::vector<double>& position = signals.of(Role::position);
@@ -254,7 +255,7 @@ Signals signals_of(const Table& table, const Motor& motor, std::span<const Assig
     throw Error(table.source, "no column is a position, velocity, torque, current or voltage",
                 fmt::format("say which is what by --signal ROLE=COLUMN@UNIT; columns are {}", names_in(table, own)));
   }
-  // The clock of what moves the axis, where there are several: products of signals are formed at its samples.
+  // With several clocks, uses that of current or torque, because products of signals are formed at its samples.
   const auto clock_of = [&](Role role) { return found[static_cast<std::size_t>(role)]; };
   const Found& first = clock_of(Role::quadrature_current) ? *clock_of(Role::quadrature_current)
                        : clock_of(Role::torque)           ? *clock_of(Role::torque)

@@ -22,7 +22,7 @@ constexpr const char* what_is_read =
   throw Error(source, happened, what_is_read);
 }
 
-// One line of RFC 4180: quotes, "" for a quote in them. `text` goes on behind the line.
+// Takes one line of RFC 4180 (quoted fields; "" is a quote in them) off `text`.
 std::vector<std::string> take_record(std::string_view& text) {
   std::vector<std::string> fields(1);
   bool quoted = false;
@@ -52,7 +52,7 @@ std::vector<std::string> take_record(std::string_view& text) {
   return fields;
 }
 
-// "NAME [UNIT]", of a line's recording with the axis before it.
+// Parses "NAME [UNIT]"; in a line's recording the axis comes first.
 Column column_of(std::string_view head, bool of_line) {
   Column column;
   if (of_line) {
@@ -70,7 +70,7 @@ Column column_of(std::string_view head, bool of_line) {
 }
 
 Table read_csv(std::string_view text, const std::string& source) {
-  // What a field of each line is: a time, a value or the number of a tick, which is not read.
+  // Meaning of a field: a time, a value, or the number of a tick, which is ignored.
   struct Place {
     enum class Kind : std::uint8_t { tick, time, value } kind;
     std::size_t index;

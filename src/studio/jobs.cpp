@@ -16,7 +16,7 @@ JobError error_of(const host::HostError& error) { return {error.happened(), erro
 
 }  // namespace
 
-Jobs::~Jobs() { jobs_.clear(); }  // each ends its task
+Jobs::~Jobs() { jobs_.clear(); }  // each job ends its task
 
 Job* Jobs::find(std::uint64_t id) {
   const auto found = std::find_if(jobs_.begin(), jobs_.end(), [id](const Job& job) { return job.id == id; });
@@ -58,7 +58,7 @@ const Job& Jobs::begin(const std::string& name, const std::string& body) {
     throw ApiError{409, fmt::format("the axis has a job: {}", other->order.what), name,
                    fmt::format("wait until it is done, or end it: DELETE /api/v1/jobs/{}", other->id)};
   }
-  if (other == nullptr) make_room();  // else that one is over now, and may go
+  if (other == nullptr) make_room();  // otherwise the other job ends now, and its entry may be removed
   if (other != nullptr) {
     abandon(*other, fmt::format("{} took its place", job.order.what));
     make_room();
@@ -125,7 +125,7 @@ void Jobs::carry_out(Job& job) {
   }
 }
 
-// Told when it is something else, and each twentieth.
+// Publishes progress when `doing` changes, and at every step of 5 %.
 void Jobs::note_progress(Job& job, const char* doing, double share) const {
   const bool other = !job.progress || job.progress->doing != doing;
   if (!other && std::abs(share - job.progress->share) < 0.05) return;
@@ -154,7 +154,7 @@ void Jobs::cancel(Job& job) {
 
 void Jobs::abandon(Job& job, std::string reason) {
   if (job.state != JobState::running) return;
-  // Who cleans up on the way out (a jog halts) still finds the task, and is thrown on.
+  // Code that cleans up during unwinding (a jog halts) still uses the task, so it is ended before it is destroyed.
   if (job.task) job.task->end();
   job.task.reset();
   job.state = JobState::cancelled;

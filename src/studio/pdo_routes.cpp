@@ -9,8 +9,8 @@
 #include "line/bench/body_reader.hpp"
 #include "studio/commissioning.hpp"
 
-// What the PDOs of an axis carry, as lists: CiA 301 clauses 7.5.2.35 to 38, and 1C12h and 1C13h of ETG.1000.6. They are
-// changed by the loader of parameters, which knows the order of writes and takes everything back if the drive refuses.
+// The PDO mappings of an axis as lists: CiA 301 clauses 7.5.2.35 to 38, and 1C12h and 1C13h of ETG.1000.6. The
+// parameter loader changes them: it knows the order of writes and restores everything if the drive refuses.
 namespace servodrome::studio {
 namespace {
 
@@ -51,7 +51,7 @@ const Direction* direction_of(std::uint16_t mapping) {
   return nullptr;
 }
 
-// A number of a PDO's communication parameter, and one unit of it in those of the API's key.
+// A number of a PDO's communication parameter; `per_unit` of its units are one unit of the API's key.
 struct CommunicationKey {
   const char* key;
   std::uint8_t sub;
@@ -64,7 +64,7 @@ constexpr std::array communication_keys{
     CommunicationKey{"sync_start", 6, 1},
 };
 
-// The objects of one axis, by its bus's table.
+// The PDO objects of one axis, from its bus's table.
 class PdoTable {
  public:
   explicit PdoTable(Subject& subject) : subject_(subject), table_(subject.table), list_(subject.parameters(true)) {}
@@ -90,7 +90,7 @@ class PdoTable {
     return view;
   }
 
-  // What a request asks for, as a text of parameters. Throws ApiError.
+  // The requested parameters as a parameter file. Throws ApiError.
   host::ParameterFile wanted(const std::string& body_text) {
     BodyReader body(body_text);
     host::ParameterFile file;
@@ -108,7 +108,7 @@ class PdoTable {
     return file;
   }
 
-  // The lists of `file` as the drive has them now.
+  // The present values in the drive of the lists in `file`.
   host::ParameterFile before(const host::ParameterFile& file) const {
     host::ParameterFile now;
     for (const host::ParameterValue& value : file.values) {
@@ -137,7 +137,7 @@ class PdoTable {
     return is_there ? &*found : nullptr;
   }
 
-  // "Target position", or the name of the object and its sub-index.
+  // The name of the object, e.g. "Target position"; for a sub-index also the sub-index.
   std::string name_of(ObjectAddress address) const {
     const dictionary::Entry* entry = find(address);
     if (entry == nullptr) return "";
@@ -225,7 +225,7 @@ class PdoTable {
     wrong(fmt::format("the drive has no PDO {:04X}h", index), where, "GET .../pdos lists them");
   }
 
-  // "607A:00", or "0000:00/8": so many bits of padding.
+  // Reads "607A:00", or "0000:00/8": 8 bits of padding.
   std::uint32_t mapped(const Json& value) const {
     constexpr const char* hint = "write \"INDEX:SUB\" in hexadecimal, or \"0000:00/8\" for 8 bits of padding";
     if (!value.is_string()) wrong("an object to be mapped is no string", "objects", hint);
@@ -234,7 +234,7 @@ class PdoTable {
     unsigned sub = 0;
     unsigned bits = 0;
     int end = 0;
-    // NOLINTNEXTLINE(cert-err34-c): the end is looked at, and widths limit the numbers
+    // NOLINTNEXTLINE(cert-err34-c): the end is checked, and widths limit the numbers
     const int found = std::sscanf(text.c_str(), "%4x:%2x%n/%3u%n", &index, &sub, &end, &bits, &end);
     if (found < 2 || end != static_cast<int>(text.size())) {
       wrong(fmt::format("\"{}\" is no object", text.substr(0, 40)), "objects", hint);
@@ -250,7 +250,7 @@ class PdoTable {
     return static_cast<std::uint32_t>(index) << 16U | static_cast<std::uint32_t>(sub) << 8U | (bits & 0xFFU);
   }
 
-  // As the parameter's type; throws if the drive does not let it be written.
+  // Adds a value with the parameter's type; throws if the drive does not permit writing it.
   void add(host::ParameterFile& file, ObjectAddress address, std::uint64_t number) const {
     const host::Parameter* parameter = list_.find(address);
     if (parameter == nullptr) {
@@ -343,7 +343,7 @@ Json change_pdos(Call& call) {
     const host::ParameterFile file = pdos.wanted(call.body);
     const auto load = [list = subject.parameters(true), node_id = subject.node_id](host::ObjectClient& objects,
                                                                                    const host::ParameterFile& values) {
-      // What is written is this drive's: no other product is in question.
+      // The values are for this drive, so the product check is skipped.
       host::load_parameters(objects, values, "body", list, {}, {.node_id = node_id, .force = true});
     };
     if (subject.configure) {

@@ -32,7 +32,7 @@ host::CloneProgress progress_of(const Options& options) {
   };
 }
 
-// What is known of a CAN drive's objects, and from where.
+// The description of a CAN drive's objects, and its source.
 struct Known {
   describe::DeviceFile device;
   std::string from;
@@ -43,7 +43,7 @@ describe::DeviceFile read_sheet(const std::string& text, const std::string& name
   return describe::read_eds(stream, name);
 }
 
-// The data sheet that a drive may carry in 1021h. Nothing: it has none that can be read.
+// Reads the data sheet that a drive may store in 1021h. Empty if there is none that can be read.
 std::optional<describe::DeviceFile> sheet_in_drive(host::ObjectClient& objects) {
   try {
     const std::vector<std::byte> bytes = objects.upload({0x1021, 0});
@@ -86,7 +86,7 @@ void clone(const Options& options) {
   }
   const InterruptGuard guard;
   DriveLink link(options.bus, true);
-  if (link.sdo() != nullptr) link.sdo()->cancel_when(InterruptGuard::interrupted);  // a data sheet takes seconds
+  if (link.sdo() != nullptr) link.sdo()->cancel_when(InterruptGuard::interrupted);  // reading takes seconds
   const auto progress = progress_of(options);
   const auto end_line = [&options] {
     if (on_terminal() && !options.bus.json) fmt::print(stderr, "\r\x1B[K");

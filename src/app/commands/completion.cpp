@@ -1,4 +1,4 @@
-// `completion` and `manual`: what the commands say of themselves, for shells and for man.
+// `completion` and `manual`: shell completion and the manual page, generated from the command definitions.
 #include <fmt/format.h>
 
 #include "app/manual_page.hpp"

@@ -1,4 +1,4 @@
-// `conform`: does a drive keep to the standards? Seen from outside, clause by clause.
+// `conform`: checks from outside, clause by clause, whether a drive meets the standards.
 #include <algorithm>
 #include <cstdio>
 #include <fmt/format.h>
@@ -66,7 +66,7 @@ void list_checks(bool json) {
 void refuse_unknown(const std::vector<std::string>& words) {
   for (const std::string& word : words) {
     if (conform::is_check_or_group(word)) continue;
-    // A check that is meant is of this group; else the groups are short enough to be listed.
+    // Suggest checks of the same group; if the group is unknown, list all groups, since there are few.
     const std::string_view group = std::string_view(word).substr(0, word.find('.'));
     const bool has_group = conform::is_check_or_group(group);
     std::vector<std::string_view> known;
@@ -96,7 +96,7 @@ nlohmann::ordered_json json_of(const Outcome& outcome) {
           {"observations", std::move(observations)}};
 }
 
-// Outcomes as they come, by groups; on a terminal also which check runs.
+// Prints outcomes as they arrive, by groups; on a terminal also the check that is running.
 class Screen {
  public:
   Screen(const Options& options, std::size_t checks)

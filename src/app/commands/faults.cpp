@@ -1,4 +1,4 @@
-// `faults`: what is wrong with a drive, why, and what to do.
+// `faults`: shows the faults of a drive, their causes and remedies.
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -68,7 +68,7 @@ void run(const Options& options) {
     try {
       axis->reset_fault();
     } catch (const host::HostError& error) {
-      refusal = error.what();  // what is still there is shown first
+      refusal = error.what();  // first show the faults that are still active
     }
   }
   const host::FaultReport report = host::read_faults(link.objects(), host::dialect_of(product));

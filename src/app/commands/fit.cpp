@@ -1,4 +1,4 @@
-// `fit`: the parameters of an axis out of a recording of its motion.
+// `fit`: estimates the parameters of an axis from a recording of its motion.
 #include <filesystem>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -48,7 +48,7 @@ std::string bytes_of(const std::string& path) {
   return std::move(text).str();
 }
 
-// What a line file says of the axis, where no option does.
+// Fills parameters that no option gives from the line file.
 void complete_by_line(fit::Motor& motor, const Options& options) {
   if (options.line_file.empty()) return;
   const line::LineSettings line = load_line(options.line_file);
@@ -67,7 +67,7 @@ void complete_by_line(fit::Motor& motor, const Options& options) {
   const auto fill = [](auto& value, auto known) {
     if (!value) value = known;
   };
-  // What the drive takes its percentages of is what it was told.
+  // The drive scales its percentages with the motor data that were configured in it.
   const drive::MotorData& told = found->motor_data;
   fill(motor.rated_torque_nm, static_cast<double>(told.rated_torque_nm));
   fill(motor.rated_current_a, static_cast<double>(told.rated_current_a) / std::numbers::sqrt2);

@@ -1,4 +1,4 @@
-// `jog` and `torque`: what goes on as long as the user wants it.
+// `jog` and `torque`: motions that last as long as the user wants.
 #include <fmt/format.h>
 #include <sys/select.h>
 #include <termios.h>
@@ -23,7 +23,7 @@ struct TorqueOptions : MotionOptions {
   double seconds = 0.0;
 };
 
-// Characters come one by one and are not shown, as long as this lives.
+// While it lives, the terminal delivers single characters without echo.
 class RawTerminal {
  public:
   RawTerminal() {
@@ -38,7 +38,7 @@ class RawTerminal {
   RawTerminal(const RawTerminal&) = delete;
   RawTerminal& operator=(const RawTerminal&) = delete;
 
-  // What was typed since; a terminal that is gone ends the jog.
+  // Returns the characters typed since the last call; the loss of the terminal ends the jog.
   static std::string typed() {
     fd_set ready;
     FD_ZERO(&ready);

@@ -1,4 +1,4 @@
-// `home` and `move`: one axis, by its objects.
+// `home` and `move`: motions of one axis, commanded through its objects.
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
@@ -62,8 +62,8 @@ void move(const MoveOptions& options) {
   });
 }
 
-// In any mode, whatever master enabled it. It needs no process data: an EtherCAT slave that is not in OP has its
-// motor off, or is switched off all the same.
+// Works in any mode, whichever master enabled the drive. It needs no process data: the motor of an EtherCAT slave
+// outside OP is off already, or is switched off here.
 void disable(const BusOptions& options) {
   DriveLink link(options, true);
   const InterruptGuard guard;

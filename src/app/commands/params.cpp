@@ -1,4 +1,4 @@
-// `params`: a drive's parameters as a text file: saved, loaded, compared.
+// `params`: a drive's parameters as a text file: save, load, compare.
 #include <ctime>
 #include <filesystem>
 #include <fmt/chrono.h>
@@ -24,7 +24,7 @@ struct Options {
   BusOptions bus;
   std::string eds;
   std::vector<std::string> files;
-  std::string output;  // save: in the place of a file
+  std::string output;  // save: the output file
   bool connection = false;
   bool date = false;         // save
   bool force = false;        // load
@@ -44,7 +44,8 @@ host::ParameterFile read_file(const std::string& path) {
   return host::ParameterFile::read(file, path);
 }
 
-// The drive behind --bus and what its parameters are: by --eds, by its product's dictionary, or by itself (EtherCAT).
+// The drive behind --bus and its parameter list: from --eds, from its product's dictionary, or from the drive
+// (EtherCAT).
 struct Drive {
   explicit Drive(const Options& options)
       : link(options.bus, false), kind(bus_kind(options.bus).kind), list(list_of(options)) {
@@ -77,7 +78,7 @@ struct Drive {
   }
 };
 
-// The parameters of a product without a drive.
+// The parameters of a product, without access to a drive.
 host::ParameterList list_of_product(const std::string& name, const Options& options) {
   const line::Product* product = line::find_product(line::all_products(), name);
   if (product == nullptr) {
@@ -217,7 +218,7 @@ void load(const Options& options) {
   }
 }
 
-// The side that has name and unit, if one has: a person may have written the other.
+// The side that has name and unit: the other one may come from a file that a person wrote.
 const host::ParameterValue& named(const host::ParameterDifference& one) {
   if (one.left == nullptr) return *one.right;
   return one.right != nullptr && one.left->name.empty() ? *one.right : *one.left;
@@ -253,7 +254,7 @@ void print_differences(const Options& options, const std::string& left, const st
   fmt::print("left: {}; right: {}\n", left, right);
 }
 
-// Only what the file names is asked of the drive: a file may hold a few parameters.
+// Compares only the parameters that the file contains: it may hold just a few.
 host::ReadParameters read_those_of(Drive& drive, const host::ParameterFile& file, const Options& options) {
   host::ReadParameters all =
       host::read_parameters(drive.link.objects(), drive.list, drive.node_id, progress_of(options));

@@ -1,4 +1,4 @@
-// `probe`: where the axis was at an edge of a touch probe.
+// `probe`: prints the position of the axis at an edge of a touch probe.
 #include <fmt/format.h>
 
 #include "app/commands.hpp"

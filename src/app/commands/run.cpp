@@ -1,4 +1,4 @@
-// `run`: a motion script.
+// `run`: carries out a motion script.
 #include "host/script/run.hpp"
 
 #include <filesystem>
@@ -33,7 +33,7 @@ std::string text_of(const Options& options) {
   return read_text_file(options.script, fmt::format("run: {}", options.script), true);
 }
 
-// The objects of products that a script or --product names, as its bus sees them.
+// The objects of the products that a script or --product names, as their bus sees them.
 class Catalogues {
  public:
   explicit Catalogues(const BusOptions& options) {
@@ -62,7 +62,7 @@ Script parsed(const Options& options) {
   try {
     if (options.eds.empty()) {
       Catalogues catalogues(options.bus);
-      named_product(options.bus);  // or it is said that there is none
+      named_product(options.bus);  // throws if there is no such product
       const host::ObjectCatalogue* const own = catalogues.of(options.bus.product);
       return host::script::parse(text_of(options), name, own != nullptr ? *own : host::ObjectCatalogue::standard(),
                                  [&catalogues](const std::string& product) { return catalogues.of(product); });
@@ -75,7 +75,7 @@ Script parsed(const Options& options) {
   }
 }
 
-// Before anything moves: a port with parameters only takes no motion.
+// Checks the axes before anything moves: a port that has parameters only cannot command motion.
 void check_axes(const Script& script, const std::vector<Step>& steps, const std::vector<host::Axis402*>& axes) {
   for (const Step& step : steps) {
     check_axes(script, step.body, axes);
@@ -117,7 +117,7 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
       fmt::print("{:>5}  {:<50} {:8.3f} s{}{}\n", step.place.line, step.source, seconds, said.empty() ? "" : "  ",
                  said);
     }
-    // A script whose steps cannot be told does not go on; its axes stop.
+    // If its output is lost, the script ends, and its axes stop.
     if (std::fflush(stdout) != 0) throw Failure::lost_output();
   };
   try {

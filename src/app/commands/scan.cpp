@@ -16,20 +16,20 @@ namespace servodrome::app {
 namespace scan_command {
 
 struct Options {
-  BusOptions bus{.timeout_s = 0.0};  // 0: by the kind of bus
+  BusOptions bus{.timeout_s = 0.0};  // 0: depends on the kind of bus
   double listen_s = 0.0;
   unsigned first = 1;
-  unsigned last = 0;  // 0: the highest there can be
+  unsigned last = 0;  // 0: the highest possible
   bool buses = false;
   std::vector<std::string> eds;
   std::vector<std::string> esi;
 };
 
 constexpr double can_timeout_s = 0.25;
-// What answers on a serial line does so at once, and most addresses are empty.
+// A station on a serial line answers at once, and most addresses are empty.
 constexpr double serial_timeout_s = 0.05;
 
-// What a drive was recognised as, and by what: "identity", "description" (a file that was given) or "objects".
+// The product of a drive and how it was found: by "identity", "description" (a given file) or "objects".
 struct Recognised {
   std::string as;
   const char* by = nullptr;
@@ -63,7 +63,7 @@ Recognised by_objects(const line::Product* product) {
   return {std::string(product->name), Recognised::by_objects, product};
 }
 
-// A drive whose identity is unknown is asked for objects that only one product has.
+// If the identity of a drive is unknown, looks for objects that only one product has.
 Recognised recognise(host::Bus& bus, const host::FoundNode& node, const Descriptions& descriptions) {
   const auto identity = node.identity.value_or(host::LssAddress{});
   Recognised recognised = recognise(product_of(node), identity.vendor_id, identity.product_code, descriptions);
@@ -72,7 +72,7 @@ Recognised recognise(host::Bus& bus, const host::FoundNode& node, const Descript
     host::SdoClient objects(bus, node.node_id);
     return by_objects(product_by_objects(objects, line::Fieldbus::can));
   } catch (const host::ObjectError&) {
-    return {};  // it has gone meanwhile
+    return {};  // the drive has left the bus meanwhile
   }
 }
 
@@ -245,7 +245,7 @@ struct Bus {
   std::string note;
 };
 
-// Where `servodrome up` of this computer is to be found, if one runs.
+// The default links of a running `servodrome up` on this computer.
 std::vector<Bus> buses_of_default_line() {
   std::vector<Bus> buses;
   try {

@@ -1,4 +1,4 @@
-// `scope`: records objects of a drive, with trigger, while something else moves it or a script does.
+// `scope`: records objects of a drive, with a trigger, while a script or another master moves it.
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
@@ -41,7 +41,7 @@ struct Options {
 };
 
 constexpr double usual_duration_s = 1.0;
-constexpr host::Time patience = std::chrono::milliseconds(10);  // between looks at Ctrl-C
+constexpr host::Time patience = std::chrono::milliseconds(10);  // period of checks for Ctrl-C
 
 host::Time time_of(double seconds) {
   return std::chrono::duration_cast<host::Time>(std::chrono::duration<double>(seconds));
@@ -78,7 +78,7 @@ std::string script_text(const Options& options) {
   return read_text_file(options.script, fmt::format("--run {}", options.script));
 }
 
-// The one axis of a script may say which drive it is.
+// The axis of the script may give the node and the product of the drive.
 std::optional<host::script::Script> parsed_script(Options& options, const host::ObjectCatalogue& catalogue) {
   if (!options.moves()) return std::nullopt;
   const std::string name = options.script.empty() ? "--do" : options.script;
@@ -115,7 +115,7 @@ scope::Channel channel_of(const std::string& text, const host::ObjectCatalogue& 
   }
 }
 
-// The default channels, where none are given: those of them that the drive has on this bus.
+// The channels if none are given: those of the usual ones that the drive has on this bus.
 std::vector<scope::Channel> usual_channels(DriveLink& link, const host::ObjectCatalogue& catalogue) {
   std::vector<scope::Channel> channels;
   const auto add_if_present = [&](const char* name) {
@@ -128,7 +128,7 @@ std::vector<scope::Channel> usual_channels(DriveLink& link, const host::ObjectCa
     }
   };
   add_if_present("6064");
-  if (channels.empty()) add_if_present("6063");  // the Modbus registers of an iSMK
+  if (channels.empty()) add_if_present("6063");  // Modbus registers of an iSMK
   add_if_present("606C");
   add_if_present("6077");
   if (channels.empty()) throw Failure::wrong_use("scope: say what is to be recorded, e.g. `scope position velocity`");
@@ -150,8 +150,8 @@ struct Outcome {
   std::string remark{};
   std::string noun{};
   unsigned address = 0;
-  std::vector<std::string> said{};      // by the script
-  std::vector<std::string> problems{};  // what ended it early, or went wrong afterwards
+  std::vector<std::string> said{};      // output of the script
+  std::vector<std::string> problems{};  // reasons for an early end, and errors after it
   bool interrupted = false;
 };
 
@@ -195,7 +195,7 @@ class Session {
       outcome.recording = recorder.recording();
       if (recorder.is_full()) outcome.problems.emplace_back("the recording was ended when 160 MB were full");
     }
-    // The moment of the trigger by the wall clock.
+    // Wall-clock time of the trigger.
     const host::Time ago = link_.objects().now() - outcome.recording.zero;
     const auto wall = std::chrono::system_clock::now().time_since_epoch();
     outcome.recording.zero_unix_ns = (std::chrono::duration_cast<std::chrono::nanoseconds>(wall) - ago).count();
@@ -217,7 +217,7 @@ class Session {
     }
   }
 
-  // The script; then, if a duration is given, until it is over.
+  // Runs the script; then records until a given duration is over.
   void move(scope::Recorder& recorder, Outcome& outcome) {
     link_.be_watched(options_.bus);
     const auto axis = link_.open_axis(sampler_->objects(), {});
@@ -229,7 +229,7 @@ class Session {
                           step.verb == host::script::Verb::wait_probe;
       if (speaks) outcome.said.push_back(said);
     };
-    // A slave that leaves OP with its motor on takes that for a fault.
+    // A slave that leaves OP while its motor is on goes to fault.
     const bool ends_operation = bus_kind(options_.bus).kind == BusKind::ethercat;
     try {
       host::script::run(*script_, axes, run_options);

@@ -1,4 +1,4 @@
-// `sniff`: a capture, or a live bus, in words.
+// `sniff`: decodes a capture, or the traffic of a live bus, to text.
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -50,9 +50,9 @@ constexpr unsigned serial_bit_rate = 115'200;
 constexpr unsigned ethernet_bit_rate = 100'000'000;
 constexpr unsigned ethernet_overhead_bytes = 24;  // preamble, FCS and the gap between frames
 constexpr unsigned least_ethernet_bytes = 60;
-constexpr unsigned error_frame_bits = 20;  // at most 12 of flags, 8 of delimiter (ISO 11898-1, 10.4.4)
+constexpr unsigned error_frame_bits = 20;  // at most 12 bits of flags, 8 of delimiter (ISO 11898-1, 10.4.4)
 
-// Writes down what the decoders say.
+// Prints the output of the decoders.
 class Sniffer {
  public:
   explicit Sniffer(const Options& options) : options_(options) {
@@ -109,10 +109,10 @@ class Sniffer {
     }
     serial_seen_ = true;
     summary_.count_frame(time, static_cast<unsigned>(piece.bytes.size()) * character_bits_);
-    --summary_.frames;  // a piece may be a part, or several
+    --summary_.frames;  // a piece may be part of a frame, or several frames
     for (const host::Decoded& decoded : serial_.decode(piece.bytes, time, piece.sender)) take_serial(decoded);
   }
-  // No more of what was begun is to be expected.
+  // No more bytes follow: decodes unfinished frames as they are.
   void end_of_bytes() {
     for (const host::Decoded& decoded : serial_.finish()) take_serial(decoded);
   }
@@ -263,7 +263,7 @@ bool is_over(const Options& options, host::Time start, host::Time now) {
          (options.seconds > 0 && std::chrono::duration<double>(now - start).count() >= options.seconds);
 }
 
-// What was understood before a capture goes wrong is shown, its summary as well.
+// If a capture turns out to be damaged, the part decoded before is still shown, together with its summary.
 void sniff_file(const Options& options, Sniffer& sniffer) {
   struct Close {
     void operator()(std::FILE* file) const {
@@ -337,7 +337,7 @@ void sniff_ethercat(const Options& options, Sniffer& sniffer) {
   sniffer.finish();
 }
 
-// Bytes of a serial line, from a tty or from a converter that sends them over TCP. Nothing is sent.
+// Listens to the bytes of a serial line, from a tty or from a converter that sends them over TCP. Sends nothing.
 void sniff_serial(const Options& options, Sniffer& sniffer) {
   constexpr auto look_time = std::chrono::milliseconds(20);
   const auto format = links::parse_character_format(options.format, options.bit_rate.value_or(serial_bit_rate));

@@ -1,4 +1,4 @@
-// `state`: the EtherCAT state machine of slaves.
+// `state`: shows or changes the EtherCAT states of slaves.
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -54,7 +54,7 @@ void print(const Options& options, std::vector<host::EthercatSlave*>& slaves,
   std::fflush(stdout);
 }
 
-// OP lasts as long as the master sends process data.
+// Holds OP, which lasts only as long as the master sends process data.
 void operate(const Options& options, host::EthercatMaster& master, const std::vector<host::FoundSlave>& line,
              std::vector<host::EthercatSlave*>& slaves) {
   const InterruptGuard guard;

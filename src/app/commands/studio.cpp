@@ -1,4 +1,4 @@
-// `studio`: the page, and the bench API as far as it needs no plant, for drives on buses.
+// `studio`: the web page, and the bench API without a plant, for drives on buses.
 #include <boost/asio/signal_set.hpp>
 #include <csignal>
 #include <fmt/format.h>
@@ -59,7 +59,7 @@ void run(const Options& options) {
     }
   }
   const std::string page = page_folder(options.page);
-  std::signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away is no reason to leave axes moving
+  std::signal(SIGPIPE, SIG_IGN);  // if the reader of our output ends, the axes must not be left moving
   studio::RealDrives drives(find_drives(options.buses, options.bus));
   studio::RealServer server(drives, {api.address, api.port, page});
   boost::asio::signal_set signals(server.io(), SIGINT, SIGTERM, SIGHUP);

@@ -1,4 +1,4 @@
-// `tune`: measures a drive's velocity loop through the bus, and sets its gains for a bandwidth.
+// `tune`: measures a drive's velocity loop over the bus, and sets its gains for a bandwidth.
 #include <cmath>
 #include <fmt/format.h>
 #include <fstream>
@@ -82,7 +82,7 @@ void write_plot(const std::string& path, const tuning::SessionResult& result, co
   if (!file) throw Failure::did_not_work(fmt::format("{}: cannot be written; check path, rights and disk", path));
 }
 
-// True: the drive keeps the gains over power-off.
+// Returns true if the drive keeps the gains after power-off.
 bool store(DriveLink& link) {
   const std::string_view name = link.product() != nullptr ? link.product()->name : std::string_view{};
   return host::store_parameters(link.objects(), host::parameter_rules_of(name));

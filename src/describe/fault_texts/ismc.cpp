@@ -1,4 +1,4 @@
-// ISMC: the chapter on troubleshooting (manual L2755-2833), in our words.
+// ISMC: the chapter on troubleshooting (manual L2755-2833), in our own words.
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"

@@ -1,4 +1,5 @@
-// ESTUN ProNet: the alarms (manual L637-667, A 69 L2016). The manual names no causes: they are the drive's.
+// ESTUN ProNet: the alarms (manual L637-667, A 69 L2016). The manual gives no causes: those here are the simulated
+// drive's.
 #include <array>
 
 #include "describe/fault_texts/tables.hpp"
